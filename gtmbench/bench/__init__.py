@@ -1,0 +1,1 @@
+"""The bench: fly an aircraft, measure it, break a sensor."""

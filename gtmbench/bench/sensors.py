@@ -1,0 +1,87 @@
+"""Sensors: from truth to measurements, with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.channels import CHANNELS, COMMANDS, SENSORS
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray, Record
+
+SNR_CHANNELS = ("p", "q", "r", "beta")  # those of section 4.4; the other sensors have the T2's noise
+NOISES = ("t2",)
+
+
+def measure(
+    flight: Record,
+    *,
+    snr: float | None = None,
+    noise: str | None = None,
+    seed: int = 0,
+    commands: bool = False,
+) -> Record:
+    """Return what the sensors read: the flight's sensor channels with white Gaussian noise.
+
+    Every channel draws from a random stream of its own, named after it: adding a channel changes no other.
+
+    Parameters
+    ----------
+    flight : Record
+        Truth, as `fly` returns it.
+    snr : float, optional
+        RMS of the signal about its mean over the flight, divided by the noise's standard deviation. It applies to
+        p, q, r and beta; the other sensors get the T2's noise.
+    noise : "t2", optional
+        Every sensor gets the noise of NASA's T2. Give either `snr` or `noise`.
+    seed : int
+        Of the noise.
+    commands : bool
+        Whether the surface commands come along, as they were given.
+
+    Raises
+    ------
+    InputError
+        Where neither or both of `snr` and `noise` are given, or can't be meant.
+
+    Examples
+    --------
+    >>> truth = Record(np.sin(np.arange(1000) / 50), channels=["p"], sample_period_s=0.01)
+    >>> added = measure(truth, snr=50, seed=1)["p"] - truth["p"]
+    >>> bool(0.9 < np.std(added) / (np.std(truth["p"]) / 50) < 1.1)
+    True
+    """
+    if (snr is None) == (noise is None):
+        raise InputError("give either snr (a number) or noise ('t2'), and not both")
+    if noise is not None and noise not in NOISES:
+        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or give snr")
+    if snr is not None and not snr > 0:
+        raise InputError(f"snr is {snr}; it must be a positive number")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; it can't be negative")
+    columns = []
+    kept = [name for name in flight.channels if name not in CHANNELS or name in SENSORS]
+    for name in kept:
+        truth = flight[name]
+        by_ratio = snr is not None and name in SNR_CHANNELS
+        deviation = rms_about_mean(truth) / snr if by_ratio and snr is not None else _t2_noise(name)
+        columns.append(truth + deviation * _stream(seed, name).standard_normal(len(flight)))
+    if commands:
+        given = [name for name in COMMANDS if name in flight]
+        columns += [flight[name] for name in given]
+        kept += given
+    return Record(
+        np.column_stack(columns), channels=kept, sample_period_s=flight.sample_period_s, start_s=flight.start_s
+    )
+
+
+def rms_about_mean(values: FloatArray) -> float:
+    """Return the root mean square of a signal about its mean, NaN left out."""
+    return float(np.nanstd(values))
+
+
+def _t2_noise(name: str) -> float:
+    return CHANNELS[name].noise if name in CHANNELS else 0.0
+
+
+def _stream(seed: int, name: str) -> np.random.Generator:
+    return np.random.default_rng([seed, *name.encode()])

@@ -1,0 +1,175 @@
+"""Trim: the steady, level, straight flight from which every flight starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jsbsim
+import numpy as np
+from scipy.optimize import least_squares
+
+from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft, quiet
+from gtmbench.channels import CHANNELS, COMMANDS
+from gtmbench.errors import TrimError
+from gtmbench.record import FloatArray
+
+# The six accelerations that vanish in trim, with what each is driven by.
+ACCELERATIONS = {
+    "accelerations/udot-ft_sec2": "forward acceleration (thrust against drag)",
+    "accelerations/vdot-ft_sec2": "sideward acceleration (side force against bank)",
+    "accelerations/wdot-ft_sec2": "downward acceleration (lift against weight)",
+    "accelerations/pdot-rad_sec2": "roll acceleration (ailerons)",
+    "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
+    "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
+}
+UNKNOWNS = ("alpha", "phi", *COMMANDS)
+TOLERANCE = 1e-6  # ft/s2 and rad/s2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names."""
+
+    altitude_ft: float
+    eas_kt: float
+    tas_kt: float
+    alpha_deg: float
+    beta_deg: float
+    gamma_deg: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    ground_track_deg: float
+    elevator_deg: float
+    aileron_deg: float
+    rudder_deg: float
+    throttle_percent: float
+
+    @property
+    def commands(self) -> dict[str, float]:
+        """The trimmed commands by channel, in the channel's unit."""
+        return {
+            "elevator": self.elevator_deg,
+            "aileron": self.aileron_deg,
+            "rudder": self.rudder_deg,
+            "throttle": self.throttle_percent,
+        }
+
+
+def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, float]) -> None:
+    """Put an engine at a condition: angles in deg, speed in kt, body rates in deg/s, commands in their units."""
+    fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
+    fdm["ic/long-gc-deg"] = 0.0
+    fdm["ic/h-sl-ft"] = wanted["altitude"]
+    fdm["ic/psi-true-deg"] = wanted["psi"]
+    fdm["ic/phi-deg"] = wanted["phi"]
+    fdm["ic/theta-deg"] = wanted["theta"]
+    fdm["ic/vt-kts"] = wanted["tas"]
+    fdm["ic/alpha-deg"] = wanted["alpha"]
+    fdm["ic/beta-deg"] = wanted["beta"]
+    # JSBSim turns the attitude when alpha or beta are set: say it again, then the wind angles once more
+    fdm["ic/theta-deg"] = wanted["theta"]
+    for rate in ("p", "q", "r"):
+        fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
+    for command in COMMANDS:
+        fdm[CHANNELS[command].jsbsim] = wanted[command]
+    fdm.run_ic()
+
+
+def trim(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> Trim:
+    """Trim an aircraft for level flight without sideslip.
+
+    Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
+    least squares; pitch equals alpha up to the bank's second order, so that the flight path stays level.
+
+    Parameters
+    ----------
+    aircraft : str
+        A name that ``gtmbench list`` shows, or the path of an aircraft's folder.
+    altitude_ft, tas_kt : float, optional
+        Another condition than the aircraft's own.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+
+    Examples
+    --------
+    >>> found = trim("gtm")
+    >>> round(found.alpha_deg, 1), round(found.elevator_deg, 1)
+    (3.0, 2.7)
+    """
+    craft = load_aircraft(aircraft)
+    return trimmed_engine(craft, 0.01, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+
+
+def trimmed_engine(
+    aircraft: Aircraft, sample_period_s: float, *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Return a fresh engine that stands in trim, and the trim."""
+    fdm = engine(aircraft, sample_period_s)
+    fixed = {
+        "altitude": aircraft.altitude_ft if altitude_ft is None else altitude_ft,
+        "tas": aircraft.tas_kt if tas_kt is None else tas_kt,
+        "psi": aircraft.psi_deg,
+        "beta": 0.0,
+    }
+
+    def condition(unknowns: FloatArray) -> dict[str, float]:
+        values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
+        # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
+        theta = np.arctan(np.tan(np.deg2rad(values["alpha"])) * np.cos(np.deg2rad(values["phi"])))
+        return {**fixed, **values, "theta": float(np.rad2deg(theta))}
+
+    def accelerations(unknowns: FloatArray) -> FloatArray:
+        set_condition(fdm, aircraft, condition(unknowns))
+        return np.array([fdm[name] for name in ACCELERATIONS])
+
+    spans = [aircraft.envelope["alpha"], (-60.0, 60.0), *(aircraft.limits[name] for name in COMMANDS)]
+    low, high = (np.array(bound) for bound in zip(*spans, strict=True))
+    guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
+    with quiet():
+        found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
+        left = accelerations(found.x)
+    if not np.all(np.abs(left) < TOLERANCE):
+        raise TrimError(_failure(aircraft, fixed, found.x, left, low, high))
+    return fdm, _read(fdm, condition(found.x))
+
+
+def _failure(
+    aircraft: Aircraft, fixed: dict[str, float], x: FloatArray, left: FloatArray, low: FloatArray, high: FloatArray
+) -> str:
+    worst = int(np.argmax(np.abs(left)))
+    name, what = list(ACCELERATIONS.items())[worst]
+    margin = 1e-3 * (high - low)
+    stuck = [
+        f"{unknown} at its limit of {value:.4g}"
+        for unknown, value, bottom, top, slack in zip(UNKNOWNS, x, low, high, margin, strict=True)
+        if value < bottom + slack or value > top - slack
+    ]
+    return (
+        f"no trim for '{aircraft.name}' at {fixed['altitude']:g} ft and {fixed['tas']:g} kt true airspeed: the {what} "
+        f"stays at {left[worst]:.3g} {name.rsplit('-', 1)[1].replace('_sec2', '/s2')}"
+        f"{', with ' + ' and '.join(stuck) if stuck else ''}; try another speed or altitude"
+    )
+
+
+def _read(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
+    knots = CHANNELS["tas"].scale
+    return Trim(
+        altitude_ft=at["altitude"],
+        eas_kt=float(fdm["velocities/vt-fps"] * knots * np.sqrt(fdm["atmosphere/sigma"])),
+        tas_kt=fdm["velocities/vt-fps"] * knots,
+        alpha_deg=at["alpha"],
+        beta_deg=at["beta"],
+        gamma_deg=float(np.rad2deg(fdm["flight-path/gamma-rad"])),
+        roll_deg=at["phi"],
+        pitch_deg=at["theta"],
+        yaw_deg=at["psi"],
+        ground_track_deg=float(np.rad2deg(fdm["flight-path/psi-gt-rad"])),
+        elevator_deg=at["elevator"],
+        aileron_deg=at["aileron"],
+        rudder_deg=at["rudder"],
+        throttle_percent=at["throttle"],
+    )

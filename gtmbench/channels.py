@@ -1,0 +1,142 @@
+"""The channel table: name, unit, JSBSim property and sensor noise of everything that is flown or measured.
+
+Angles are in degrees and rates in deg/s at every public door. ``nx``, ``ny`` and ``nz`` are the specific force at the
+centre of gravity in g, along forward, right and up: level flight reads nz = +1. ``psi`` is unwrapped: it runs through
+360 deg and on. Surfaces are commands (where the servos are told to go), not positions.
+
+Noise figures: standard deviations of NASA's T2 flight data (GTM_DesignSim, LAR-17625-1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gtmbench.errors import InputError
+
+
+class Role(StrEnum):
+    """What a channel is to the aircraft."""
+
+    SENSOR = "sensor"
+    POSITION = "position"
+    COMMAND = "command"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """One row of the table.
+
+    Attributes
+    ----------
+    name, unit, role, meaning
+        ``name`` and ``unit`` as they stand in records and messages.
+    jsbsim : str
+        The property read (or, for commands, written) each step; empty where the flight derives the channel itself.
+    scale : float
+        Channel value = property value * scale.
+    noise : float
+        Standard deviation of the T2's sensor in ``unit``; 0 where there is no sensor.
+    """
+
+    name: str
+    unit: str
+    role: Role
+    meaning: str
+    jsbsim: str
+    scale: float = 1.0
+    noise: float = 0.0
+
+    @property
+    def header(self) -> str:
+        """The column name in a log: ``p_deg_s``, ``beta_deg``, ``throttle_percent``."""
+        return f"{self.name}_{UNIT_SUFFIX[self.unit]}"
+
+
+UNIT_SUFFIX = {"deg/s": "deg_s", "deg": "deg", "g": "g", "kt": "kt", "ft": "ft", "%": "percent"}
+
+_DEG = math.degrees(1.0)
+_KT_PER_FPS = 3600.0 * 0.3048 / 1852.0
+
+
+def _sensor(name: str, unit: str, noise: float, meaning: str, jsbsim: str, scale: float = 1.0) -> Channel:
+    return Channel(name=name, unit=unit, role=Role.SENSOR, meaning=meaning, jsbsim=jsbsim, scale=scale, noise=noise)
+
+
+def _command(name: str, unit: str, meaning: str, jsbsim: str) -> Channel:
+    return Channel(name=name, unit=unit, role=Role.COMMAND, meaning=meaning, jsbsim=jsbsim)
+
+
+_TABLE = (
+    _sensor("p", "deg/s", 0.535, "roll rate", "velocities/p-rad_sec", _DEG),
+    _sensor("q", "deg/s", 0.474, "pitch rate", "velocities/q-rad_sec", _DEG),
+    _sensor("r", "deg/s", 0.340, "yaw rate", "velocities/r-rad_sec", _DEG),
+    _sensor("alpha", "deg", 0.031, "angle of attack", "aero/alpha-rad", _DEG),
+    _sensor("beta", "deg", 0.033, "sideslip, nose left of the wind positive", "aero/beta-rad", _DEG),
+    _sensor("phi", "deg", 0.02, "bank", "attitude/phi-rad", _DEG),
+    _sensor("theta", "deg", 0.02, "pitch", "attitude/theta-rad", _DEG),
+    _sensor("psi", "deg", 0.02, "heading, unwrapped", "attitude/psi-rad", _DEG),
+    _sensor("nx", "g", 0.0012, "specific force at the CG, forward", "accelerations/Nx"),
+    _sensor("ny", "g", 0.0022, "specific force at the CG, right", "accelerations/Ny"),
+    _sensor("nz", "g", 0.0068, "specific force at the CG, up: level flight reads +1", "accelerations/Nz"),
+    _sensor("tas", "kt", 0.06, "true airspeed", "velocities/vt-fps", _KT_PER_FPS),
+    _sensor("altitude", "ft", 2.36, "altitude above sea level", "position/h-sl-ft"),
+    Channel(name="north", unit="ft", role=Role.POSITION, meaning="distance flown north", jsbsim="velocities/v-north-fps"),
+    Channel(name="east", unit="ft", role=Role.POSITION, meaning="distance flown east", jsbsim="velocities/v-east-fps"),
+    _command("elevator", "deg", "elevator command, trailing edge down positive", "fcs/elevator-cmd-deg"),
+    _command("aileron", "deg", "aileron command: right one trailing edge down, left one up", "fcs/aileron-cmd-deg"),
+    _command("rudder", "deg", "rudder command, trailing edge left positive", "fcs/rudder-cmd-deg"),
+    _command("throttle", "%", "throttle command, both engines", "fcs/throttle-cmd-percent"),
+)
+
+CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
+SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
+COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
+GYROS = ("p", "q", "r")
+
+_BY_HEADER = {channel.header: channel.name for channel in _TABLE}
+
+
+def unit_of(name: str) -> str:
+    """Return a channel's unit, or "" for a channel that the table doesn't know.
+
+    >>> unit_of("p"), unit_of("strain_3")
+    ('deg/s', '')
+    """
+    return CHANNELS[name].unit if name in CHANNELS else ""
+
+
+def header_of(name: str) -> str:
+    """Return the log column of a channel; a channel that the table doesn't know goes by its own name."""
+    return CHANNELS[name].header if name in CHANNELS else name
+
+
+def channel_of(header: str) -> str:
+    """Return the channel of a log column, the inverse of `header_of`.
+
+    Raises
+    ------
+    InputError
+        Where the column looks like a known channel in another unit, or without one: units are never guessed.
+    """
+    if header in _BY_HEADER:
+        return _BY_HEADER[header]
+    base = header.split("_")[0]
+    if base in CHANNELS:
+        known = CHANNELS[base]
+        said = "doesn't state its unit" if header == base else "isn't in this package's unit"
+        raise InputError(
+            f"column '{header}' {said}: channel '{base}' is in {known.unit}; convert it and name it '{known.header}'"
+        )
+    return header
+
+
+def unknown_channels(wanted: Sequence[str], have: Sequence[str]) -> str | None:
+    """Return the message for channels that a record lacks, or None when it has them all."""
+    missing = [name for name in wanted if name not in have]
+    if not missing:
+        return None
+    names = ", ".join(f"'{name}'" for name in missing)
+    return f"no channel {names} in this record; it has {', '.join(have)}"

@@ -1,0 +1,74 @@
+"""Where shipped data stand, and how results are written: aside first, then renamed, so that nothing is half-written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gtmbench.errors import InputError
+
+_PACKAGE = Path(__file__).parent
+
+
+def share() -> Path:
+    """Return the folder that holds ``aircraft/`` and ``faults/``: the wheel's copy, else the checkout's."""
+    installed = _PACKAGE / "_share"
+    return installed if installed.is_dir() else _PACKAGE.parent
+
+
+def shipped_aircraft() -> list[str]:
+    """Return the names of the aircraft that come with the package."""
+    return sorted(path.parent.name for path in (share() / "aircraft").glob("*/aircraft.toml"))
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Return the scenarios that come with the package, by name."""
+    return {path.stem: path for path in sorted((share() / "faults").glob("*.toml"))}
+
+
+@contextmanager
+def written_aside(target: Path) -> Iterator[Path]:
+    """Give a path to write a file to; it becomes `target` when the block ends well and vanishes when it doesn't.
+
+    Raises
+    ------
+    InputError
+        Where the folder doesn't exist or can't be written.
+    """
+    with _folder_beside(target) as aside:
+        yield aside / target.name
+        (aside / target.name).replace(target)
+
+
+@contextmanager
+def folder_aside(target: Path) -> Iterator[Path]:
+    """Give a folder to write files to; they are moved into `target` when the block ends well.
+
+    Files of other names that stand in `target` already stay as they are.
+    """
+    with _folder_beside(target) as aside:
+        yield aside
+        target.mkdir(exist_ok=True)
+        for path in sorted(aside.iterdir()):
+            path.replace(target / path.name)
+
+
+@contextmanager
+def _folder_beside(target: Path) -> Iterator[Path]:
+    parent = target.absolute().parent
+    if not parent.is_dir():
+        raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
+    try:
+        aside = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=parent))
+    except OSError as error:
+        raise InputError(f"can't write {target}: {error.strerror}; choose another place") from error
+    try:
+        yield aside
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)

@@ -1,0 +1,134 @@
+"""The residual of an operator on a record, and the norm of its window: equations (4.11) and (4.12)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record, frozen
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residual:
+    """The one-step residual e(k), row for row beside its record: row k is sample k, NaN where it doesn't exist.
+
+    Attributes
+    ----------
+    values : shape (samples, outputs)
+        In the outputs' units.
+    time_s : shape (samples,)
+        Times of the samples, in seconds; e(k) is known `look_ahead_s` after them.
+    outputs : tuple of str
+    look_ahead_s, sample_period_s : float
+        d Ts and Ts, in seconds.
+    """
+
+    values: FloatArray
+    time_s: FloatArray
+    outputs: tuple[str, ...]
+    look_ahead_s: float
+    sample_period_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WindowedNorm:
+    """E(k), row for row beside its record: NaN where its window isn't complete.
+
+    Attributes
+    ----------
+    values : shape (samples,)
+        In the output's unit.
+    time_s : shape (samples,)
+        Times of the windows' first samples, in seconds; E(k) is known ``look_ahead_s + (window + 1) Ts`` after them.
+    window : int
+        w: a window holds w + 1 samples, k..k+w.
+    look_ahead_s, sample_period_s : float
+        d Ts and Ts, in seconds.
+    """
+
+    values: FloatArray
+    time_s: FloatArray
+    window: int
+    look_ahead_s: float
+    sample_period_s: float
+
+    @property
+    def known_s(self) -> FloatArray:
+        """When each E(k) can be known: at (k + w + d) Ts, the time of the last sample it needs."""
+        return self.time_s + self.window * self.sample_period_s + self.look_ahead_s
+
+
+def residual(operator: Transmissibility, record: Record) -> Residual:
+    """Return e(k) = y_o(k) - sum over i = -d..r of H_i y_i(k-i), k = r..l-d, equation (4.11).
+
+    A missing sample makes the residuals that need it NaN, and no others.
+
+    Raises
+    ------
+    InputError
+        Where the record lacks a channel or has another sample period.
+    """
+    values = record.matrix(operator.outputs) - operator.predict(record)
+    return Residual(
+        values=frozen(values),
+        time_s=record.time_s,
+        outputs=operator.outputs,
+        look_ahead_s=operator.look_ahead_s,
+        sample_period_s=record.sample_period_s,
+    )
+
+
+def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
+    """Return E(k) = sqrt(sum over i = k..k+w of ||e(i)||^2), equation (4.12), for every complete window.
+
+    Exact after any spike, and a missing residual spoils the windows that hold it, no others: the sums are built from
+    prefix and suffix sums of blocks of a window's length, never by subtracting.
+
+    Parameters
+    ----------
+    residual : Residual
+    window : int
+        w; w + 1 squares are summed.
+
+    Raises
+    ------
+    InputError
+        Where the window is negative.
+
+    Examples
+    --------
+    >>> e = Residual(values=np.array([[3.0], [4.0], [0.0]]), time_s=np.arange(3.0), outputs=("y",), look_ahead_s=0.0,
+    ...              sample_period_s=1.0)
+    >>> windowed_norm(e, window=1).values
+    array([ 5.,  4., nan])
+    """
+    if isinstance(window, bool) or not isinstance(window, (int, np.integer)) or window < 0:
+        raise InputError(f"window is {window!r}; it must be a whole number of samples, 0 or more")
+    squares = np.sum(residual.values**2, axis=1)
+    return WindowedNorm(
+        values=frozen(np.sqrt(_moving_sum(squares, window + 1))),
+        time_s=residual.time_s,
+        window=int(window),
+        look_ahead_s=residual.look_ahead_s,
+        sample_period_s=residual.sample_period_s,
+    )
+
+
+def _moving_sum(values: FloatArray, length: int) -> FloatArray:
+    """Return sums of `length` values from each index on, NaN where they would run over the end."""
+    count = len(values)
+    sums = np.full(count, np.nan)
+    if length > count:
+        return sums
+    blocks = np.zeros(-(-count // length) * length)
+    blocks[:count] = values
+    blocks = blocks.reshape(-1, length)
+    prefix = np.cumsum(blocks, axis=1).ravel()
+    suffix = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
+    starts = np.arange(count - length + 1)
+    # a window that fills a block is its suffix; any other is a suffix and the prefix of the next block
+    sums[starts] = suffix[starts] + np.where(starts % length == 0, 0.0, prefix[starts + length - 1])
+    return sums

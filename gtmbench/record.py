@@ -1,0 +1,240 @@
+"""`Record`: the one value that flows, evenly sampled channels with their time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gtmbench.channels import CHANNELS, channel_of, unknown_channels
+from gtmbench.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = NDArray[np.float64]
+
+
+def frozen(values: ArrayLike) -> FloatArray:
+    """Return a read-only copy as float64."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Time-stamped channels, evenly sampled; NaN stands for a missing sample.
+
+    Parameters
+    ----------
+    values : array_like, shape (samples, channels)
+        Copied, then read-only. One channel may come as a vector.
+    channels : sequence of str
+        One name a column. Names of the channel table carry its units; others are taken as they are.
+    sample_period_s : float
+        Ts, in seconds.
+    start_s : float
+        Time of sample 0, in seconds: sample k is at ``start_s + k Ts``.
+
+    Raises
+    ------
+    InputError
+        Where shapes, names or times can't be meant.
+
+    Examples
+    --------
+    >>> record = Record([[1.0, 0.5], [2.0, 0.25]], channels=["p", "q"], sample_period_s=0.01)
+    >>> len(record), record["q"], record.time_s
+    (2, array([0.5 , 0.25]), array([0.  , 0.01]))
+    """
+
+    values: FloatArray
+    channels: tuple[str, ...] = field(kw_only=True)
+    sample_period_s: float = field(kw_only=True)
+    start_s: float = field(kw_only=True, default=0.0)
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        *,
+        channels: Sequence[str],
+        sample_period_s: float,
+        start_s: float = 0.0,
+    ) -> None:
+        try:
+            array = frozen(values)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a record's values must be numbers in rows of equal length: {error}") from error
+        names = (channels,) if isinstance(channels, str) else tuple(channels)
+        if array.ndim == 1 and len(names) == 1:
+            array = frozen(array[:, np.newaxis])
+        if array.ndim != 2 or array.shape[1] != len(names):
+            raise InputError(
+                f"values of shape {array.shape} don't fit {len(names)} channels; give (samples, {len(names)})"
+            )
+        if len(set(names)) != len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            raise InputError(f"channel names must differ; given twice: {', '.join(twice)}")
+        if not (math.isfinite(sample_period_s) and sample_period_s > 0):
+            raise InputError(f"sample_period_s is {sample_period_s}; it must be a positive number of seconds")
+        if not math.isfinite(start_s):
+            raise InputError(f"start_s is {start_s}; it must be a finite number of seconds")
+        object.__setattr__(self, "values", array)
+        object.__setattr__(self, "channels", names)
+        object.__setattr__(self, "sample_period_s", float(sample_period_s))
+        object.__setattr__(self, "start_s", float(start_s))
+
+    def __len__(self) -> int:
+        return self.values.shape[0]
+
+    def __contains__(self, channel: str) -> bool:
+        return channel in self.channels
+
+    def __getitem__(self, channel: str) -> FloatArray:
+        """Return one channel, shape (samples,), read-only."""
+        return self.matrix([channel])[:, 0]
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Time of every sample in seconds, rounded to the nanosecond."""
+        return self.start_s + np.round(np.arange(len(self)) * self.sample_period_s, 9)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last sample in seconds."""
+        return self.start_s + round((len(self) - 1) * self.sample_period_s, 9)
+
+    def matrix(self, channels: Sequence[str]) -> FloatArray:
+        """Return the named channels as columns, shape (samples, len(channels)), read-only."""
+        if (message := unknown_channels(channels, self.channels)) is not None:
+            raise InputError(message)
+        columns = self.values[:, [self.channels.index(name) for name in channels]]
+        columns.setflags(write=False)
+        return columns
+
+    def select(self, channels: Sequence[str]) -> Record:
+        """Return a record of the named channels only, in that order."""
+        return self._with(self.matrix(channels), tuple(channels), self.start_s)
+
+    def replace(self, channel: str, values: ArrayLike) -> Record:
+        """Return a record in which one channel has other values."""
+        self.matrix([channel])
+        changed = self.values.copy()
+        changed[:, self.channels.index(channel)] = values
+        return self._with(changed, self.channels, self.start_s)
+
+    def sample_range(self, start_s: float, end_s: float) -> range:
+        """Return the sample numbers from start to end, both ends included.
+
+        Raises
+        ------
+        InputError
+            Where the span is empty or reaches outside the record.
+        """
+        tolerance = 1e-6  # of a sample: times are written as decimals
+        first = math.ceil((start_s - self.start_s) / self.sample_period_s - tolerance)
+        last = math.floor((end_s - self.start_s) / self.sample_period_s + tolerance)
+        if first < 0 or last >= len(self) or first > last:
+            raise InputError(
+                f"{start_s:g}..{end_s:g} s isn't a span of this record, which runs from {self.start_s:g} to "
+                f"{self.end_s:g} s; choose a start before the end, both inside"
+            )
+        return range(first, last + 1)
+
+    def between(self, start_s: float, end_s: float) -> Record:
+        """Return the part from start to end in seconds, both ends included.
+
+        >>> record = Record(range(50_001), channels=["p"], sample_period_s=0.01)
+        >>> part = record.between(25, 200)
+        >>> len(part), part["p"][0], part["p"][-1]
+        (17501, np.float64(2500.0), np.float64(20000.0))
+        """
+        span = self.sample_range(start_s, end_s)
+        start = self.start_s + round(span.start * self.sample_period_s, 9)
+        return self._with(self.values[span.start : span.stop], self.channels, start)
+
+    def frame(self) -> pd.DataFrame:
+        """Return a DataFrame: one column a channel, the index ``time_s``."""
+        import pandas as pd
+
+        index = pd.Index(self.time_s, name="time_s")
+        return pd.DataFrame(self.values.copy(), index=index, columns=list(self.channels))
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame, *, sample_period_s: float | None = None) -> Record:
+        """Wrap a DataFrame whose time is its index or a column ``time_s``.
+
+        Columns are channels, by name (``p``) or by log header (``p_deg_s``). With `sample_period_s` given, the frame's
+        own time is only asked for its start.
+
+        Raises
+        ------
+        InputError
+            Where there is no time, or it isn't even.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> Record.from_frame(pd.DataFrame({"time_s": [5.0, 5.1, 5.2], "p": [1.0, 2.0, 3.0]})).sample_period_s
+        0.1
+        """
+        time: ArrayLike | None = None
+        if "time_s" in frame.columns:
+            time = frame["time_s"].to_numpy()
+            frame = frame.drop(columns="time_s")
+        elif frame.index.name == "time_s":
+            time = frame.index.to_numpy()
+        if time is None and sample_period_s is None:
+            raise InputError(
+                "a frame needs its time: a column or an index named 'time_s', in seconds, or sample_period_s"
+            )
+        names = [str(name) if name in CHANNELS else channel_of(str(name)) for name in frame.columns]
+        start = 0.0 if time is None else float(np.asarray(time, dtype=np.float64)[0]) if len(frame) else 0.0
+        if sample_period_s is None:
+            sample_period_s = even_period_s(np.asarray(time, dtype=np.float64))
+        try:
+            values = frame.to_numpy(dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"every column must hold numbers: {error}") from error
+        return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start)
+
+    def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
+        return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s)
+
+
+def even_period_s(time_s: FloatArray) -> float:
+    """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact.
+
+    Raises
+    ------
+    InputError
+        Naming the first stamp that is missing, late, early or doubled.
+    """
+    if len(time_s) < 2:
+        raise InputError(f"{len(time_s)} time stamps give no sample period; give at least 2, or sample_period_s")
+    if not np.all(np.isfinite(time_s)):
+        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
+        raise InputError(f"time stamp of row {row} is {time_s[row]}; every row needs its time in seconds")
+    steps = np.diff(time_s)
+    period = float(np.median(steps))
+    if period <= 0:
+        raise InputError(f"time runs backwards or stands still (median step {period:g} s); sort and clean the rows")
+    uneven = np.flatnonzero(np.abs(steps - period) > 1e-3 * period + 2e-9)
+    if len(uneven):
+        row = int(uneven[0])
+        what = "a gap" if steps[row] > period else "a doubled or early stamp"
+        raise InputError(
+            f"{what} after t = {time_s[row]:g} s (row {row}): the next stamp comes {steps[row]:g} s later, the others "
+            f"every {period:g} s; split the log there or resample it"
+        )
+    mean = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
+    tolerance = 4e-9 / (len(time_s) - 1) + 1e-12 * abs(time_s).max()
+    for candidate in (1.0 / max(round(1.0 / mean), 1), round(mean, 6), round(mean, 9)):
+        if abs(candidate - mean) <= tolerance:
+            return candidate
+    return mean

@@ -1,0 +1,261 @@
+"""Running scenarios: trim, fly, measure, identify, threshold, then one trial a fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from gtmbench.bench.faults import FAULTS, Fault, inject
+from gtmbench.bench.flight import fly
+from gtmbench.bench.sensors import measure
+from gtmbench.bench.trim import Trim, trim
+from gtmbench.channels import unit_of
+from gtmbench.errors import InputError
+from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.transmissibility import Transmissibility, identify
+from gtmbench.record import Record
+from gtmbench.study.scenario import FaultSpec, Scenario, Setup, load_scenario
+from gtmbench.study.score import Verdict, score
+from gtmbench.study.severity import resolve
+
+Progress = Callable[[str, int, int], None]
+_SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Baseline:
+    """What the trials of a study share: a flight, its healthy measurements, operator and threshold.
+
+    Attributes
+    ----------
+    setup, trim, flight
+        What was flown; `flight` is truth.
+    identification, healthy : Record
+        Measurements with the first noise seed (identified on) and the third (broken in the trials).
+    operator, threshold
+        Of the identification record; from a record with the second noise seed.
+    residual, norm
+        Of `healthy`.
+    false_alarms : int
+    healthy_hours : float
+        Alarms on healthy records that neither operator nor threshold has seen, and the hours watched.
+    """
+
+    setup: Setup
+    trim: Trim
+    flight: Record
+    identification: Record
+    healthy: Record
+    operator: Transmissibility
+    threshold: float
+    residual: Residual
+    norm: WindowedNorm
+    false_alarms: int
+    healthy_hours: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial(Verdict):
+    """One fault, tried: the verdict and what it was reached on.
+
+    Attributes
+    ----------
+    scenario, fault, channel : str
+        The scenario's name, the fault's kind, the channel that broke.
+    severity : dict
+        The fault's parameters as absolute figures, in the channel's unit (per second for slopes).
+    unit : str
+        The channel's.
+    injected : Fault
+    record, residual, norm, alarms
+        The broken measurements and what the method made of them.
+    baseline : Baseline
+        Shared by the trials of a study.
+    """
+
+    scenario: str
+    fault: str
+    channel: str
+    severity: dict[str, float]
+    unit: str
+    injected: Fault
+    record: Record
+    residual: Residual
+    norm: WindowedNorm
+    alarms: Alarms
+    baseline: Baseline
+
+    def row(self) -> dict[str, object]:
+        """Return the trial as one row of the results: plain values, units in the names."""
+        verdict = {item.name: getattr(self, item.name) for item in fields(Verdict)}
+        return {
+            "scenario": self.scenario,
+            "fault": self.fault,
+            "channel": self.channel,
+            **verdict,
+            "threshold": self.baseline.threshold,
+            "severity": self.severity,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """Scenarios of one setup, run: what they share, and every trial."""
+
+    baseline: Baseline
+    trials: tuple[Trial, ...]
+
+    @property
+    def false_alarms(self) -> int:
+        """Alarms on healthy records, and alarms before the onset in the trials."""
+        return self.baseline.false_alarms + sum(trial.false_alarms for trial in self.trials)
+
+
+def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Trial]:
+    """Run one scenario, from trim to verdicts, and return its trials.
+
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        A TOML file, or the name of one of the package's (``drift``).
+    seed : int, optional
+        Instead of the scenario's.
+
+    Raises
+    ------
+    GtmbenchError
+        Of the kind that says what went wrong: a bad scenario, no trim, a flight out of its envelope.
+    """
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    return list(run_study([loaded], seed=seed).trials)
+
+
+def run_study(
+    scenarios: Sequence[Scenario], *, seed: int | None = None, progress: Progress = lambda _step, _done, _of: None
+) -> Study:
+    """Run scenarios that share a setup; `progress` is told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    InputError
+        Where the scenarios' setups differ: one study has one flight and one operator.
+    """
+    setup = _common_setup(scenarios)
+    if seed is not None:
+        setup = replace(setup, seed=seed)
+    specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
+    total = 4 + setup.alarm.healthy_records + len(specs)
+    done = 0
+
+    def tell(step: str) -> None:
+        nonlocal done
+        progress(step, done, total)
+        done += 1
+
+    baseline = _baseline(setup, tell)
+    reference = baseline.flight.between(*setup.severity_reference_s)
+    trials = []
+    for name, spec in specs:
+        tell(f"{spec.kind} of {spec.channel}")
+        trials.append(_trial(name, _fault(spec, reference), baseline))
+    progress("done", total, total)
+    return Study(baseline=baseline, trials=tuple(trials))
+
+
+def _common_setup(scenarios: Sequence[Scenario]) -> Setup:
+    if not scenarios:
+        raise InputError("no scenario given")
+    first = scenarios[0]
+    for other in scenarios[1:]:
+        if other.setup != first.setup:
+            one, two = asdict(first.setup), asdict(other.setup)
+            key = next(key for key in one if one[key] != two[key])
+            raise InputError(
+                f"scenarios '{first.name}' and '{other.name}' differ in {key} ({one[key]} and {two[key]}); a study has "
+                "one flight and one operator, so run them one at a time"
+            )
+    return first.setup
+
+
+def _baseline(setup: Setup, tell: Callable[[str], None]) -> Baseline:
+    tell("trim")
+    trimmed = trim(setup.aircraft)
+    tell("fly")
+    flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed)
+
+    def sensed(number: int) -> Record:
+        return measure(flight, snr=setup.snr, noise=setup.noise, seed=setup.seed + _SEED_STEP * number)
+
+    tell("identify")
+    identification = sensed(0)
+    operator = identify(
+        identification.between(*setup.operator.identify_s),
+        inputs=setup.operator.inputs,
+        outputs=setup.operator.outputs,
+        causal_order=setup.operator.causal_order,
+        noncausal_order=setup.operator.noncausal_order,
+    )
+    tell("threshold")
+    _, norm = _watched(operator, sensed(1), setup)
+    start_s, end_s = setup.alarm.threshold_s
+    limit = threshold(norm, start_s=start_s, end_s=end_s, factor=setup.alarm.threshold_factor)
+    healthy = sensed(2)
+    healthy_residual, healthy_norm = _watched(operator, healthy, setup)
+    false_alarms, hours = 0, 0.0
+    for number in range(2, 2 + max(setup.alarm.healthy_records, 1)):
+        tell(f"healthy record {number - 1}")
+        _, norm = _watched(operator, sensed(number), setup)
+        raised = alarms(norm, limit, start_s=setup.alarm.watch_from_s)
+        false_alarms += len(raised.time_s)
+        if not math.isnan(raised.armed_s):
+            hours += (flight.end_s - raised.armed_s) / 3600.0
+    return Baseline(
+        setup=setup,
+        trim=trimmed,
+        flight=flight,
+        identification=identification,
+        healthy=healthy,
+        operator=operator,
+        threshold=limit,
+        residual=healthy_residual,
+        norm=healthy_norm,
+        false_alarms=false_alarms,
+        healthy_hours=hours,
+    )
+
+
+def _watched(operator: Transmissibility, record: Record, setup: Setup) -> tuple[Residual, WindowedNorm]:
+    found = residual(operator, record)
+    return found, windowed_norm(found, window=setup.alarm.window)
+
+
+def _fault(spec: FaultSpec, reference: Record) -> Fault:
+    figures = {name: resolve(severity, reference, spec.channel) for name, severity in spec.severities.items()}
+    return FAULTS[spec.kind](channel=spec.channel, onset_s=spec.onset_s, duration_s=spec.duration_s, **figures)
+
+
+def _trial(scenario: str, fault: Fault, baseline: Baseline) -> Trial:
+    setup = baseline.setup
+    broken = inject(baseline.healthy, fault)
+    found, norm = _watched(baseline.operator, broken, setup)
+    raised = alarms(norm, baseline.threshold, start_s=setup.alarm.watch_from_s)
+    verdict = score(raised, norm, fault, baseline.healthy, broken)
+    common = ("channel", "onset_s", "duration_s")
+    return Trial(
+        **asdict(verdict),
+        scenario=scenario,
+        fault=fault.kind,
+        channel=fault.channel,
+        severity={name: float(value) for name, value in vars(fault).items() if name not in common},
+        unit=unit_of(fault.channel),
+        injected=fault,
+        record=broken,
+        residual=found,
+        norm=norm,
+        alarms=raised,
+        baseline=baseline,
+    )
