@@ -8,41 +8,63 @@
 True
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from gtmbench.bench.faults import Deadzone, Drift, Fault, Jam, RateSaturation, Saturation, inject
+from gtmbench.bench.flight import fly
+from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.sensors import measure
+from gtmbench.bench.trim import Trim, trim
+from gtmbench.channels import CHANNELS, Channel
+from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.logs import read_log, write_log
+from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.transmissibility import Transmissibility, identify
+from gtmbench.record import Record
+from gtmbench.study.run import Study, Trial, run, run_study
+from gtmbench.study.scenario import Scenario, load_scenario
+from gtmbench.study.score import Verdict, score
 
 __version__ = "0.1.0"
 
-# Name by name, so that `import gtmbench` loads nothing but what is used: JSBSim, pandas and SciPy take a second.
-_HOMES = {
-    "gtmbench.bench.faults": ["Deadzone", "Drift", "Fault", "Jam", "RateSaturation", "Saturation", "inject"],
-    "gtmbench.bench.flight": ["fly"],
-    "gtmbench.bench.modes": ["Mode", "modes"],
-    "gtmbench.bench.sensors": ["measure"],
-    "gtmbench.bench.trim": ["Trim", "trim"],
-    "gtmbench.channels": ["CHANNELS", "Channel"],
-    "gtmbench.errors": ["EnvelopeError", "GtmbenchError", "InputError", "RankWarning", "TrimError"],
-    "gtmbench.logs": ["read_log", "write_log"],
-    "gtmbench.method.alarms": ["Alarms", "alarms", "threshold"],
-    "gtmbench.method.residual": ["Residual", "WindowedNorm", "residual", "windowed_norm"],
-    "gtmbench.method.transmissibility": ["Transmissibility", "identify"],
-    "gtmbench.record": ["Record"],
-    "gtmbench.study.run": ["Study", "Trial", "run", "run_study"],
-    "gtmbench.study.scenario": ["Scenario", "load_scenario"],
-    "gtmbench.study.score": ["Verdict", "score"],
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
-__all__ = sorted([*_HOME_OF, "__version__"])  # noqa: PLE0605
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'gtmbench' has no attribute '{name}'")
-    value = getattr(import_module(_HOME_OF[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return __all__
+__all__ = [
+    "CHANNELS",
+    "Alarms",
+    "Channel",
+    "Deadzone",
+    "Drift",
+    "EnvelopeError",
+    "Fault",
+    "GtmbenchError",
+    "InputError",
+    "Jam",
+    "Mode",
+    "RankWarning",
+    "RateSaturation",
+    "Record",
+    "Residual",
+    "Saturation",
+    "Scenario",
+    "Study",
+    "Transmissibility",
+    "Trial",
+    "Trim",
+    "TrimError",
+    "Verdict",
+    "WindowedNorm",
+    "alarms",
+    "fly",
+    "identify",
+    "inject",
+    "load_scenario",
+    "measure",
+    "modes",
+    "read_log",
+    "residual",
+    "run",
+    "run_study",
+    "score",
+    "threshold",
+    "trim",
+    "windowed_norm",
+    "write_log",
+]

@@ -83,7 +83,9 @@ _TABLE = (
     _sensor("nz", "g", 0.0068, "specific force at the CG, up: level flight reads +1", "accelerations/Nz"),
     _sensor("tas", "kt", 0.06, "true airspeed", "velocities/vt-fps", _KT_PER_FPS),
     _sensor("altitude", "ft", 2.36, "altitude above sea level", "position/h-sl-ft"),
-    Channel(name="north", unit="ft", role=Role.POSITION, meaning="distance flown north", jsbsim="velocities/v-north-fps"),
+    Channel(
+        name="north", unit="ft", role=Role.POSITION, meaning="distance flown north", jsbsim="velocities/v-north-fps"
+    ),
     Channel(name="east", unit="ft", role=Role.POSITION, meaning="distance flown east", jsbsim="velocities/v-east-fps"),
     _command("elevator", "deg", "elevator command, trailing edge down positive", "fcs/elevator-cmd-deg"),
     _command("aileron", "deg", "aileron command: right one trailing edge down, left one up", "fcs/aileron-cmd-deg"),

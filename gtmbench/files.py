@@ -30,6 +30,24 @@ def shipped_scenarios() -> dict[str, Path]:
     return {path.stem: path for path in sorted((share() / "faults").glob("*.toml"))}
 
 
+def check_folder(target: Path, *, force: bool) -> None:
+    """Refuse a folder of results that can't be written, or that exists and isn't to be written into.
+
+    Raises
+    ------
+    InputError
+        Before the long work, not after it.
+    """
+    if target.is_dir() and force and os.access(target, os.W_OK | os.X_OK):
+        return
+    if target.is_dir() and not force:
+        raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
+    if target.exists():
+        raise InputError(f"can't write into {target}: it isn't a folder of yours to write; give another --out")
+    with _folder_beside(target):
+        pass
+
+
 @contextmanager
 def written_aside(target: Path) -> Iterator[Path]:
     """Give a path to write a file to; it becomes `target` when the block ends well and vanishes when it doesn't.

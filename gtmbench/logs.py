@@ -12,7 +12,8 @@ from gtmbench.record import Record
 SUFFIXES = (".csv", ".parquet")
 
 
-def _suffix(path: Path) -> str:
+def check_log_path(path: Path) -> str:
+    """Return the ending of a log's path, or refuse it."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: a flight is written as {' or '.join(SUFFIXES)}, not as '{path.suffix}'")
@@ -28,7 +29,7 @@ def write_log(record: Record, path: str | Path) -> None:
         Where the ending isn't .csv or .parquet, or the folder can't be written.
     """
     path = Path(path)
-    suffix = _suffix(path)
+    suffix = check_log_path(path)
     frame = record.frame().rename(columns=header_of).reset_index()
     with written_aside(path) as aside:
         if suffix == ".csv":
@@ -51,7 +52,7 @@ def read_log(path: str | Path) -> Record:
     import pandas as pd
 
     path = Path(path)
-    suffix = _suffix(path)
+    suffix = check_log_path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:

@@ -90,7 +90,7 @@ class Record:
         object.__setattr__(self, "start_s", float(start_s))
 
     def __len__(self) -> int:
-        return self.values.shape[0]
+        return int(self.values.shape[0])
 
     def __contains__(self, channel: str) -> bool:
         return channel in self.channels

@@ -104,7 +104,7 @@ class _Collector(jsbsim.FGLogger):
         if self.level >= jsbsim.LogLevel.ERROR and message.strip() and "Failed to tie" not in message:
             self.errors.append(message.strip())
 
-    def format(self, format: jsbsim.LogFormat) -> None:
+    def format(self, format: jsbsim.LogFormat) -> None:  # noqa: A002
         pass
 
     def flush(self) -> None:

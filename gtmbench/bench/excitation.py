@@ -43,7 +43,9 @@ def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     for part in name.split("+"):
         if part.strip() not in EXCITATIONS:
             known = ", ".join(EXCITATIONS)
-            raise InputError(f"no excitation '{part.strip()}'; there are {known}, and sums such as multisine+turbulence")
+            raise InputError(
+                f"no excitation '{part.strip()}'; there are {known}, and sums such as multisine+turbulence"
+            )
         parts.append(EXCITATIONS[part.strip()](time_s, seed))
     total = {
         surface: np.sum([part.surfaces[surface] for part in parts if surface in part.surfaces], axis=0)
@@ -53,7 +55,7 @@ def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     return Excitation(surfaces=total, turbulence=any(part.turbulence for part in parts))
 
 
-def dissertation(time_s: FloatArray, seed: int) -> Excitation:  # noqa: ARG001
+def dissertation(time_s: FloatArray, seed: int) -> Excitation:
     """One sinusoid of 1 deg and 30 deg/s (a period of 12 s) on every surface (section 4.4).
 
     Aileron sin(W t), elevator sin(W t + 45 deg), rudder cos(W t), with W = 30 deg/s.
@@ -86,14 +88,14 @@ def multisine(time_s: FloatArray, seed: int) -> Excitation:
     return Excitation(surfaces=surfaces)
 
 
-def doublets(time_s: FloatArray, seed: int) -> Excitation:  # noqa: ARG001
+def doublets(time_s: FloatArray, seed: int) -> Excitation:
     """One doublet every 5 s, elevator, aileron and rudder in turn: 1 s at +2 deg, 1 s at -2 deg."""
     turn, within = np.divmod(time_s, 5.0)
     pulse = np.where(within < 1.0, 2.0, np.where(within < 2.0, -2.0, 0.0))
     return Excitation(surfaces={name: np.where(turn % 3 == i, pulse, 0.0) for i, name in enumerate(SURFACES)})
 
 
-def turbulence(time_s: FloatArray, seed: int) -> Excitation:  # noqa: ARG001
+def turbulence(time_s: FloatArray, seed: int) -> Excitation:
     """Moderate turbulence (MIL-F-8785C spectra in JSBSim, 25 ft/s wind at 20 ft), from the flight's seed."""
     return Excitation(turbulence=True)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,9 +20,16 @@ from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
 
-def severity(per_second: bool, meaning: str) -> Any:
-    """Return a dataclass field of a fault's severity: in the channel's unit, or that unit per second."""
-    return field(metadata={"per_second": per_second, "meaning": meaning})
+@dataclass(frozen=True, kw_only=True)
+class Severity:
+    """A parameter that says how bad a fault is: in its channel's unit, or in that unit per second."""
+
+    name: str
+    per_second: bool
+
+
+def _figure(*, per_second: bool) -> Any:
+    return field(metadata={"per_second": per_second})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +54,12 @@ class Fault:
                 raise InputError(f"{self.kind}: {name} is {value!r}; it must be a finite number")
         if self.duration_s is not None and self.duration_s <= 0:
             raise InputError(f"{self.kind}: duration_s is {self.duration_s:g}; it must be positive, or left out")
+
+    @classmethod
+    def severities(cls) -> tuple[Severity, ...]:
+        """Return the parameters that say how bad it is, in order."""
+        own = [item for item in fields(cls) if "per_second" in item.metadata]
+        return tuple(Severity(name=item.name, per_second=item.metadata["per_second"]) for item in own)
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -120,7 +133,7 @@ class Drift(Fault):
     """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro."""
 
     kind: ClassVar[str] = "drift"
-    slope: float = severity(per_second=True, meaning="slope of the ramp")
+    slope: float = _figure(per_second=True)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -134,7 +147,7 @@ class Deadzone(Fault):
     """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0)."""
 
     kind: ClassVar[str] = "deadzone"
-    half_width: float = severity(per_second=False, meaning="half of the zone's width")
+    half_width: float = _figure(per_second=False)
 
     def __post_init__(self) -> None:
         """Refuse a negative width."""
@@ -154,7 +167,7 @@ class Saturation(Fault):
     """The magnitude is held within +-limit."""
 
     kind: ClassVar[str] = "saturation"
-    limit: float = severity(per_second=False, meaning="greatest magnitude that passes")
+    limit: float = _figure(per_second=False)
 
     def __post_init__(self) -> None:
         """Refuse a negative limit."""
@@ -176,7 +189,7 @@ class RateSaturation(Fault):
     """
 
     kind: ClassVar[str] = "rate_saturation"
-    rate_limit: float = severity(per_second=True, meaning="greatest slope that passes")
+    rate_limit: float = _figure(per_second=True)
 
     def __post_init__(self) -> None:
         """Refuse a negative limit."""

@@ -12,7 +12,7 @@ from gtmbench.bench.aircraft import Aircraft, load_aircraft, quiet
 from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.trim import Trim, trimmed_engine
 from gtmbench.channels import CHANNELS, COMMANDS, Role
-from gtmbench.errors import EnvelopeError, InputError
+from gtmbench.errors import EnvelopeError, GtmbenchError, InputError
 from gtmbench.record import FloatArray, Record
 
 SAMPLE_PERIOD_S = 0.01
@@ -26,9 +26,7 @@ _TURBULENCE = {
 }
 
 
-def fly(
-    aircraft: str = "gtm", excitation: str = "dissertation", duration_s: float = 500.0, seed: int = 1
-) -> Record:
+def fly(aircraft: str = "gtm", excitation: str = "dissertation", duration_s: float = 500.0, seed: int = 1) -> Record:
     """Trim, fly and record: every channel of the table, noise-free, at 100 Hz.
 
     The commands of sample k hold from k Ts to (k + 1) Ts; sample 0 is the trim itself.
@@ -94,9 +92,16 @@ def _commands(aircraft: Aircraft, trimmed: Trim, moved: Excitation, samples: int
 def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
     """Step through the commands; return the properties of the channels before each step and after the last."""
     properties = fdm.get_property_manager()
-    read = [properties.get_node(c.jsbsim).get_double_value for c in CHANNELS.values() if c.role is not Role.COMMAND]
+
+    def node(name: str) -> jsbsim.FGPropertyNode:
+        found = properties.get_node(name)
+        if found is None:
+            raise GtmbenchError(f"the aircraft's JSBSim model has no property '{name}', which a channel needs")
+        return found
+
+    read = [node(c.jsbsim).get_double_value for c in CHANNELS.values() if c.role is not Role.COMMAND]
     to_elevator, to_aileron, to_rudder, to_throttle = (
-        properties.get_node(CHANNELS[name].jsbsim).set_double_value for name in COMMANDS
+        node(CHANNELS[name].jsbsim).set_double_value for name in COMMANDS
     )
     run = fdm.run
     samples = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
@@ -127,9 +132,7 @@ def _record(read: FloatArray, commands: FloatArray, trimmed: Trim) -> Record:
         values[:, heading] = np.unwrap(values[:, heading], period=360.0)
         # JSBSim's heading lies in 0..360; start where the trim says
         values[:, heading] += 360.0 * round((trimmed.yaw_deg - values[0, heading]) / 360.0)
-    return Record(
-        np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S
-    )
+    return Record(np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S)
 
 
 def _check_envelope(record: Record, aircraft: Aircraft, name: str) -> None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eig
 
 from gtmbench.bench.aircraft import load_aircraft, quiet
 from gtmbench.bench.trim import set_condition, trimmed_engine
+from gtmbench.channels import CHANNELS
 from gtmbench.record import FloatArray
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")  # ft/s, rad/s, rad
 _STEPS = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4])
+# by (lateral, oscillatory), fastest first; enough names for any conventional or odd aircraft of eight states
+_NAMES = {
+    (False, True): ["short period", "phugoid", "third longitudinal pair", "fourth longitudinal pair"],
+    (True, True): ["dutch roll", "lateral phugoid", "third lateral pair", "fourth lateral pair"],
+    (True, False): ["roll", "spiral", *(f"lateral mode {i}" for i in range(3, 9))],
+    (False, False): [f"longitudinal mode {i}" for i in range(1, 9)],
+}
 _LATERAL = np.array([False, True, False, True, False, True, True, False])
 
 
@@ -31,56 +38,50 @@ class Mode:
     time_constant_s: float
 
 
-def modes(aircraft: str = "gtm") -> list[Mode]:
+def modes(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> list[Mode]:
     """Return the modes of an aircraft about its trim, fastest first.
 
     The eigenvalues of the state matrix of u, v, w, p, q, r, phi and theta, by central differences of the nonlinear
-    model; surfaces, engines and altitude stand still.
+    model; surfaces, engines and altitude stand still. Another condition than the aircraft's own as for `trim`.
 
     Raises
     ------
     TrimError
         Where the aircraft can't be trimmed.
     """
-    values, vectors = eig(state_matrix(aircraft))
-    found = [(value, _lateral_share(vectors[:, i])) for i, value in enumerate(values) if value.imag >= 0]
-    found.sort(key=lambda pair: -abs(pair[0]))
-    named: list[Mode] = []
-    for value, lateral in found:
-        kind = ("lateral" if lateral > 0.5 else "longitudinal", value.imag > 0)
-        same = [other for other, share in found if (share > 0.5, other.imag > 0) == (lateral > 0.5, value.imag > 0)]
-        names = {
-            ("longitudinal", True): ["short period", "phugoid"],
-            ("lateral", True): ["dutch roll", "lateral phugoid"],
-            ("lateral", False): ["roll", "spiral"],
-            ("longitudinal", False): ["pitch", "speed"],
-        }[kind]
-        rank = same.index(value)
-        name = names[rank] if rank < len(names) else f"{kind[0]} {rank + 1}"
-        named.append(
-            Mode(
-                name=name,
-                real_1_s=float(value.real),
-                imag_1_s=float(value.imag),
-                natural_frequency_rad_s=float(abs(value)),
-                damping=float(-value.real / abs(value)) if value else 0.0,
-                time_constant_s=float(-1.0 / value.real) if value.real else float("inf"),
-            )
-        )
-    return named
+    matrix, speed = state_matrix(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    values, vectors = np.linalg.eig(matrix)
+    lateral = _lateral(vectors, speed)
+    fastest_first = [i for i in np.argsort(-np.abs(values)) if values[i].imag >= 0]
+    names = {kind: iter(known) for kind, known in _NAMES.items()}
+    return [_mode(next(names[bool(lateral[i]), bool(values[i].imag > 0)]), values[i]) for i in fastest_first]
 
 
-def _lateral_share(vector: FloatArray) -> float:
-    """Return how much of a mode lies in v, p, r and phi; velocities count as angles (ft/s over the airspeed)."""
-    weight = np.abs(vector) / np.array([170.0, 170.0, 170.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    return float(np.sum(weight[_LATERAL] ** 2) / np.sum(weight**2))
+def _lateral(vectors: np.ndarray, speed_ft_s: float) -> np.ndarray:
+    """Return for every mode whether it lies mostly in v, p, r and phi; velocities count as angles."""
+    weight = np.abs(vectors) ** 2
+    weight[:3] /= speed_ft_s**2
+    return np.asarray(weight[_LATERAL].sum(axis=0) > weight[~_LATERAL].sum(axis=0))
 
 
-def state_matrix(aircraft: str = "gtm") -> FloatArray:
-    """Return d(x')/dx at trim, shape (8, 8), in the order of `STATES`; ft/s, rad/s and rad."""
+def _mode(name: str, value: complex) -> Mode:
+    return Mode(
+        name=name,
+        real_1_s=float(value.real),
+        imag_1_s=float(value.imag),
+        natural_frequency_rad_s=float(abs(value)),
+        damping=float(-value.real / abs(value)),
+        time_constant_s=float(-1.0 / value.real),
+    )
+
+
+def state_matrix(
+    aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> tuple[FloatArray, float]:
+    """Return d(x')/dx at trim, shape (8, 8), in the order of `STATES`, and the airspeed; ft/s, rad/s and rad."""
     craft = load_aircraft(aircraft)
-    fdm, at = trimmed_engine(craft, 0.01)
-    speed = at.tas_kt * 1852.0 / 3600.0 / 0.3048
+    fdm, at = trimmed_engine(craft, 0.01, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    speed = at.tas_kt / CHANNELS["tas"].scale
     alpha, phi, theta = np.deg2rad([at.alpha_deg, at.roll_deg, at.pitch_deg])
     trimmed = np.array([speed * np.cos(alpha), 0.0, speed * np.sin(alpha), 0.0, 0.0, 0.0, phi, theta])
     fixed = {**at.commands, "altitude": at.altitude_ft, "psi": at.yaw_deg}
@@ -98,7 +99,7 @@ def state_matrix(aircraft: str = "gtm") -> FloatArray:
             "r": r,
         }
         wanted = {name: float(np.rad2deg(value)) for name, value in degrees.items()}
-        set_condition(fdm, craft, {**fixed, **wanted, "tas": v_total * 3600.0 * 0.3048 / 1852.0})
+        set_condition(fdm, craft, {**fixed, **wanted, "tas": v_total * CHANNELS["tas"].scale})
         body = [fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw"]
         body += [fdm[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"]
         # Euler angle kinematics, with this package's own p, q, r
@@ -112,9 +113,4 @@ def state_matrix(aircraft: str = "gtm") -> FloatArray:
             shift = np.zeros(len(STATES))
             shift[i] = step
             columns.append((derivative(trimmed + shift) - derivative(trimmed - shift)) / (2.0 * step))
-    return np.column_stack(columns)
-
-
-def mode_rows(found: list[Mode]) -> list[dict[str, float | str]]:
-    """Return the modes as plain dictionaries, for tables and JSON."""
-    return [asdict(mode) for mode in found]
+    return np.column_stack(columns), speed

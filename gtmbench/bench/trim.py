@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import jsbsim
 import numpy as np
-from scipy.optimize import least_squares
 
 from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft, quiet
 from gtmbench.channels import CHANNELS, COMMANDS
@@ -108,6 +107,8 @@ def trimmed_engine(
     aircraft: Aircraft, sample_period_s: float, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return a fresh engine that stands in trim, and the trim."""
+    from scipy.optimize import least_squares  # half a second to import
+
     fdm = engine(aircraft, sample_period_s)
     fixed = {
         "altitude": aircraft.altitude_ft if altitude_ft is None else altitude_ft,

@@ -123,9 +123,9 @@ def _moving_sum(values: FloatArray, length: int) -> FloatArray:
     sums = np.full(count, np.nan)
     if length > count:
         return sums
-    blocks = np.zeros(-(-count // length) * length)
-    blocks[:count] = values
-    blocks = blocks.reshape(-1, length)
+    padded = np.zeros(-(-count // length) * length)
+    padded[:count] = values
+    blocks = padded.reshape(-1, length)
     prefix = np.cumsum(blocks, axis=1).ravel()
     suffix = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
     starts = np.arange(count - length + 1)

@@ -1,0 +1,1 @@
+"""Reports: what a study says, as JSON and CSV, as figures, as a rerun recording."""

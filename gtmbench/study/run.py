@@ -39,9 +39,11 @@ class Baseline:
         Of the identification record; from a record with the second noise seed.
     residual, norm
         Of `healthy`.
+    armed_s : float or None
+        When the norm of `healthy` first came down to the threshold: alarms are possible from then on.
     false_alarms : int
     healthy_hours : float
-        Alarms on healthy records that neither operator nor threshold has seen, and the hours watched.
+        Alarms on healthy records that neither operator nor threshold has seen, and the hours watched, armed.
     """
 
     setup: Setup
@@ -53,6 +55,7 @@ class Baseline:
     threshold: float
     residual: Residual
     norm: WindowedNorm
+    armed_s: float | None
     false_alarms: int
     healthy_hours: float
 
@@ -205,14 +208,12 @@ def _baseline(setup: Setup, tell: Callable[[str], None]) -> Baseline:
     limit = threshold(norm, start_s=start_s, end_s=end_s, factor=setup.alarm.threshold_factor)
     healthy = sensed(2)
     healthy_residual, healthy_norm = _watched(operator, healthy, setup)
-    false_alarms, hours = 0, 0.0
-    for number in range(2, 2 + max(setup.alarm.healthy_records, 1)):
-        tell(f"healthy record {number - 1}")
-        _, norm = _watched(operator, sensed(number), setup)
-        raised = alarms(norm, limit, start_s=setup.alarm.watch_from_s)
-        false_alarms += len(raised.time_s)
-        if not math.isnan(raised.armed_s):
-            hours += (flight.end_s - raised.armed_s) / 3600.0
+    watched = []
+    for number in range(setup.alarm.healthy_records):
+        tell(f"healthy record {number + 1}")
+        norm = healthy_norm if number == 0 else _watched(operator, sensed(2 + number), setup)[1]
+        watched.append(alarms(norm, limit, start_s=setup.alarm.watch_from_s))
+    armed = [raised.armed_s for raised in watched if not math.isnan(raised.armed_s)]
     return Baseline(
         setup=setup,
         trim=trimmed,
@@ -223,8 +224,9 @@ def _baseline(setup: Setup, tell: Callable[[str], None]) -> Baseline:
         threshold=limit,
         residual=healthy_residual,
         norm=healthy_norm,
-        false_alarms=false_alarms,
-        healthy_hours=hours,
+        armed_s=round(armed[0], 9) if armed else None,
+        false_alarms=sum(len(raised.time_s) for raised in watched),
+        healthy_hours=sum(flight.end_s - armed_s for armed_s in armed) / 3600.0,
     )
 
 
@@ -244,13 +246,12 @@ def _trial(scenario: str, fault: Fault, baseline: Baseline) -> Trial:
     found, norm = _watched(baseline.operator, broken, setup)
     raised = alarms(norm, baseline.threshold, start_s=setup.alarm.watch_from_s)
     verdict = score(raised, norm, fault, baseline.healthy, broken)
-    common = ("channel", "onset_s", "duration_s")
     return Trial(
         **asdict(verdict),
         scenario=scenario,
         fault=fault.kind,
         channel=fault.channel,
-        severity={name: float(value) for name, value in vars(fault).items() if name not in common},
+        severity={item.name: float(getattr(fault, item.name)) for item in fault.severities()},
         unit=unit_of(fault.channel),
         injected=fault,
         record=broken,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.errors import InputError
 from gtmbench.files import shipped_scenarios
-from gtmbench.study.severity import Severity, parse_severity
+from gtmbench.study.severity import Figure, parse_severity
 
 Span = tuple[float, float]
 _LARGEST_FILE_BYTES = 1_000_000
@@ -63,7 +63,7 @@ class FaultSpec:
     channel: str
     onset_s: float
     duration_s: float | None
-    severities: dict[str, Severity]
+    severities: dict[str, Figure]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +124,8 @@ def _setup(table: dict[str, Any]) -> Setup:
     _inside(setup.duration_s, "operator.identify_s", setup.operator.identify_s)
     _inside(setup.duration_s, "alarm.threshold_s", setup.alarm.threshold_s)
     _inside(setup.duration_s, "severity_reference_s", setup.severity_reference_s)
+    if setup.alarm.healthy_records < 1:
+        raise InputError("alarm.healthy_records is 0; at least 1 healthy record must be watched for false alarms")
     for name in (*setup.operator.inputs, *setup.operator.outputs):
         if name not in SENSORS:
             raise InputError(f"operator: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
@@ -188,12 +190,12 @@ def _faults(number: int, block: dict[str, Any], setup: Setup) -> list[FaultSpec]
     kind = block.pop("kind", None)
     if kind not in FAULTS:
         raise InputError(f"{where}: kind is {kind!r}; there are {', '.join(FAULTS)}")
-    own = {item.name: item for item in fields(FAULTS[kind]) if "per_second" in item.metadata}
-    legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
+    own = FAULTS[kind].severities()
+    legal = ["kind", "channels", "onset_s", "duration_s", "unit", *(item.name for item in own)]
     for key in block:
         if key not in legal:
             raise InputError(f"{where}: unknown key '{key}'; a {kind} has {', '.join(legal)}")
-    for key in ("channels", "onset_s", *(name for name, item in own.items() if item.default is MISSING)):
+    for key in ("channels", "onset_s", *(item.name for item in own)):
         if key not in block:
             raise InputError(f"{where}: key '{key}' is missing; a {kind} needs it")
     channels = block["channels"]
@@ -202,11 +204,11 @@ def _faults(number: int, block: dict[str, Any], setup: Setup) -> list[FaultSpec]
     onset, duration = _time(block, "onset_s", where), _time(block, "duration_s", where)
     if onset is None or onset > setup.duration_s:
         raise InputError(f"{where}: onset_s is {onset:g}, after the flight's end at {setup.duration_s:g} s")
-    trials: list[dict[str, Severity]] = [{}]
-    for name, item in own.items():
-        given = block[name] if isinstance(block[name], list) else [block[name]]
-        steps = [parse_severity(entry, per_second=item.metadata["per_second"], key=f"{where}: {name}") for entry in given]
-        trials = [{**trial, name: step} for trial in trials for step in steps]
+    trials: list[dict[str, Figure]] = [{}]
+    for item in own:
+        given = block[item.name] if isinstance(block[item.name], list) else [block[item.name]]
+        steps = [parse_severity(entry, per_second=item.per_second, key=f"{where}: {item.name}") for entry in given]
+        trials = [{**trial, item.name: step} for trial in trials for step in steps]
     for channel in channels:
         _check_fault_channel(channel, block.get("unit"), where)
     return [

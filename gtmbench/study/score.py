@@ -67,7 +67,7 @@ def score(raised: Alarms, norm: WindowedNorm, fault: Fault, healthy: Record, bro
         peak_ratio=peak_ratio,
         altered_share=altered_share,
         false_alarms=int(before.sum()),
-        reason="" if detected else _reason(peak_ratio, altered_share, known.any()),
+        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any())),
     )
 
 

@@ -1,0 +1,28 @@
+# On a fresh machine with git, make and Python >= 3.11 (with venv and pip): `make run`, `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test lint bench clean
+
+run: .venv/ready ## the main job: fly, break, watch, report, into out/
+	$(BIN)/gtmbench run --out out --force
+
+test: .venv/ready ## every test; those that need a viewer skip by name where there is none
+	$(BIN)/python -m pytest
+
+lint: .venv/ready ## style, types, layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/ready ## ratios, measured in one process on one thread
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks.py
+
+.venv/ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv out build dist

@@ -1,0 +1,5 @@
+"""``python -m gtmbench``."""
+
+from gtmbench.cli.app import main
+
+main()

@@ -1,0 +1,68 @@
+"""The command line's frame: the commands, and how every one of them ends.
+
+Exit codes: 0 well, 2 bad input or a failure that was foreseen (one line says why), 130 interrupted by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from collections.abc import Sequence
+
+import click
+
+from gtmbench import __version__
+from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.study import new_command, run_command, view_command
+from gtmbench.errors import GtmbenchError
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="gtmbench")
+def app() -> None:
+    """Fly an aircraft, break a sensor, and find out from the sensors alone.
+
+    Without arguments, `gtmbench run` reproduces section 4.4 of the dissertation: 15 broken gyros, 15 verdicts.
+    """
+
+
+for command in (run_command, trim_command, fly_command, view_command, list_command, new_command):
+    app.add_command(command)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit; no traceback for anything that was foreseen."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    as_json = "--json" in given
+    warnings.showwarning = lambda message, *_: None if as_json else click.echo(f"note: {message}", err=True)
+    sys.exit(_run(given, as_json))
+
+
+def _run(given: list[str], as_json: bool) -> int:
+    try:
+        code = app.main(given, prog_name="gtmbench", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 2
+    except click.ClickException as error:
+        return _fail(error.format_message(), as_json)
+    except GtmbenchError as error:
+        return _fail(str(error), as_json)
+    except (KeyboardInterrupt, click.Abort):
+        return _fail("interrupted; nothing was written", as_json, code=130)
+    except BrokenPipeError:  # the reader of our output left: `gtmbench list | head -1`
+        sys.stderr.close()
+        return 0
+    except (OSError, MemoryError) as error:
+        return _fail(f"{type(error).__name__}: {error}", as_json)
+    return code if isinstance(code, int) else 0
+
+
+def _fail(message: str, as_json: bool, code: int = 2) -> int:
+    line = " ".join(message.split())
+    if as_json:
+        click.echo(json.dumps({"error": line, "exit_code": code}))
+    else:
+        click.echo(f"gtmbench: {line}", err=True)
+    return code

@@ -1,0 +1,141 @@
+"""Commands of the bench: trim, fly, list."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from gtmbench.bench.aircraft import load_aircraft
+from gtmbench.bench.excitation import EXCITATIONS
+from gtmbench.bench.faults import FAULTS
+from gtmbench.bench.flight import fly
+from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.sensors import measure
+from gtmbench.bench.trim import Trim, trim
+from gtmbench.channels import CHANNELS
+from gtmbench.cli.output import common_options, print_json, print_table
+from gtmbench.errors import InputError
+from gtmbench.files import shipped_aircraft, shipped_scenarios
+from gtmbench.logs import check_log_path, write_log
+from gtmbench.study.scenario import load_scenario
+
+
+@click.command("trim")
+@click.option(
+    "--aircraft", default="gtm", show_default=True, help="A name of `gtmbench list`, or an aircraft's folder."
+)
+@click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]")
+@click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]")
+@click.option("--modes", "with_modes", is_flag=True, help="Also the linear modes: natural frequency and damping.")
+@common_options
+def trim_command(
+    aircraft: str, altitude: float | None, tas: float | None, with_modes: bool, as_json: bool, quiet: bool
+) -> None:
+    """Trim an aircraft for level flight and print it as the dissertation does."""
+    found = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
+    linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
+    if as_json:
+        print_json({"trim": asdict(found)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
+    elif not quiet:
+        click.echo(trim_text(found))
+        if linear:
+            _print_modes(linear)
+
+
+def trim_text(found: Trim) -> str:
+    """Write a trim as section 4.4 prints it."""
+    return (
+        f"Level flight, altitude = {found.altitude_ft:.2f} ft, equivalent airspeed = {found.eas_kt:.2f} kt, "
+        f"true airspeed = {found.tas_kt:.2f} kt,\nalpha = {found.alpha_deg:.2f} deg, beta = {found.beta_deg:.2f} deg, "
+        f"gamma = {found.gamma_deg:.2f} deg, roll = {found.roll_deg:.3f} deg, pitch = {found.pitch_deg:.2f} deg,\n"
+        f"yaw = {found.yaw_deg:.2f} deg, ground track = {found.ground_track_deg:.2f} deg, "
+        f"elevator = {found.elevator_deg:.2f} deg, aileron = {found.aileron_deg:.3f} deg, "
+        f"rudder = {found.rudder_deg:.3f} deg, throttle = {found.throttle_percent:.2f} %"
+    )
+
+
+def _print_modes(linear: list[Mode]) -> None:
+    rows = [
+        [
+            mode.name,
+            f"{mode.real_1_s:.4f}" + (f" ± {mode.imag_1_s:.4f} i" if mode.imag_1_s else ""),
+            f"{mode.natural_frequency_rad_s:.4f}",
+            f"{mode.damping:.4f}",
+            f"{mode.time_constant_s:.3f}",
+        ]
+        for mode in linear
+    ]
+    names = ["mode", "eigenvalue (1/s)", "natural frequency (rad/s)", "damping", "time constant (s)"]
+    print_table("Linear modes", names, rows, right=names[1:])
+
+
+@click.command("fly")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
+@click.option(
+    "--aircraft", default="gtm", show_default=True, help="A name of `gtmbench list`, or an aircraft's folder."
+)
+@click.option("--excitation", default="dissertation", show_default=True, help="A name of `gtmbench list`, or a sum.")
+@click.option("--duration", default=500.0, show_default=True, help="Seconds.")
+@click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")
+@click.option("--noise", help="Write what sensors read, with the T2's noise (t2) or a signal-to-noise ratio (50).")
+@click.option("--commands", is_flag=True, help="With --noise: the surface commands, too.")
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+@common_options
+def fly_command(
+    out: Path,
+    aircraft: str,
+    excitation: str,
+    duration: float,
+    seed: int,
+    noise: str | None,
+    commands: bool,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly and write a log: the truth, or with --noise what the sensors read."""
+    check_log_path(out)
+    if out.exists() and not force:
+        raise InputError(f"{out} exists; give another name, or --force to write over it")
+    snr = None if noise in (None, "t2") else _ratio(str(noise))
+    record = fly(aircraft, excitation, duration, seed)
+    if noise is not None:
+        record = measure(record, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
+    write_log(record, out)
+    if as_json:
+        print_json({"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s})
+    elif not quiet:
+        click.echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
+
+
+def _ratio(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--noise is '{text}'; give t2 or a signal-to-noise ratio such as 50") from None
+
+
+@click.command("list")
+@common_options
+def list_command(as_json: bool, quiet: bool) -> None:
+    """List aircraft, channels, excitations, faults and scenarios."""
+    sections = {
+        "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()},
+        "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
+        "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
+        "faults": {name: _first_line(of) for name, of in FAULTS.items()},
+        "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
+    }
+    if as_json:
+        print_json(sections)
+    elif not quiet:
+        for title, entries in sections.items():
+            click.echo(click.style(title, bold=True))
+            for name, meaning in entries.items():
+                click.echo(f"  {name:<16} {meaning}")
+
+
+def _first_line(of: object) -> str:
+    return (of.__doc__ or "").strip().splitlines()[0]

@@ -1,0 +1,131 @@
+"""Commands of the study: run, view, new."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import click
+
+from gtmbench.cli.output import common_options, print_json, print_table
+from gtmbench.errors import InputError
+from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
+from gtmbench.study.run import Progress, Study, run_study
+from gtmbench.study.scenario import Scenario, load_scenario
+
+
+@click.command("run")
+@click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
+@click.option(
+    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
+)
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Instead of the scenarios' own.")
+@click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
+@common_options
+def run_command(
+    scenarios: tuple[str, ...], out: Path, seed: int | None, force: bool, as_json: bool, quiet: bool
+) -> None:
+    """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
+
+    Without a scenario: the dissertation's study, every gyro broken in five ways. Into the folder go results.json,
+    trials.csv, figures and study.rrd, a recording for `gtmbench view`.
+    """
+    check_folder(out, force=force)
+    loaded = [load_scenario(source) for source in scenarios or shipped_scenarios()]
+    study = _run(loaded, seed, out, silent=as_json or quiet)
+    if as_json:
+        from gtmbench.report.results import results
+
+        print_json(results(study) | {"out": str(out)})
+    elif not quiet:
+        _print_study(study, out)
+
+
+def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -> Study:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Bar(*columns, console=Console(stderr=True), disable=silent, transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+
+        def tell(step: str, done: int, total: int) -> None:
+            bar.update(task, description=step, completed=done, total=total + 3)
+
+        study = run_study(loaded, seed=seed, progress=tell)
+        with folder_aside(out) as folder:
+            _write(study, folder, tell)
+    return study
+
+
+def _write(study: Study, folder: Path, tell: Progress) -> None:
+    from gtmbench.report.figures import write_figures
+    from gtmbench.report.recording import write_recording
+    from gtmbench.report.results import write_results
+
+    done = len(study.trials) + 4 + study.baseline.setup.alarm.healthy_records
+    tell("figures", done, done)
+    write_figures(study, folder)
+    tell("recording", done + 1, done)
+    write_recording(study, folder / "study.rrd")
+    tell("results", done + 2, done)
+    write_results(study, folder)
+
+
+def _print_study(study: Study, out: Path) -> None:
+    from gtmbench.report.results import rate_bound
+    from gtmbench.report.text import trial_rows
+
+    columns, rows, right = trial_rows(study)
+    print_table(f"{study.baseline.operator.name}: {len(rows)} trials", columns, rows, right=right)
+    baseline = study.baseline
+    found = sum(trial.detected for trial in study.trials)
+    bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
+    limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
+    click.echo(f"detected: {found} of {len(study.trials)}")
+    click.echo(f"false alarms: {study.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
+    click.echo(f"threshold: {baseline.threshold:.4g}, armed at {baseline.armed_s} s")
+    click.echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
+
+
+@click.command("view")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--web", is_flag=True, help="In the browser instead of a window: for machines without a screen.")
+@common_options
+def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
+    """Open a recording (.rrd) in the rerun viewer."""
+    if not recording.is_file():
+        raise InputError(f"{recording}: no such file; `gtmbench run` writes one")
+    rerun = [sys.executable, "-m", "rerun_cli"]
+    if subprocess.run([*rerun, "rrd", "verify", str(recording)], capture_output=True, check=False).returncode:
+        raise InputError(f"{recording} isn't a whole rerun recording; write it again with `gtmbench run`")
+    if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
+    ended = subprocess.run(
+        [*rerun, str(recording), *(["--web-viewer"] if web else [])], capture_output=as_json or quiet, check=False
+    ).returncode
+    if ended:
+        raise InputError(f"the rerun viewer ended with code {ended}; try --web")
+    if as_json:
+        print_json({"recording": str(recording)})
+
+
+@click.command("new")
+@click.argument("name", metavar="NAME.toml", type=click.Path(path_type=Path))
+@common_options
+def new_command(name: Path, as_json: bool, quiet: bool) -> None:
+    """Write a commented scenario to edit, every key at its default."""
+    if name.suffix != ".toml":
+        raise InputError(f"'{name}' should end in .toml")
+    if name.exists():
+        raise InputError(f"{name} exists; give another name")
+    with written_aside(name) as aside:
+        aside.write_text((files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    if as_json:
+        print_json({"scenario": str(name)})
+    elif not quiet:
+        click.echo(f"{name}: edit it, then: gtmbench run {name}")

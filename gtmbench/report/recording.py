@@ -1,0 +1,228 @@
+"""A study as a rerun recording: shared signals once, every trial under ``/trials/SCENARIO/LABEL``.
+
+======================================  ===============================================================
+entity                                  holds
+======================================  ===============================================================
+``/truth/GROUP``, ``/sensors/GROUP``    channels of a group (rates, wind, attitude, load, speed, altitude)
+``/surfaces``                           elevator, aileron and rudder commands, deg
+``/healthy/residual``, ``/healthy/norm``  of the healthy record
+``/threshold``                          what the norm is held against
+``/trials/.../measured``                the broken channel
+``/trials/.../residual``                e(k), at sample k
+``/trials/.../norm``                    E(k), at the time (k + w + d) Ts at which it is known
+``/trials/.../onset``, ``.../alarm``    one point each
+``/events``                             onsets, alarms and misses, in words
+``/operator/OUTPUT/INPUT``              Markov parameters over lags
+``/world/path``, ``/world/aircraft``    the way flown in ft (north, east, down), and the attitude
+======================================  ===============================================================
+
+All on the timeline ``time``; values are doubles, bit for bit those of the study.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from gtmbench.channels import unit_of
+from gtmbench.record import FloatArray, Record
+from gtmbench.report.blueprint import blueprint
+from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.text import trial_label
+from gtmbench.study.run import Study, Trial
+
+TIMELINE = "time"
+GROUPS = {
+    "rates": ("p", "q", "r"),
+    "wind": ("alpha", "beta"),
+    "attitude": ("phi", "theta", "psi"),
+    "load": ("nx", "ny", "nz"),
+    "speed": ("tas",),
+    "altitude": ("altitude",),
+}
+SURFACES = ("elevator", "aileron", "rudder")
+_PATH_STEP = 10  # samples between two poses: 10 a second
+# a paper plane in body axes (forward, right, down), wing span about 1: fuselage, wing, fin; three corners each
+_OUTLINE = [
+    *([0.6, 0.0, 0.0], [-0.5, -0.06, 0.0], [-0.5, 0.06, 0.0]),
+    *([0.1, 0.0, 0.0], [-0.15, -0.55, 0.0], [-0.15, 0.55, 0.0]),
+    *([-0.3, 0.0, 0.0], [-0.5, 0.0, 0.0], [-0.5, 0.0, -0.22]),
+]
+
+
+def write_recording(study: Study, path: Path) -> None:
+    """Write the recording with its blueprint; every viewer of the same rerun version opens it ready to read."""
+    rr.set_strict_mode(True)  # an error must not become a warning and lost data
+    recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
+    labels = trial_paths(study.trials)
+    recording.save(path, default_blueprint=blueprint(study, labels, GROUPS))
+    recording.send_recording_name(f"gtmbench study: {study.baseline.operator.name}, seed {study.baseline.setup.seed}")
+    _shared(recording, study)
+    _operator(recording, study)
+    _world(recording, study.baseline.flight)
+    for trial, label in zip(study.trials, labels, strict=True):
+        _trial(recording, trial, label)
+    _events(recording, study)
+    recording.disconnect()  # writes the footer
+
+
+def trial_paths(trials: Sequence[Trial]) -> list[str]:
+    """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
+    bases = [f"/trials/{trial.scenario}/{trial.channel}" for trial in trials]
+    often, seen = Counter(bases), Counter[str]()
+    paths = []
+    for base in bases:
+        seen[base] += 1
+        paths.append(base if often[base] == 1 else f"{base}_{seen[base]}")
+    return paths
+
+
+def _times(time_s: FloatArray) -> rr.TimeColumn:
+    # whole nanoseconds: rerun cuts float seconds off, which loses a nanosecond here and there
+    return rr.TimeColumn(TIMELINE, duration=np.rint(time_s * 1e9).astype("timedelta64[ns]"))
+
+
+def _lines(
+    recording: rr.RecordingStream,
+    entity: str,
+    time_s: FloatArray,
+    values: FloatArray,
+    names: list[str],
+    tints: list[str],
+) -> None:
+    """Send one line (or several of a unit, as columns) with names and colours; samples that are missing stay out."""
+    table = values.reshape(len(time_s), -1)
+    there = np.isfinite(table).all(axis=1)
+    style = rr.SeriesLines(names=names, colors=[_rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
+    recording.log(entity, style, static=True)
+    columns = rr.Scalars.columns(scalars=table[there].ravel())
+    if table.shape[1] > 1:
+        columns = columns.partition([table.shape[1]] * int(there.sum()))
+    recording.send_columns(entity, indexes=[_times(time_s[there])], columns=columns)
+
+
+def _rgb(tint: str) -> list[int]:
+    return [int(tint[i : i + 2], 16) for i in (1, 3, 5)]
+
+
+def _lighter(tint: str) -> str:
+    return "#" + "".join(f"{(value + 255) // 2:02x}" for value in _rgb(tint))
+
+
+def _shared(recording: rr.RecordingStream, study: Study) -> None:
+    baseline = study.baseline
+    for root, record, suffix in (("truth", baseline.flight, "true"), ("sensors", baseline.healthy, "measured")):
+        for group, members in GROUPS.items():
+            there = [name for name in members if name in record]
+            if there:
+                tints = [colour(name, i) for i, name in enumerate(there)]
+                tints = tints if root == "truth" else [_lighter(tint) for tint in tints]
+                names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
+                _lines(recording, f"/{root}/{group}", record.time_s, record.matrix(there), names, tints)
+    flight = baseline.flight
+    tints = [colour(name, i) for i, name in enumerate(SURFACES)]
+    names = [f"{name} (deg)" for name in SURFACES]
+    _lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints)
+    unit = unit_of(baseline.operator.outputs[0])
+    healthy = COLOURS["healthy"]
+    _residual(recording, "/healthy", "healthy", healthy, baseline)
+    _lines(recording, "/healthy/norm", baseline.norm.known_s, baseline.norm.values, [f"healthy ({unit})"], [healthy])
+    ends = np.array([flight.start_s, flight.end_s])
+    level = np.full(2, baseline.threshold)
+    _lines(recording, "/threshold", ends, level, [f"threshold ({unit})"], [COLOURS["threshold"]])
+
+
+def _residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Any) -> None:
+    names = [f"{label}, e of {output} ({unit_of(output)})" for output in of.residual.outputs]
+    _lines(recording, f"{root}/residual", of.residual.time_s, of.residual.values, names, [tint] * len(names))
+
+
+def _operator(recording: rr.RecordingStream, study: Study) -> None:
+    operator = study.baseline.operator
+    for o, output in enumerate(operator.outputs):
+        for i, name in enumerate(operator.inputs):
+            bars = rr.BarChart(operator.markov[:, o, i], abscissa=operator.lags, color=_rgb(colour(name, i)))
+            recording.log(f"/operator/{output}/{name}", bars, static=True)
+
+
+def _world(recording: rr.RecordingStream, flight: Record) -> None:
+    """Log path and attitude; the aircraft is drawn large enough to be seen from where the whole path fits."""
+    shown = slice(None, None, _PATH_STEP)
+    place = np.column_stack([flight["north"], flight["east"], -flight["altitude"]])[shown]
+    place[:, 2] -= place[0, 2]
+    recording.log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
+    recording.log(
+        "/world/path", rr.LineStrips3D([place], colors=[[120, 160, 220]], radii=rr.Radius.ui_points(1.5)), static=True
+    )
+    size = 0.12 * float(np.ptp(place, axis=0).max())
+    body = rr.Mesh3D(
+        vertex_positions=max(size, 1.0) * np.array(_OUTLINE),
+        triangle_indices=[[0, 1, 2], [3, 4, 5], [6, 7, 8]],
+        albedo_factor=[255, 170, 60],
+    )
+    recording.log("/world/aircraft", body, static=True)
+    turns = _quaternions(flight["phi"][shown], flight["theta"][shown], flight["psi"][shown])
+    recording.send_columns(
+        "/world/aircraft",
+        indexes=[_times(flight.time_s[shown])],
+        columns=rr.Transform3D.columns(translation=place, quaternion=turns),
+    )
+
+
+def _quaternions(phi_deg: FloatArray, theta_deg: FloatArray, psi_deg: FloatArray) -> FloatArray:
+    """Return body-to-world rotations as x, y, z, w: yaw, then pitch, then roll."""
+    a, b, c = (np.deg2rad(angle) / 2.0 for angle in (phi_deg, theta_deg, psi_deg))
+    sa, ca, sb, cb, sc, cc = np.sin(a), np.cos(a), np.sin(b), np.cos(b), np.sin(c), np.cos(c)
+    return np.column_stack(
+        [
+            sa * cb * cc - ca * sb * sc,
+            ca * sb * cc + sa * cb * sc,
+            ca * cb * sc - sa * sb * cc,
+            ca * cb * cc + sa * sb * sc,
+        ]
+    )
+
+
+def _trial(recording: rr.RecordingStream, trial: Trial, root: str) -> None:
+    tint, label = colour(trial.channel), root.removeprefix("/trials/")
+    unit = unit_of(trial.baseline.operator.outputs[0])
+    measured = trial.record[trial.channel]
+    _lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{label} broken ({trial.unit})"], [tint])
+    _residual(recording, root, label, tint, trial)
+    _lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [f"{label} ({unit})"], [tint])
+    up, down = rr.components.MarkerShape.Up, rr.components.MarkerShape.Down
+    marks = {"onset": (trial.onset_s, 0.0, up), "alarm": (trial.alarm_time_s, trial.baseline.threshold, down)}
+    for name, (time_s, level, marker) in marks.items():
+        if time_s is not None:
+            style = rr.SeriesPoints(names=f"{label} {name}", colors=_rgb(tint), markers=marker, marker_sizes=6.0)
+            recording.log(f"{root}/{name}", style, static=True)
+            _at(recording, time_s)
+            recording.log(f"{root}/{name}", rr.Scalars(level))
+
+
+def _at(recording: rr.RecordingStream, time_s: float) -> None:
+    recording.set_time(TIMELINE, duration=np.timedelta64(round(time_s * 1e9), "ns"))
+
+
+def _events(recording: rr.RecordingStream, study: Study) -> None:
+    events: list[tuple[float, str, str]] = []
+    setup = study.baseline.setup
+    start_s, end_s = setup.operator.identify_s
+    events.append((start_s, "INFO", f"identification of {study.baseline.operator.name} begins"))
+    events.append((end_s, "INFO", "identification ends"))
+    for trial in study.trials:
+        what = f"{trial.fault} of {trial_label(trial)}"
+        events.append((trial.onset_s, "WARN", f"onset: {what}"))
+        if trial.alarm_time_s is not None:
+            late = f"{trial.detection_delay_s:.2f} s after the onset"
+            events.append((trial.alarm_time_s, "ERROR", f"alarm: {what}, {late}"))
+        else:
+            events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
+    for time_s, level, text in sorted(events):
+        _at(recording, time_s)
+        recording.log("/events", rr.TextLog(text, level=level))

@@ -1,0 +1,16 @@
+"""Colours that mean the same everywhere: figures, recording."""
+
+COLOURS = {
+    "p": "#1f77b4",
+    "q": "#e08214",
+    "r": "#2a9d4a",
+    "beta": "#7b52ab",
+    "healthy": "#7f7f7f",
+    "threshold": "#d62728",
+}
+_OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#e377c2", "#4d4d4d", "#9edae5")
+
+
+def colour(name: str, position: int = 0) -> str:
+    """Return a channel's colour; channels without one of their own take turns."""
+    return COLOURS.get(name, _OTHERS[position % len(_OTHERS)])

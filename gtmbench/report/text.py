@@ -1,0 +1,46 @@
+"""A study as rows of text: the table at the end of a run."""
+
+from __future__ import annotations
+
+from gtmbench.study.run import Study, Trial
+
+
+def severity_text(trial: Trial) -> str:
+    """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
+    parts = []
+    for item in trial.injected.severities():
+        per_second = "deg/s²" if trial.unit == "deg/s" else f"{trial.unit}/s"
+        parts.append(f"{trial.severity[item.name]:.3g} {per_second if item.per_second else trial.unit}")
+    return ", ".join(parts)
+
+
+def trial_label(trial: Trial) -> str:
+    """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
+    severity = severity_text(trial)
+    return f"{trial.channel}, {severity}" if severity else trial.channel
+
+
+def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return the columns of the table of trials, its rows, and which columns are numbers."""
+    numbers = ["severity", "alarm (s)", "delay (s)", "peak ratio", "altered"]
+    columns = ["scenario", "fault", "channel", *numbers, "verdict"]
+    rows = [_row(trial) for trial in study.trials]
+    if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own: once is enough
+        return columns[1:], [row[1:] for row in rows], numbers
+    return columns, rows, numbers
+
+
+def _row(trial: Trial) -> list[str]:
+    alarm = "-" if trial.alarm_time_s is None else f"{trial.alarm_time_s:.2f}"
+    delay = "-" if trial.detection_delay_s is None else f"{trial.detection_delay_s:.2f}"
+    return [
+        trial.scenario,
+        trial.fault,
+        trial.channel,
+        severity_text(trial),
+        alarm,
+        delay,
+        f"{trial.peak_ratio:.2f}",
+        f"{100.0 * trial.altered_share:.1f} %",
+        "detected" if trial.detected else f"missed: {trial.reason}",
+    ]
