@@ -56,7 +56,7 @@ def read_log(path: str | Path) -> Record:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
-        frame = pd.read_csv(path, float_precision="round_trip") if suffix == ".csv" else pd.read_parquet(path)
+        frame = pd.read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
     except (ValueError, OSError, MemoryError) as error:  # pandas' and pyarrow's own errors are among these
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path} isn't a readable {suffix[1:]} table: {reason}") from error

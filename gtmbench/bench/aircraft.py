@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,60 +71,28 @@ def _span(value: list[float]) -> Span:
     return float(low), float(high)
 
 
-@contextmanager
-def quiet() -> Iterator[list[str]]:
-    """Keep JSBSim off the terminal; its errors are collected in the list given.
-
-    JSBSim's logger belongs to the thread and must not outlive the interpreter, so the former one is put back.
-    """
-    errors: list[str] = []
-    former = jsbsim.get_logger()
-    jsbsim.set_logger(_Collector(errors))
-    try:
-        yield errors
-    finally:
-        jsbsim.set_logger(former)
-
-
-class _Collector(jsbsim.FGLogger):
-    def __init__(self, errors: list[str]) -> None:
-        super().__init__()
-        self.errors = errors
-        self.level = jsbsim.LogLevel.BULK
-
-    def set_level(self, level: jsbsim.LogLevel) -> None:
-        self.level = level
-
-    def file_location(self, filename: str, line: int) -> None:
-        pass
-
-    def message(self, message: str) -> None:
-        # loading a model ties two properties a second time; JSBSim calls that an error and goes on
-        if self.level >= jsbsim.LogLevel.ERROR and message.strip() and "Failed to tie" not in message:
-            self.errors.append(message.strip())
-
-    def format(self, format: jsbsim.LogFormat) -> None:  # noqa: A002
-        pass
-
-    def flush(self) -> None:
-        pass
-
-
 def engine(aircraft: Aircraft, sample_period_s: float) -> jsbsim.FGFDMExec:
-    """Return a fresh JSBSim instance with the aircraft loaded; call it inside `quiet`.
+    """Return a fresh JSBSim instance with the aircraft loaded.
 
     Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
+
+    Raises
+    ------
+    GtmbenchError
+        Where JSBSim can't load the model; it prints why.
     """
-    with quiet() as errors:
-        fdm = jsbsim.FGFDMExec(str(aircraft.folder.parent.parent))
-        fdm.set_output_path(str(aircraft.folder))
-        fdm.set_aircraft_path(str(aircraft.folder.parent))
-        for integrator in ("rate", "position"):
-            # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
-            fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
-        fdm.set_dt(sample_period_s)  # components take it over when they load: before load_model
-        loaded = fdm.load_model(aircraft.name)
-        fdm.disable_output()
+    # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
+    # ends, without Python's lock, and takes the process with it.
+    os.environ.setdefault("JSBSIM_DEBUG", "0")
+    fdm = jsbsim.FGFDMExec(str(aircraft.folder.parent.parent))
+    fdm.set_output_path(str(aircraft.folder))
+    fdm.set_aircraft_path(str(aircraft.folder.parent))
+    for integrator in ("rate", "position"):
+        # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
+        fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
+    fdm.set_dt(sample_period_s)  # components take it over when they load: before load_model
+    loaded = fdm.load_model(aircraft.name)
+    fdm.disable_output()
     if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {aircraft.folder / aircraft.name}.xml: {'; '.join(errors)}")
+        raise GtmbenchError(f"JSBSim can't load {aircraft.folder / aircraft.name}.xml, for the reason it printed")
     return fdm

@@ -8,7 +8,7 @@ from operator import call
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import Aircraft, load_aircraft, quiet
+from gtmbench.bench.aircraft import Aircraft, load_aircraft
 from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.trim import Trim, trimmed_engine
 from gtmbench.channels import CHANNELS, COMMANDS, Role
@@ -106,15 +106,14 @@ def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
     run = fdm.run
     samples = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
     keep = samples.extend
-    with quiet():
-        for elevator, aileron, rudder, throttle in commands[:-1].tolist():
-            keep(map(call, read))
-            to_elevator(elevator)
-            to_aileron(aileron)
-            to_rudder(rudder)
-            to_throttle(throttle)
-            run()
+    for elevator, aileron, rudder, throttle in commands[:-1].tolist():
         keep(map(call, read))
+        to_elevator(elevator)
+        to_aileron(aileron)
+        to_rudder(rudder)
+        to_throttle(throttle)
+        run()
+    keep(map(call, read))
     return np.array(samples).reshape(-1, len(read))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.bench.aircraft import load_aircraft, quiet
+from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.trim import set_condition, trimmed_engine
 from gtmbench.channels import CHANNELS
 from gtmbench.record import FloatArray
@@ -108,9 +108,8 @@ def state_matrix(
         return np.array([*body, phi_dot, theta_dot])
 
     columns = []
-    with quiet():
-        for i, step in enumerate(_STEPS):
-            shift = np.zeros(len(STATES))
-            shift[i] = step
-            columns.append((derivative(trimmed + shift) - derivative(trimmed - shift)) / (2.0 * step))
+    for i, step in enumerate(_STEPS):
+        shift = np.zeros(len(STATES))
+        shift[i] = step
+        columns.append((derivative(trimmed + shift) - derivative(trimmed - shift)) / (2.0 * step))
     return np.column_stack(columns), speed

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft, quiet
+from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.errors import TrimError
 from gtmbench.record import FloatArray
@@ -130,9 +130,8 @@ def trimmed_engine(
     spans = [aircraft.envelope["alpha"], (-60.0, 60.0), *(aircraft.limits[name] for name in COMMANDS)]
     low, high = (np.array(bound) for bound in zip(*spans, strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
-    with quiet():
-        found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
-        left = accelerations(found.x)
+    found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
+    left = accelerations(found.x)
     if not np.all(np.abs(left) < TOLERANCE):
         raise TrimError(_failure(aircraft, fixed, found.x, left, low, high))
     return fdm, _read(fdm, condition(found.x))

@@ -5,6 +5,7 @@ Exit codes: 0 well, 2 bad input or a failure that was foreseen (one line says wh
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 import warnings
@@ -35,6 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit; no traceback for anything that was foreseen."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     as_json = "--json" in given
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without ± or ² gets ?, not a traceback
     warnings.showwarning = lambda message, *_: None if as_json else click.echo(f"note: {message}", err=True)
     sys.exit(_run(given, as_json))
 

@@ -10,11 +10,15 @@ from pathlib import Path
 
 import click
 
+from gtmbench.channels import unit_of
 from gtmbench.cli.output import common_options, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
 from gtmbench.study.run import Progress, Study, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
+
+# `python -m rerun_cli` ends with code 0 whatever happened
+_RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
 
 
 @click.command("run")
@@ -88,7 +92,13 @@ def _print_study(study: Study, out: Path) -> None:
     limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
     click.echo(f"detected: {found} of {len(study.trials)}")
     click.echo(f"false alarms: {study.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
-    click.echo(f"threshold: {baseline.threshold:.4g}, armed at {baseline.armed_s} s")
+    unit = unit_of(baseline.operator.outputs[0])
+    click.echo(
+        f"threshold: {baseline.threshold:.4g} {unit}; armed, once the norm had come down to it, at {baseline.armed_s} s"
+    )
+    norm = baseline.norm
+    window_s = (norm.window + 1) * norm.sample_period_s
+    click.echo(f"of every delay: look-ahead {norm.look_ahead_s:g} s; and a window of {window_s:g} s has to fill")
     click.echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
 
 
@@ -100,13 +110,12 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
     """Open a recording (.rrd) in the rerun viewer."""
     if not recording.is_file():
         raise InputError(f"{recording}: no such file; `gtmbench run` writes one")
-    rerun = [sys.executable, "-m", "rerun_cli"]
-    if subprocess.run([*rerun, "rrd", "verify", str(recording)], capture_output=True, check=False).returncode:
+    if subprocess.run([*_RERUN, "rrd", "verify", str(recording)], capture_output=True, check=False).returncode:
         raise InputError(f"{recording} isn't a whole rerun recording; write it again with `gtmbench run`")
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
     ended = subprocess.run(
-        [*rerun, str(recording), *(["--web-viewer"] if web else [])], capture_output=as_json or quiet, check=False
+        [*_RERUN, str(recording), *(["--web-viewer"] if web else [])], capture_output=as_json or quiet, check=False
     ).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")

@@ -245,7 +245,7 @@ def _trial(scenario: str, fault: Fault, baseline: Baseline) -> Trial:
     broken = inject(baseline.healthy, fault)
     found, norm = _watched(baseline.operator, broken, setup)
     raised = alarms(norm, baseline.threshold, start_s=setup.alarm.watch_from_s)
-    verdict = score(raised, norm, fault, baseline.healthy, broken)
+    verdict = score(raised, norm, baseline.operator, fault, baseline.healthy, broken)
     return Trial(
         **asdict(verdict),
         scenario=scenario,

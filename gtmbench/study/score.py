@@ -9,6 +9,7 @@ import numpy as np
 from gtmbench.bench.faults import Fault
 from gtmbench.method.alarms import Alarms
 from gtmbench.method.residual import WindowedNorm
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 
 
@@ -47,8 +48,10 @@ class Verdict:
     reason: str
 
 
-def score(raised: Alarms, norm: WindowedNorm, fault: Fault, healthy: Record, broken: Record) -> Verdict:
-    """Hold the alarms on a broken record against the fault that was injected."""
+def score(
+    raised: Alarms, norm: WindowedNorm, operator: Transmissibility, fault: Fault, healthy: Record, broken: Record
+) -> Verdict:
+    """Hold the alarms on a broken record, and the norm they come from, against the fault that was injected."""
     before = raised.time_s < fault.onset_s - 1e-9
     after = raised.time_s[~before]
     known = (norm.known_s > fault.onset_s - 1e-9) & np.isfinite(norm.values)
@@ -67,11 +70,13 @@ def score(raised: Alarms, norm: WindowedNorm, fault: Fault, healthy: Record, bro
         peak_ratio=peak_ratio,
         altered_share=altered_share,
         false_alarms=int(before.sum()),
-        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any())),
+        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any()), operator, fault),
     )
 
 
-def _reason(peak_ratio: float, altered_share: float, watched: bool) -> str:
+def _reason(peak_ratio: float, altered_share: float, watched: bool, operator: Transmissibility, fault: Fault) -> str:
+    if fault.channel not in (*operator.inputs, *operator.outputs):
+        return f"the operator {operator.name} doesn't use '{fault.channel}'"
     if not watched:
         return "no complete window ends after the onset"
     if altered_share == 0.0:

@@ -1,0 +1,246 @@
+"""The command line: what each command prints and writes, and one clear line and exit code 2 for bad input."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+import gtmbench as gb
+from gtmbench.cli.app import main
+
+SHORT = """
+duration_s = 60.0
+severity_reference_s = [5.0, 40.0]
+[operator]
+causal_order = 5
+noncausal_order = 5
+identify_s = [5.0, 30.0]
+[alarm]
+window = 100
+threshold_s = [30.0, 50.0]
+healthy_records = 1
+[[faults]]
+kind = "jam"
+channels = ["r"]
+onset_s = 40.0
+"""
+
+
+@pytest.fixture
+def cli(capsys, tmp_path, monkeypatch):
+    """Run a command line in an empty folder; return its exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        return ended.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_trim_is_printed_as_the_dissertation_does(cli):
+    code, out, _ = cli("trim")
+    assert code == 0
+    assert "altitude = 8000.00 ft, equivalent airspeed = 89.18 kt, true airspeed = 100.58 kt" in out
+    assert "yaw = 45.00 deg, ground track = 45.00 deg" in out
+
+
+def test_trim_as_json_with_modes_is_one_object(cli):
+    code, out, err = cli("trim", "--modes", "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "")
+    assert found["trim"]["alpha_deg"] == pytest.approx(3.0, abs=0.05)
+    assert [mode["name"] for mode in found["modes"]] == ["short period", "roll", "dutch roll", "phugoid", "spiral"]
+
+
+def test_modes_are_a_table(cli):
+    code, out, _ = cli("trim", "--modes")
+    assert code == 0
+    assert "dutch roll" in out
+    assert "natural frequency (rad/s)" in out
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_fly_writes_what_python_flies(cli, ending):
+    code, out, _ = cli("fly", "--out", f"flight.{ending}", "--duration", 2, "--excitation", "multisine", "--seed", 3)
+    assert code == 0
+    assert "201 samples" in out
+    record = gb.read_log(f"flight.{ending}")
+    assert (record.values == gb.fly(excitation="multisine", duration_s=2, seed=3).values).all()
+
+
+@pytest.mark.parametrize(("noise", "as_python"), [("t2", {"noise": "t2"}), ("50", {"snr": 50.0})])
+def test_fly_with_noise_writes_what_sensors_read(cli, noise, as_python):
+    assert cli("fly", "--out", "log.csv", "--duration", 2, "--noise", noise)[0] == 0
+    expected = gb.measure(gb.fly(duration_s=2), seed=1, **as_python)
+    assert (gb.read_log("log.csv").values == expected.values).all()
+
+
+def test_run_writes_results_figures_and_a_recording(cli, scenario, tmp_path):
+    code, out, _ = cli("run", scenario, "--out", "here")
+    assert code == 0
+    assert "detected: 1 of 1" in out
+    names = {path.name for path in (tmp_path / "here").iterdir()}
+    assert names == {"results.json", "trials.csv", "study.rrd", "markov.png", "prediction.png", "norm_short.png"}
+    assert json.loads((tmp_path / "here/results.json").read_text())["trials"][0]["detected"] is True
+
+
+def test_run_as_json_prints_the_results_and_nothing_else(cli, scenario, tmp_path):
+    code, out, err = cli("run", scenario, "--json")
+    printed = json.loads(out)
+    assert (code, err) == (0, "")
+    assert printed.pop("out") == "study"
+    assert printed == json.loads((tmp_path / "study/results.json").read_text())
+
+
+def test_quiet_is_quiet(cli, scenario):
+    assert cli("run", scenario, "-q") == (0, "", "")
+    assert cli("trim", "-q") == (0, "", "")
+
+
+def test_an_existing_folder_is_kept_unless_forced(cli, scenario, tmp_path):
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/mine.txt").write_text("keep me")
+    code, _, err = cli("run", scenario)
+    assert code == 2
+    assert "study exists" in err
+    assert "--force" in err
+    assert cli("run", scenario, "--force")[0] == 0
+    assert (tmp_path / "study/mine.txt").read_text() == "keep me"
+    assert (tmp_path / "study/results.json").exists()
+
+
+def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_path):
+    code, out, _ = cli("new", "mine.toml")
+    assert code == 0
+    assert "gtmbench run mine.toml" in out
+    loaded = gb.load_scenario(tmp_path / "mine.toml")
+    assert len(loaded.faults) == 7
+    assert cli("new", "mine.toml")[0] == 2
+
+
+def test_list_names_everything_there_is(cli):
+    _, out, _ = cli("list", "--json")
+    listed = json.loads(out)
+    assert set(listed) == {"aircraft", "channels", "excitations", "faults", "scenarios"}
+    assert set(listed["scenarios"]) == {"drift", "deadzone", "saturation", "rate_saturation", "jam"}
+    _, text, _ = cli("list")
+    assert all(name in text for section in listed.values() for name in section)
+
+
+def test_version_and_help(cli):
+    assert cli("--version")[1] == f"gtmbench, version {gb.__version__}\n"
+    for command in ("run", "trim", "fly", "view", "list", "new"):
+        code, out, _ = cli(command, "--help")
+        assert code == 0
+        assert "--json" in out
+
+
+BAD = {
+    "unknown scenario": (["run", "nowhere.toml"], "no scenario 'nowhere.toml'"),
+    "unknown option": (["run", "--speed"], "No such option"),
+    "unknown command": (["land"], "No such command"),
+    "unknown excitation": (["fly", "--out", "x.csv", "--excitation", "loop"], "no excitation 'loop'"),
+    "bad noise": (["fly", "--out", "x.csv", "--noise", "loud"], "--noise is 'loud'"),
+    "bad ending": (["fly", "--out", "x.xls"], "not as '.xls'"),
+    "no folder": (["fly", "--out", "nowhere/x.csv"], "doesn't exist"),
+    "no folder for results": (["run", "drift", "--out", "nowhere/x"], "doesn't exist"),
+    "no trim": (["trim", "--tas", "400"], "throttle at its limit"),
+    "no recording": (["view", "nothing.rrd"], "no such file"),
+    "no toml": (["new", "scenario.txt"], "should end in .toml"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2(cli, name, tmp_path):
+    arguments, message = BAD[name]
+    code, out, err = cli(*arguments)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert message in err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [name for name in BAD if name != "unknown command"])
+def test_errors_are_json_where_json_was_asked_for(cli, name):
+    arguments, message = BAD[name]
+    code, out, err = cli(*arguments, "--json")
+    assert (code, err) == (2, "")
+    assert message in json.loads(out)["error"]
+
+
+def test_a_recording_cut_in_half_is_refused(cli, scenario, tmp_path):
+    assert cli("run", scenario, "-q")[0] == 0
+    whole = (tmp_path / "study/study.rrd").read_bytes()
+    (tmp_path / "half.rrd").write_bytes(whole[: len(whole) // 2])
+    code, _, err = cli("view", "half.rrd")
+    assert code == 2
+    assert "isn't a whole rerun recording" in err
+
+
+def test_a_disk_that_fills_up_leaves_nothing(cli, scenario, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("gtmbench.report.recording.write_recording", full)
+    code, _, err = cli("run", scenario)
+    assert code == 2
+    assert "No space left on device" in err
+    assert {path.name for path in tmp_path.iterdir()} == {"short.toml"}
+
+
+INTERRUPTED = """
+import os, signal, sys
+from gtmbench.cli import app, study
+whole = study.run_study, study._write
+
+def strike(step):
+    if step == sys.argv[1]:
+        os.kill(os.getpid(), signal.SIGINT)
+
+def run_study(*given, progress, **more):
+    return whole[0](*given, progress=lambda step, done, of: (strike(step), progress(step, done, of)), **more)
+
+def write(written, folder, tell):
+    whole[1](written, folder, lambda step, done, of: (strike(step), tell(step, done, of)))
+
+study.run_study, study._write = run_study, write
+app.main(["run", "jam"])
+"""
+
+
+@pytest.mark.parametrize("step", ["trim", "fly", "identify", "jam of q", "figures", "recording", "results"])
+def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path, step):
+    command = [sys.executable, "-c", INTERRUPTED, step]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr.strip().splitlines()[-1] == "gtmbench: interrupted; nothing was written"
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_ascii_terminal_gets_its_table(scenario, tmp_path):
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    command = [sys.executable, "-m", "gtmbench"]
+    for arguments in (["trim", "--modes"], ["list"], ["run", str(scenario)]):
+        run = subprocess.run([*command, *arguments], cwd=tmp_path, env=environment, capture_output=True, check=False)
+        assert run.returncode == 0, run.stderr
+
+
+def test_help_answers_at_once_and_loads_nothing_heavy():
+    script = (
+        "import sys, gtmbench.cli.app;"
+        "print([m for m in ('rerun', 'matplotlib', 'pandas', 'pyarrow', 'scipy') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

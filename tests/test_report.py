@@ -1,0 +1,128 @@
+"""What a study leaves behind: results, figures, and a recording whose numbers are the study's, bit for bit."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmbench.report.figures import write_figures
+from gtmbench.report.recording import trial_paths, write_recording
+from gtmbench.report.results import rate_bound, results, write_results
+from gtmbench.study.run import run_study
+from gtmbench.study.scenario import load_scenario
+
+SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
+
+
+@pytest.fixture(scope="module")
+def study():
+    return run_study([load_scenario(name) for name in SHIPPED])
+
+
+@pytest.fixture(scope="module")
+def recording(study, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "study.rrd"
+    write_recording(study, path)
+    return path
+
+
+def read_back(path, entity):
+    """Return times in seconds and values of an entity's scalars, as another program would read them."""
+    from rerun.chunk import RrdReader
+
+    times, values = [], []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        names = batch.schema.names
+        scalars = [name for name in names if name.endswith("Scalars:scalars")]
+        if scalars and "time" in names:
+            times += [value.value for value in batch.column("time")]  # nanoseconds
+            values += batch.column(scalars[0]).to_pylist()
+    return np.array(times) / 1e9, np.array(values)
+
+
+def test_results_have_the_promised_keys(study):
+    found = results(study)
+    assert found["schema"] == 1
+    assert {"trim", "operator", "threshold", "trials", "false_alarms", "healthy_hours", "versions", "seed"} <= set(
+        found
+    )
+    promised = {"scenario", "fault", "channel", "onset_s", "detected", "alarm_time_s", "detection_delay_s"}
+    assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in found["trials"])
+    assert found["versions"]["jsbsim"] == "1.3.3"
+    assert json.loads(json.dumps(found, allow_nan=False)) == json.loads(json.dumps(found))
+
+
+def test_files_say_what_the_study_says(study, tmp_path):
+    write_results(study, tmp_path)
+    written = json.loads((tmp_path / "results.json").read_text())
+    assert written == json.loads(json.dumps(results(study)))
+    with (tmp_path / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["alarm_time_s"]) for row in rows] == [trial.alarm_time_s for trial in study.trials]
+    assert [row["channel"] for row in rows] == [trial.channel for trial in study.trials]
+
+
+def test_no_alarm_in_t_hours_bounds_the_rate_by_three_over_t():
+    assert rate_bound(0, 2.0) == pytest.approx(3.0 / 2.0, rel=0.002)
+    assert rate_bound(1, 1.0) == pytest.approx(4.744, abs=0.001)  # tables of the Poisson distribution
+    assert rate_bound(0, 0.0) is None
+
+
+def test_figures_are_pictures_with_something_on_them(study, tmp_path):
+    from matplotlib.image import imread
+
+    paths = write_figures(study, tmp_path)
+    expected = {"markov.png", "prediction.png", *(f"norm_{name}.png" for name in SHIPPED)}
+    assert {path.name for path in paths} == expected
+    for path in paths:
+        picture = imread(path)[:, :, :3]
+        assert min(picture.shape[:2]) > 300
+        assert np.std(picture) > 0.05  # a blank page has none
+
+
+def test_the_recording_is_small_and_whole(recording):
+    program = Path(sys.executable).parent / "rerun"
+    assert recording.stat().st_size < 100e6
+    subprocess.run([program, "rrd", "verify", recording], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("number", [0, 7, 14])
+def test_a_trials_series_come_back_bit_for_bit(study, recording, number):
+    trial, root = study.trials[number], trial_paths(study.trials)[number]
+    known = np.isfinite(trial.norm.values)
+    times, values = read_back(recording, f"{root}/norm")
+    assert (values[:, 0] == trial.norm.values[known]).all()
+    np.testing.assert_array_equal(np.rint(times * 100), np.rint(trial.norm.known_s[known] * 100))
+    times, values = read_back(recording, f"{root}/residual")
+    there = np.isfinite(trial.residual.values[:, 0])
+    assert (values[:, 0] == trial.residual.values[there, 0]).all()
+    np.testing.assert_allclose(times, trial.residual.time_s[there], atol=1e-9)
+    _, values = read_back(recording, f"{root}/measured")
+    assert (values[:, 0] == trial.record[trial.channel]).all()
+
+
+def test_shared_signals_come_back_bit_for_bit_and_stand_there_once(study, recording):
+    baseline = study.baseline
+    for entity, record, channels in (
+        ("/truth/rates", baseline.flight, ["p", "q", "r"]),
+        ("/sensors/wind", baseline.healthy, ["alpha", "beta"]),
+        ("/surfaces", baseline.flight, ["elevator", "aileron", "rudder"]),
+    ):
+        times, values = read_back(recording, entity)
+        assert values.shape == (50_001, len(channels))
+        assert (values == record.matrix(channels)).all()
+        np.testing.assert_allclose(times, record.time_s, atol=1e-12)
+
+
+def test_alarms_stand_in_the_recording_where_the_norm_crosses(study, recording):
+    for trial, root in zip(study.trials, trial_paths(study.trials), strict=True):
+        times, values = read_back(recording, f"{root}/alarm")
+        assert times == pytest.approx([trial.alarm_time_s])
+        norm_times, norm = read_back(recording, f"{root}/norm")
+        at = int(np.argmin(np.abs(norm_times - times[0])))
+        assert norm[at - 1, 0] <= values[0, 0] < norm[at, 0]

@@ -1,0 +1,58 @@
+"""A look at the recording in the real viewer, as a person would take it."""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.report.recording import write_recording
+from gtmbench.study.run import run_study
+
+VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
+
+
+@pytest.mark.viewer
+@pytest.mark.skipif(not VULKAN, reason="the viewer needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # of the viewer's own process handling
+def test_the_viewer_shows_lines_in_the_colours_of_the_trials(tmp_path):
+    import socket
+    from io import BytesIO
+
+    from matplotlib.image import imread
+    from rerun.experimental import ViewerClient
+
+    path = tmp_path / "study.rrd"
+    write_recording(run_study([gb.load_scenario("drift")]), path)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    program = str(Path(sys.executable).parent / "rerun")
+    with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=program) as viewer:
+        viewer.open(str(path))
+        viewer.set_time("time", duration=400.0, play_state="paused")
+        picture = settled(viewer)
+    seen = (imread(BytesIO(picture), format="png")[:, :, :3] * 255).astype(int)
+    for name, colour in {
+        "p": (31, 119, 180),
+        "q": (224, 130, 20),
+        "r": (42, 157, 74),
+        "threshold": (214, 39, 40),
+    }.items():
+        close = np.abs(seen - np.array(colour)).max(axis=2) < 40
+        assert close.sum() > 150, f"no line in the colour of {name}"
+
+
+def settled(viewer):
+    """Return a screenshot once two in a row agree and something is drawn."""
+    last = b""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        time.sleep(1.0)
+        now = viewer.take_screenshot()
+        if now == last and len(now) > 60_000:
+            return now
+        last = now
+    return last
