@@ -54,7 +54,8 @@ def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -
     from rich.progress import Progress as Bar
 
     columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Bar(*columns, console=Console(stderr=True), disable=silent, transient=True) as bar:
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
         task = bar.add_task("reading", total=None)
 
         def tell(step: str, done: int, total: int) -> None:

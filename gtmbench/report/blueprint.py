@@ -90,5 +90,7 @@ def _operator(baseline: Baseline) -> rrb.Container:
         for output in operator.outputs
         for name in operator.inputs
     ]
-    path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/world")
-    return rrb.Horizontal(rrb.Vertical(*charts), path, column_shares=[1, 1], name="Operator and path")
+    path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/path")
+    attitude = rrb.Spatial3DView(name="attitude: north, east, down", origin="/attitude")
+    space = rrb.Vertical(path, attitude, row_shares=[3, 2])
+    return rrb.Horizontal(rrb.Vertical(*charts), space, column_shares=[1, 1], name="Operator and path")

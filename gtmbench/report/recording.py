@@ -13,7 +13,7 @@ entity                                  holds
 ``/trials/.../onset``, ``.../alarm``    one point each
 ``/events``                             onsets, alarms and misses, in words
 ``/operator/OUTPUT/INPUT``              Markov parameters over lags
-``/world/path``, ``/world/aircraft``    the way flown in ft (north, east, down), and the attitude
+``/path``, ``/attitude``                the way flown in ft (north, east, down); the aircraft's attitude
 ======================================  ===============================================================
 
 All on the timeline ``time``; values are doubles, bit for bit those of the study.
@@ -30,13 +30,14 @@ import numpy as np
 import rerun as rr
 
 from gtmbench.channels import unit_of
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import FloatArray
 from gtmbench.report.blueprint import blueprint
+from gtmbench.report.scene import log_scene
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import trial_label
+from gtmbench.report.timeline import set_time, times
 from gtmbench.study.run import Study, Trial
 
-TIMELINE = "time"
 GROUPS = {
     "rates": ("p", "q", "r"),
     "wind": ("alpha", "beta"),
@@ -46,13 +47,6 @@ GROUPS = {
     "altitude": ("altitude",),
 }
 SURFACES = ("elevator", "aileron", "rudder")
-_PATH_STEP = 10  # samples between two poses: 10 a second
-# a paper plane in body axes (forward, right, down), wing span about 1: fuselage, wing, fin; three corners each
-_OUTLINE = [
-    *([0.6, 0.0, 0.0], [-0.5, -0.06, 0.0], [-0.5, 0.06, 0.0]),
-    *([0.1, 0.0, 0.0], [-0.15, -0.55, 0.0], [-0.15, 0.55, 0.0]),
-    *([-0.3, 0.0, 0.0], [-0.5, 0.0, 0.0], [-0.5, 0.0, -0.22]),
-]
 
 
 def write_recording(study: Study, path: Path) -> None:
@@ -64,7 +58,7 @@ def write_recording(study: Study, path: Path) -> None:
     recording.send_recording_name(f"gtmbench study: {study.baseline.operator.name}, seed {study.baseline.setup.seed}")
     _shared(recording, study)
     _operator(recording, study)
-    _world(recording, study.baseline.flight)
+    log_scene(recording, study.baseline.flight)
     for trial, label in zip(study.trials, labels, strict=True):
         _trial(recording, trial, label)
     _events(recording, study)
@@ -80,11 +74,6 @@ def trial_paths(trials: Sequence[Trial]) -> list[str]:
         seen[base] += 1
         paths.append(base if often[base] == 1 else f"{base}_{seen[base]}")
     return paths
-
-
-def _times(time_s: FloatArray) -> rr.TimeColumn:
-    # whole nanoseconds: rerun cuts float seconds off, which loses a nanosecond here and there
-    return rr.TimeColumn(TIMELINE, duration=np.rint(time_s * 1e9).astype("timedelta64[ns]"))
 
 
 def _lines(
@@ -103,7 +92,7 @@ def _lines(
     columns = rr.Scalars.columns(scalars=table[there].ravel())
     if table.shape[1] > 1:
         columns = columns.partition([table.shape[1]] * int(there.sum()))
-    recording.send_columns(entity, indexes=[_times(time_s[there])], columns=columns)
+    recording.send_columns(entity, indexes=[times(time_s[there])], columns=columns)
 
 
 def _rgb(tint: str) -> list[int]:
@@ -150,44 +139,6 @@ def _operator(recording: rr.RecordingStream, study: Study) -> None:
             recording.log(f"/operator/{output}/{name}", bars, static=True)
 
 
-def _world(recording: rr.RecordingStream, flight: Record) -> None:
-    """Log path and attitude; the aircraft is drawn large enough to be seen from where the whole path fits."""
-    shown = slice(None, None, _PATH_STEP)
-    place = np.column_stack([flight["north"], flight["east"], -flight["altitude"]])[shown]
-    place[:, 2] -= place[0, 2]
-    recording.log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
-    recording.log(
-        "/world/path", rr.LineStrips3D([place], colors=[[120, 160, 220]], radii=rr.Radius.ui_points(1.5)), static=True
-    )
-    size = 0.12 * float(np.ptp(place, axis=0).max())
-    body = rr.Mesh3D(
-        vertex_positions=max(size, 1.0) * np.array(_OUTLINE),
-        triangle_indices=[[0, 1, 2], [3, 4, 5], [6, 7, 8]],
-        albedo_factor=[255, 170, 60],
-    )
-    recording.log("/world/aircraft", body, static=True)
-    turns = _quaternions(flight["phi"][shown], flight["theta"][shown], flight["psi"][shown])
-    recording.send_columns(
-        "/world/aircraft",
-        indexes=[_times(flight.time_s[shown])],
-        columns=rr.Transform3D.columns(translation=place, quaternion=turns),
-    )
-
-
-def _quaternions(phi_deg: FloatArray, theta_deg: FloatArray, psi_deg: FloatArray) -> FloatArray:
-    """Return body-to-world rotations as x, y, z, w: yaw, then pitch, then roll."""
-    a, b, c = (np.deg2rad(angle) / 2.0 for angle in (phi_deg, theta_deg, psi_deg))
-    sa, ca, sb, cb, sc, cc = np.sin(a), np.cos(a), np.sin(b), np.cos(b), np.sin(c), np.cos(c)
-    return np.column_stack(
-        [
-            sa * cb * cc - ca * sb * sc,
-            ca * sb * cc + sa * cb * sc,
-            ca * cb * sc - sa * sb * cc,
-            ca * cb * cc + sa * sb * sc,
-        ]
-    )
-
-
 def _trial(recording: rr.RecordingStream, trial: Trial, root: str) -> None:
     tint, label = colour(trial.channel), root.removeprefix("/trials/")
     unit = unit_of(trial.baseline.operator.outputs[0])
@@ -201,12 +152,8 @@ def _trial(recording: rr.RecordingStream, trial: Trial, root: str) -> None:
         if time_s is not None:
             style = rr.SeriesPoints(names=f"{label} {name}", colors=_rgb(tint), markers=marker, marker_sizes=6.0)
             recording.log(f"{root}/{name}", style, static=True)
-            _at(recording, time_s)
+            set_time(recording, time_s)
             recording.log(f"{root}/{name}", rr.Scalars(level))
-
-
-def _at(recording: rr.RecordingStream, time_s: float) -> None:
-    recording.set_time(TIMELINE, duration=np.timedelta64(round(time_s * 1e9), "ns"))
 
 
 def _events(recording: rr.RecordingStream, study: Study) -> None:
@@ -224,5 +171,5 @@ def _events(recording: rr.RecordingStream, study: Study) -> None:
         else:
             events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     for time_s, level, text in sorted(events):
-        _at(recording, time_s)
+        set_time(recording, time_s)
         recording.log("/events", rr.TextLog(text, level=level))
