@@ -96,9 +96,11 @@ _TABLE = (
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
 SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
-GYROS = ("p", "q", "r")
+SURFACES = ("elevator", "aileron", "rudder")
 
 _BY_HEADER = {channel.header: channel.name for channel in _TABLE}
+# how logs write units; "p_rad_s" is channel p in another unit, "p_2" is somebody's second gyro
+_FOREIGN_UNITS = {"rad", "rad_s", "dps", "rps", "m", "m_s", "m_s2", "mps", "ft_s", "fps", "kts", "mg", "norm"}
 
 
 def unit_of(name: str) -> str:
@@ -125,10 +127,10 @@ def channel_of(header: str) -> str:
     """
     if header in _BY_HEADER:
         return _BY_HEADER[header]
-    base = header.split("_")[0]
-    if base in CHANNELS:
+    base, _, unit = header.partition("_")
+    if base in CHANNELS and (not unit or unit in _FOREIGN_UNITS or unit in UNIT_SUFFIX.values()):
         known = CHANNELS[base]
-        said = "doesn't state its unit" if header == base else "isn't in this package's unit"
+        said = "isn't in this package's unit" if unit else "doesn't state its unit"
         raise InputError(
             f"column '{header}' {said}: channel '{base}' is in {known.unit}; convert it and name it '{known.header}'"
         )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,6 +59,7 @@ def written_aside(target: Path) -> Iterator[Path]:
     InputError
         Where the folder doesn't exist or can't be written.
     """
+    target = target.resolve()  # through a link, to the file it means
     with _folder_beside(target) as aside:
         yield aside / target.name
         (aside / target.name).replace(target)
@@ -67,12 +70,36 @@ def folder_aside(target: Path) -> Iterator[Path]:
     """Give a folder to write files to; they are moved into `target` when the block ends well.
 
     Files of other names that stand in `target` already stay as they are.
+
+    Raises
+    ------
+    InputError
+        Where a folder stands in a file's place.
     """
+    target = target.resolve()
     with _folder_beside(target) as aside:
         yield aside
-        target.mkdir(exist_ok=True)
-        for path in sorted(aside.iterdir()):
-            path.replace(target / path.name)
+        results = sorted(aside.iterdir())
+        for path in results:
+            if (target / path.name).is_dir():
+                raise InputError(f"{target / path.name} is a folder; a file of that name can't be written there")
+        with _uninterrupted():
+            target.mkdir(exist_ok=True)
+            for path in results:
+                path.replace(target / path.name)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait for the few milliseconds that must not be cut in two."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, former)
 
 
 @contextmanager
@@ -83,7 +110,7 @@ def _folder_beside(target: Path) -> Iterator[Path]:
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
     try:
-        aside = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=parent))
+        aside = Path(tempfile.mkdtemp(prefix=".gtmbench-", dir=parent))
     except OSError as error:
         raise InputError(f"can't write {target}: {error.strerror}; choose another place") from error
     try:

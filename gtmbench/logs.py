@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gtmbench.channels import header_of
+from gtmbench.channels import channel_of, header_of
 from gtmbench.errors import InputError
 from gtmbench.files import written_aside
 from gtmbench.record import Record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -30,12 +35,22 @@ def write_log(record: Record, path: str | Path) -> None:
     """
     path = Path(path)
     suffix = check_log_path(path)
+    for name in record.channels:
+        if not _comes_back(name):
+            raise InputError(f"channel '{name}' would be read back as something else; rename it before writing")
     frame = record.frame().rename(columns=header_of).reset_index()
     with written_aside(path) as aside:
         if suffix == ".csv":
             frame.to_csv(aside, index=False)
         else:
             frame.to_parquet(aside, index=False)
+
+
+def _comes_back(name: str) -> bool:
+    try:
+        return name != "time_s" and channel_of(header_of(name)) == name
+    except InputError:
+        return False
 
 
 def read_log(path: str | Path) -> Record:
@@ -56,11 +71,29 @@ def read_log(path: str | Path) -> Record:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
-        frame = pd.read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
-    except (ValueError, OSError, MemoryError) as error:  # pandas' and pyarrow's own errors are among these
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            frame = _read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
+    except (
+        ValueError,
+        OSError,
+        MemoryError,
+        pd.errors.ParserWarning,
+    ) as error:  # pandas' and pyarrow's are among these
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path} isn't a readable {suffix[1:]} table: {reason}") from error
     try:
-        return Record.from_frame(frame)
+        return Record.from_frame(frame.rename(columns=lambda name: name if name == "time_s" else channel_of(str(name))))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Read a table under its own column names: pandas would number those that stand there twice."""
+    import pandas as pd
+
+    names = pd.read_csv(path, header=None, nrows=1, dtype=str).iloc[0].tolist()
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"column '{twice[0]}' stands there twice")
+    return pd.read_csv(path, index_col=False)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FloatArray = NDArray[np.float64]
+Span = tuple[float, float]
 
 
 def frozen(values: ArrayLike) -> FloatArray:
@@ -124,8 +125,11 @@ class Record:
     def replace(self, channel: str, values: ArrayLike) -> Record:
         """Return a record in which one channel has other values."""
         self.matrix([channel])
+        column = frozen(values)
+        if column.shape != (len(self),):
+            raise InputError(f"values of shape {column.shape} don't replace a channel of {len(self)} samples")
         changed = self.values.copy()
-        changed[:, self.channels.index(channel)] = values
+        changed[:, self.channels.index(channel)] = column
         return self._with(changed, self.channels, self.start_s)
 
     def sample_range(self, start_s: float, end_s: float) -> range:
@@ -137,14 +141,14 @@ class Record:
             Where the span is empty or reaches outside the record.
         """
         tolerance = 1e-6  # of a sample: times are written as decimals
-        first = math.ceil((start_s - self.start_s) / self.sample_period_s - tolerance)
-        last = math.floor((end_s - self.start_s) / self.sample_period_s + tolerance)
-        if first < 0 or last >= len(self) or first > last:
+        first = np.ceil((start_s - self.start_s) / self.sample_period_s - tolerance)
+        last = np.floor((end_s - self.start_s) / self.sample_period_s + tolerance)
+        if not 0 <= first <= last < len(self):  # so for NaN, too
             raise InputError(
                 f"{start_s:g}..{end_s:g} s isn't a span of this record, which runs from {self.start_s:g} to "
                 f"{self.end_s:g} s; choose a start before the end, both inside"
             )
-        return range(first, last + 1)
+        return range(int(first), int(last) + 1)
 
     def between(self, start_s: float, end_s: float) -> Record:
         """Return the part from start to end in seconds, both ends included.
@@ -194,14 +198,15 @@ class Record:
                 "a frame needs its time: a column or an index named 'time_s', in seconds, or sample_period_s"
             )
         names = [str(name) if name in CHANNELS else channel_of(str(name)) for name in frame.columns]
-        start = 0.0 if time is None else float(np.asarray(time, dtype=np.float64)[0]) if len(frame) else 0.0
-        if sample_period_s is None:
-            sample_period_s = even_period_s(np.asarray(time, dtype=np.float64))
         try:
             values = frame.to_numpy(dtype=np.float64)
+            time_s = None if time is None else np.asarray(time, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"every column must hold numbers: {error}") from error
-        return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start)
+            raise InputError(f"every column, time_s too, must hold numbers: {error}") from error
+        if sample_period_s is None:
+            sample_period_s = even_period_s(np.zeros(0) if time_s is None else time_s)
+        start_s = float(time_s[0]) if time_s is not None and len(time_s) else 0.0
+        return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start_s)
 
     def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
         return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s)
@@ -224,7 +229,8 @@ def even_period_s(time_s: FloatArray) -> float:
     period = float(np.median(steps))
     if period <= 0:
         raise InputError(f"time runs backwards or stands still (median step {period:g} s); sort and clean the rows")
-    uneven = np.flatnonzero(np.abs(steps - period) > 1e-3 * period + 2e-9)
+    grain = 2e-9 + 2.0 * float(np.spacing(np.abs(time_s).max()))  # stamps are rounded to ns, and to doubles
+    uneven = np.flatnonzero(np.abs(steps - period) > 1e-3 * period + grain)
     if len(uneven):
         row = int(uneven[0])
         what = "a gap" if steps[row] > period else "a doubled or early stamp"
@@ -233,8 +239,7 @@ def even_period_s(time_s: FloatArray) -> float:
             f"every {period:g} s; split the log there or resample it"
         )
     mean = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
-    tolerance = 4e-9 / (len(time_s) - 1) + 1e-12 * abs(time_s).max()
     for candidate in (1.0 / max(round(1.0 / mean), 1), round(mean, 6), round(mean, 9)):
-        if abs(candidate - mean) <= tolerance:
+        if abs(candidate - mean) <= 2.0 * grain / (len(time_s) - 1):
             return candidate
     return mean

@@ -34,10 +34,10 @@ def flight_loop() -> float:
     moved = excitation("dissertation", time_s, seed=1)
     ratios = []
     for _ in range(REPETITIONS):
-        fdm, trimmed = trimmed_engine(craft, flight.SAMPLE_PERIOD_S)
+        fdm, trimmed = trimmed_engine(craft)
         commands = flight._commands(craft, trimmed, moved, STEPS + 1)
         ours = seconds(lambda fdm=fdm, commands=commands: flight._fly(fdm, commands))
-        fdm, _ = trimmed_engine(craft, flight.SAMPLE_PERIOD_S)
+        fdm, _ = trimmed_engine(craft)
 
         def bare(run: Callable[[], bool] = fdm.run) -> None:
             for _ in range(STEPS):

@@ -56,7 +56,7 @@ def test_modes_are_those_of_an_independent_model():
 
 @pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")  # jsbsim returns one
 def test_inertia_matrix_holds_minus_ixz():
-    fdm, _ = trimmed_engine(CRAFT, 0.01)
+    fdm, _ = trimmed_engine(CRAFT)
     inertia = fdm.get_mass_balance().get_J()
     assert inertia[0, 2] == pytest.approx(-0.274)
     np.testing.assert_allclose(np.diag(inertia), [1.221, 4.655, 5.587])
@@ -134,7 +134,7 @@ def build_up(tables, at):
 def test_coefficients_are_the_tables_put_together_in_python():
     random = np.random.default_rng(20261120)
     tables = Tables()
-    fdm = engine(CRAFT, 0.01)
+    fdm = engine(CRAFT)
     found, expected = [], []
     spans = {"alpha": (-5, 30), "beta": (-20, 20), "tas": (70, 130), "p": (-40, 40), "q": (-25, 25), "r": (-40, 40),
              "elevator": (-30, 20), "aileron": (-20, 20), "rudder": (-30, 30)}  # fmt: skip
@@ -151,7 +151,7 @@ def test_coefficients_are_the_tables_put_together_in_python():
 
 def test_mirrored_surfaces_mirror_the_aircraft():
     """An aileron or a rudder deflected the other way at the opposite sideslip gives the mirror image."""
-    fdm = engine(CRAFT, 0.01)
+    fdm = engine(CRAFT)
 
     def increments(beta, aileron, rudder):
         at = {
@@ -175,7 +175,7 @@ def test_mirrored_surfaces_mirror_the_aircraft():
 
 
 def test_servos_stand_where_commanded_after_run_ic_and_lag_in_flight():
-    fdm = engine(CRAFT, 0.01)
+    fdm = engine(CRAFT)
     trim = gb.trim("gtm")
     at = {"alpha": 3.0, "beta": 0.0, "tas": 100.58, "altitude": 8000, "psi": 0, "phi": 0, "theta": 3.0, **trim.commands}
     for elevator in (-10.0, 5.0):

@@ -54,7 +54,7 @@ def test_every_gtmbench_command_runs_in_order(tmp_path, monkeypatch, capsys):
 
 def test_the_python_runs(capsys):
     (code,) = blocks("python")
-    exec(code, {})  # noqa: S102
+    exec(code, {})
     assert "[p q beta] -> r (101, 1, 3)" in capsys.readouterr().out
 
 

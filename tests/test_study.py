@@ -19,7 +19,7 @@ def test_all_fifteen_faults_are_detected_without_a_false_alarm(study):
     assert len(study.trials) == 15
     assert {(trial.fault, trial.channel) for trial in study.trials} == {(kind, c) for kind in SHIPPED for c in "pqr"}
     assert all(trial.detected for trial in study.trials), [trial.reason for trial in study.trials]
-    assert study.false_alarms == 0
+    assert study.baseline.false_alarms == 0
     assert study.baseline.healthy_hours > 0.5
 
 

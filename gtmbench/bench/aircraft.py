@@ -11,8 +11,9 @@ import jsbsim
 
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import share, shipped_aircraft
+from gtmbench.record import Span
 
-Span = tuple[float, float]
+SAMPLE_PERIOD_S = 0.01
 _ADAMS_BASHFORTH_2 = 3
 
 
@@ -71,8 +72,8 @@ def _span(value: list[float]) -> Span:
     return float(low), float(high)
 
 
-def engine(aircraft: Aircraft, sample_period_s: float) -> jsbsim.FGFDMExec:
-    """Return a fresh JSBSim instance with the aircraft loaded.
+def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
+    """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
 
     Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
 
@@ -90,7 +91,7 @@ def engine(aircraft: Aircraft, sample_period_s: float) -> jsbsim.FGFDMExec:
     for integrator in ("rate", "position"):
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
-    fdm.set_dt(sample_period_s)  # components take it over when they load: before load_model
+    fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
     loaded = fdm.load_model(aircraft.name)
     fdm.disable_output()
     if not loaded:

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.channels import SURFACES
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-
-SURFACES = ("elevator", "aileron", "rudder")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,20 +38,25 @@ def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     >>> sorted(both.surfaces), both.turbulence
     (['aileron', 'elevator', 'rudder'], True)
     """
-    parts = []
-    for part in name.split("+"):
-        if part.strip() not in EXCITATIONS:
-            known = ", ".join(EXCITATIONS)
-            raise InputError(
-                f"no excitation '{part.strip()}'; there are {known}, and sums such as multisine+turbulence"
-            )
-        parts.append(EXCITATIONS[part.strip()](time_s, seed))
+    parts = [EXCITATIONS[part](time_s, seed) for part in parts_of(name)]
     total = {
         surface: np.sum([part.surfaces[surface] for part in parts if surface in part.surfaces], axis=0)
         for surface in SURFACES
         if any(surface in part.surfaces for part in parts)
     }
     return Excitation(surfaces=total, turbulence=any(part.turbulence for part in parts))
+
+
+def parts_of(name: str) -> list[str]:
+    """Return the terms of an excitation's name, or refuse one that is unknown or stands there twice."""
+    parts = [part.strip() for part in name.split("+")]
+    for part in parts:
+        if part not in EXCITATIONS:
+            known = ", ".join(EXCITATIONS)
+            raise InputError(f"no excitation '{part}'; there are {known}, and sums such as multisine+turbulence")
+        if parts.count(part) > 1:
+            raise InputError(f"excitation '{name}' holds '{part}' twice; name every term once")
+    return parts
 
 
 def dissertation(time_s: FloatArray, seed: int) -> Excitation:

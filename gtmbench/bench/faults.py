@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -47,13 +48,12 @@ class Fault:
     duration_s: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name in ("channel", "duration_s") and (isinstance(value, str) or value is None):
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise InputError(f"{self.kind}: {name} is {value!r}; it must be a finite number")
-        if self.duration_s is not None and self.duration_s <= 0:
-            raise InputError(f"{self.kind}: duration_s is {self.duration_s:g}; it must be positive, or left out")
+        if not isinstance(self.channel, str):
+            raise InputError(f"{self.kind}: channel is {self.channel!r}; it must be a channel's name")
+        for name in ("onset_s", *(item.name for item in self.severities())):
+            number(f"{self.kind}: {name}", getattr(self, name))
+        if self.duration_s is not None:
+            number(f"{self.kind}: duration_s", self.duration_s, 0.0, above=True)
 
     @classmethod
     def severities(cls) -> tuple[Severity, ...]:
@@ -90,7 +90,7 @@ class Fault:
 
     def active(self, time_s: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return at which times the fault is active; a time counts as reached up to a nanosecond before it."""
-        begun = time_s > self.onset_s - 1e-9
+        begun = time_s >= self.onset_s - 1e-9
         return begun if self.duration_s is None else begun & (time_s < self.onset_s + self.duration_s - 1e-9)
 
     def array(self, record: Record) -> FloatArray:
@@ -152,7 +152,7 @@ class Deadzone(Fault):
     def __post_init__(self) -> None:
         """Refuse a negative width."""
         super().__post_init__()
-        _not_negative(self, "half_width")
+        number("deadzone: half_width", self.half_width, 0.0)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -172,7 +172,7 @@ class Saturation(Fault):
     def __post_init__(self) -> None:
         """Refuse a negative limit."""
         super().__post_init__()
-        _not_negative(self, "limit")
+        number("saturation: limit", self.limit, 0.0)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -194,7 +194,7 @@ class RateSaturation(Fault):
     def __post_init__(self) -> None:
         """Refuse a negative limit."""
         super().__post_init__()
-        _not_negative(self, "rate_limit")
+        number("rate_saturation: rate_limit", self.rate_limit, 0.0)
 
     def begin(self, before: FloatArray) -> Any:
         """Start from the last healthy sample."""
@@ -211,7 +211,10 @@ class RateSaturation(Fault):
             if math.isnan(y):
                 broken.append(y)
                 continue
-            at = y if math.isnan(at) else at + min(max(y - at, -step), step)
+            if math.isnan(at) or abs(y - at) <= step:
+                at = y
+            else:
+                at += math.copysign(step, y - at)
             broken.append(at)
         return np.array(broken), at
 
@@ -231,11 +234,6 @@ class Jam(Fault):
     ) -> tuple[FloatArray, Any]:
         """Repeat it."""
         return np.full(len(seen), carried), carried
-
-
-def _not_negative(fault: Fault, name: str) -> None:
-    if getattr(fault, name) < 0:
-        raise InputError(f"{fault.kind}: {name} is {getattr(fault, name):g}; it can't be negative")
 
 
 FAULTS: dict[str, type[Fault]] = {kind.kind: kind for kind in (Drift, Deadzone, Saturation, RateSaturation, Jam)}

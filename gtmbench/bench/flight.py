@@ -8,14 +8,14 @@ from operator import call
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import Aircraft, load_aircraft
-from gtmbench.bench.excitation import Excitation, excitation
+from gtmbench.bench import excitation as excitations
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, load_aircraft
 from gtmbench.bench.trim import Trim, trimmed_engine
 from gtmbench.channels import CHANNELS, COMMANDS, Role
-from gtmbench.errors import EnvelopeError, GtmbenchError, InputError
+from gtmbench.checks import number, whole
+from gtmbench.errors import EnvelopeError, GtmbenchError
 from gtmbench.record import FloatArray, Record
 
-SAMPLE_PERIOD_S = 0.01
 LONGEST_S = 24 * 3600.0
 
 # Moderate turbulence, JSBSim's Milspec model: type 3, severity 3, 25 ft/s wind at 20 ft above ground.
@@ -57,15 +57,13 @@ def fly(aircraft: str = "gtm", excitation: str = "dissertation", duration_s: flo
     >>> len(flight), flight["nz"][0].round(1)
     (201, np.float64(1.0))
     """
-    if not 0.0 < duration_s <= LONGEST_S:
-        raise InputError(f"duration_s is {duration_s}; a flight lasts more than 0 and at most {LONGEST_S:g} s")
-    if not 0 <= seed < 2**31:
-        raise InputError(f"seed is {seed}; give a whole number from 0 to {2**31 - 1}")
+    duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
+    seed = whole("seed", seed)
     craft = load_aircraft(aircraft)
     steps = round(duration_s / SAMPLE_PERIOD_S)
     time_s = np.round(np.arange(steps + 1) * SAMPLE_PERIOD_S, 9)
-    moved = _excitation(excitation, time_s, seed)
-    fdm, trimmed = trimmed_engine(craft, SAMPLE_PERIOD_S)
+    moved = excitations.excitation(excitation, time_s, seed)
+    fdm, trimmed = trimmed_engine(craft)
     commands = _commands(craft, trimmed, moved, len(time_s))
     if moved.turbulence:
         fdm["simulation/randomseed"] = seed
@@ -77,10 +75,7 @@ def fly(aircraft: str = "gtm", excitation: str = "dissertation", duration_s: flo
     return record
 
 
-_excitation = excitation
-
-
-def _commands(aircraft: Aircraft, trimmed: Trim, moved: Excitation, samples: int) -> FloatArray:
+def _commands(aircraft: Aircraft, trimmed: Trim, moved: excitations.Excitation, samples: int) -> FloatArray:
     """Return the commands, shape (samples, 4): trim plus excitation, within the limits."""
     columns = []
     for name in COMMANDS:

@@ -80,7 +80,7 @@ def state_matrix(
 ) -> tuple[FloatArray, float]:
     """Return d(x')/dx at trim, shape (8, 8), in the order of `STATES`, and the airspeed; ft/s, rad/s and rad."""
     craft = load_aircraft(aircraft)
-    fdm, at = trimmed_engine(craft, 0.01, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    fdm, at = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     speed = at.tas_kt / CHANNELS["tas"].scale
     alpha, phi, theta = np.deg2rad([at.alpha_deg, at.roll_deg, at.pitch_deg])
     trimmed = np.array([speed * np.cos(alpha), 0.0, speed * np.sin(alpha), 0.0, 0.0, 0.0, phi, theta])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.channels import CHANNELS, COMMANDS, SENSORS
+from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
 SNR_CHANNELS = ("p", "q", "r", "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)
+SNR_SPAN = (1e-3, 1e9)
 
 
 def measure(
@@ -54,12 +56,13 @@ def measure(
         raise InputError("give either snr (a number) or noise ('t2'), and not both")
     if noise is not None and noise not in NOISES:
         raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or give snr")
-    if snr is not None and not snr > 0:
-        raise InputError(f"snr is {snr}; it must be a positive number")
-    if seed < 0:
-        raise InputError(f"seed is {seed}; it can't be negative")
-    columns = []
+    if snr is not None:
+        snr = number("snr", snr, *SNR_SPAN)
+    seed = whole("seed", seed)
+    columns: list[FloatArray] = []
     kept = [name for name in flight.channels if name not in CHANNELS or name in SENSORS]
+    if not kept:
+        raise InputError(f"no sensor among the channels {', '.join(flight.channels)}; there is nothing to measure")
     for name in kept:
         truth = flight[name]
         by_ratio = snr is not None and name in SNR_CHANNELS

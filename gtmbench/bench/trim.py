@@ -9,6 +9,7 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft
 from gtmbench.channels import CHANNELS, COMMANDS
+from gtmbench.checks import number
 from gtmbench.errors import TrimError
 from gtmbench.record import FloatArray
 
@@ -100,19 +101,21 @@ def trim(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: flo
     (3.0, 2.7)
     """
     craft = load_aircraft(aircraft)
-    return trimmed_engine(craft, 0.01, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+    return trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
 
 
 def trimmed_engine(
-    aircraft: Aircraft, sample_period_s: float, *, altitude_ft: float | None = None, tas_kt: float | None = None
+    aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return a fresh engine that stands in trim, and the trim."""
     from scipy.optimize import least_squares  # half a second to import
 
-    fdm = engine(aircraft, sample_period_s)
+    fdm = engine(aircraft)
+    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
+    tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     fixed = {
-        "altitude": aircraft.altitude_ft if altitude_ft is None else altitude_ft,
-        "tas": aircraft.tas_kt if tas_kt is None else tas_kt,
+        "altitude": number("altitude_ft", altitude_ft, *aircraft.envelope["altitude"]),
+        "tas": number("tas_kt", tas_kt, 0.0, 2000.0, above=True),
         "psi": aircraft.psi_deg,
         "beta": 0.0,
     }

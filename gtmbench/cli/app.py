@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ import click
 from gtmbench import __version__
 from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.study import new_command, run_command, view_command
-from gtmbench.errors import GtmbenchError
+from gtmbench.errors import GtmbenchError, RankWarning
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -39,13 +40,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± or ² gets ?, not a traceback
-    warnings.showwarning = lambda message, *_: None if as_json else click.echo(f"note: {message}", err=True)
+    warnings.showwarning = lambda message, *_: None if as_json else _note(message)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what stands aside is cleared away
     sys.exit(_run(given, as_json))
 
 
 def _run(given: list[str], as_json: bool) -> int:
     try:
         code = app.main(given, prog_name="gtmbench", standalone_mode=False)
+        sys.stdout.flush()  # a full disk shows here, not after the last word
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2
@@ -55,12 +58,14 @@ def _run(given: list[str], as_json: bool) -> int:
         return _fail(str(error), as_json)
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted; nothing was written", as_json, code=130)
-    except BrokenPipeError:  # the reader of our output left: `gtmbench list | head -1`
-        sys.stderr.close()
-        return 0
     except (OSError, MemoryError) as error:
         return _fail(f"{type(error).__name__}: {error}", as_json)
     return code if isinstance(code, int) else 0
+
+
+def _note(message: Warning | str) -> None:
+    if isinstance(message, RankWarning):  # a library's own warnings mean nothing to a user
+        click.echo(f"note: {message}", err=True)
 
 
 def _fail(message: str, as_json: bool, code: int = 2) -> int:

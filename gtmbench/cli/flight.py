@@ -97,8 +97,11 @@ def fly_command(
 ) -> None:
     """Fly and write a log: the truth, or with --noise what the sensors read."""
     check_log_path(out)
+    if out.is_dir():
+        raise InputError(f"{out} is a folder; give a file's name")
     if out.exists() and not force:
         raise InputError(f"{out} exists; give another name, or --force to write over it")
+    noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     record = fly(aircraft, excitation, duration, seed)
     if noise is not None:

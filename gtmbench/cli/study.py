@@ -92,7 +92,7 @@ def _print_study(study: Study, out: Path) -> None:
     bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
     limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
     click.echo(f"detected: {found} of {len(study.trials)}")
-    click.echo(f"false alarms: {study.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
+    click.echo(f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
     unit = unit_of(baseline.operator.outputs[0])
     click.echo(
         f"threshold: {baseline.threshold:.4g} {unit}; armed, once the norm had come down to it, at {baseline.armed_s} s"

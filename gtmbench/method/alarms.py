@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.residual import WindowedNorm
 from gtmbench.record import FloatArray, frozen
@@ -42,9 +43,8 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
     InputError
         Where no complete window begins in that span.
     """
-    if not factor > 0:
-        raise InputError(f"the threshold's factor is {factor}; it must be positive")
-    inside = (norm.time_s > start_s - 1e-9) & (norm.time_s < end_s + 1e-9) & np.isfinite(norm.values)
+    factor = number("factor", factor, 0.0, above=True)
+    inside = (norm.time_s >= start_s - 1e-9) & (norm.time_s <= end_s + 1e-9) & np.isfinite(norm.values)
     if not inside.any():
         raise InputError(
             f"no complete window begins in {start_s:g}..{end_s:g} s, so there is no threshold; choose another span, "
@@ -71,16 +71,15 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     >>> alarms(norm, 1.0).time_s
     array([1.5, 4.5])
     """
-    if not threshold > 0:
-        raise InputError(f"threshold is {threshold}; it must be a positive number")
-    watched = np.flatnonzero((norm.time_s > start_s - 1e-9) & np.isfinite(norm.values))
+    threshold = number("threshold", threshold, 0.0, above=True)
+    watched = np.flatnonzero((norm.time_s >= start_s - 1e-9) & ~np.isnan(norm.values))
     above = norm.values[watched] > threshold
     rising = above & ~np.concatenate([[True], above])[:-1]
     known_s = norm.known_s[watched]
     return Alarms(
         time_s=frozen(known_s[rising]),
         armed_s=float(known_s[~above][0]) if not above.all() else float("nan"),
-        threshold=float(threshold),
+        threshold=threshold,
         look_ahead_s=norm.look_ahead_s,
         window_s=(norm.window + 1) * norm.sample_period_s,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.errors import InputError
+from gtmbench.checks import whole
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen
 
@@ -42,7 +42,7 @@ class WindowedNorm:
     values : shape (samples,)
         In the output's unit.
     time_s : shape (samples,)
-        Times of the windows' first samples, in seconds; E(k) is known ``look_ahead_s + (window + 1) Ts`` after them.
+        Times of the windows' first samples, in seconds; E(k) is known at `known_s`, ``(w + d) Ts`` later.
     window : int
         w: a window holds w + 1 samples, k..k+w.
     look_ahead_s, sample_period_s : float
@@ -105,13 +105,12 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     >>> windowed_norm(e, window=1).values
     array([ 5.,  4., nan])
     """
-    if isinstance(window, bool) or not isinstance(window, (int, np.integer)) or window < 0:
-        raise InputError(f"window is {window!r}; it must be a whole number of samples, 0 or more")
+    window = whole("window", window)
     squares = np.sum(residual.values**2, axis=1)
     return WindowedNorm(
         values=frozen(np.sqrt(_moving_sum(squares, window + 1))),
         time_s=residual.time_s,
-        window=int(window),
+        window=window,
         look_ahead_s=residual.look_ahead_s,
         sample_period_s=residual.sample_period_s,
     )

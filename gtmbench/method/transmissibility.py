@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gtmbench.checks import whole
 from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.least_squares import solve
 from gtmbench.record import FloatArray, Record, frozen
+
+_LARGEST_REGRESSOR_GB = 4.0  # the solver needs about three times as much
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +110,8 @@ def identify(
 ) -> Transmissibility:
     """Identify the operator from inputs to outputs by least squares, equations (4.8) and (4.9).
 
-    theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, means removed.
+    theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, the means of the
+    record removed. (Means over k = 0..l, not over the equations: the ends cost a bias that falls with the length.)
 
     Parameters
     ----------
@@ -132,15 +136,14 @@ def identify(
     --------
     >>> u = np.random.default_rng(1).standard_normal(500)
     >>> y = 2.0 * u + np.roll(u, -1)  # y(k) = 2 u(k) + u(k+1)
-    >>> record = Record(np.column_stack([u, y])[1:-1], channels=["u", "y"], sample_period_s=0.01)
+    >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
     >>> identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=1).markov[:, 0, 0].round(9) + 0.0
     array([1., 2., 0.])
     """
     inputs, outputs = _names(inputs), _names(outputs)
     _check_channels(record, inputs, outputs)
-    for name, order in (("causal_order", causal_order), ("noncausal_order", noncausal_order)):
-        if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < 0:
-            raise InputError(f"{name} is {order!r}; it must be a whole number, 0 or more")
+    causal_order = whole("causal_order", causal_order)
+    noncausal_order = whole("noncausal_order", noncausal_order)
     _check_length(record, inputs, outputs, causal_order, noncausal_order)
     u, y = record.matrix(inputs), record.matrix(outputs)
     input_means, output_means = u.mean(axis=0), y.mean(axis=0)
@@ -157,8 +160,8 @@ def identify(
         markov=frozen(solution.coefficients.transpose(0, 2, 1)),
         inputs=inputs,
         outputs=outputs,
-        causal_order=int(causal_order),
-        noncausal_order=int(noncausal_order),
+        causal_order=causal_order,
+        noncausal_order=noncausal_order,
         input_means=frozen(input_means),
         output_means=frozen(output_means),
         rank=solution.rank,
@@ -178,6 +181,9 @@ def _names(names: Sequence[str]) -> tuple[str, ...]:
 def _check_channels(record: Record, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
     if not inputs or not outputs:
         raise InputError("an operator needs at least one pseudo input and one pseudo output")
+    twice = [name for names in (inputs, outputs) for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"'{twice[0]}' is given twice; name every pseudo input and pseudo output once")
     both = [name for name in outputs if name in inputs]
     if both:
         raise InputError(f"'{both[0]}' is both pseudo input and pseudo output; it would predict itself")
@@ -207,4 +213,10 @@ def _check_length(
         raise InputError(
             f"{len(record)} samples of {', '.join(inputs)} give {equations} equations for {parameters} Markov "
             f"parameters of '{outputs[0]}'; record at least {parameters + lags - 1} samples or lower the orders"
+        )
+    gigabytes = equations * parameters * 8 / 1e9
+    if gigabytes > _LARGEST_REGRESSOR_GB:
+        raise InputError(
+            f"{equations} equations for {parameters} Markov parameters take {gigabytes:.0f} GB; identify on a shorter "
+            "stretch or lower the orders"
         )

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from gtmbench.channels import unit_of
+from gtmbench.channels import SURFACES, unit_of
 from gtmbench.record import FloatArray
 from gtmbench.report.blueprint import blueprint
 from gtmbench.report.scene import log_scene
@@ -46,7 +46,6 @@ GROUPS = {
     "speed": ("tas",),
     "altitude": ("altitude",),
 }
-SURFACES = ("elevator", "aileron", "rudder")
 
 
 def write_recording(study: Study, path: Path) -> None:

@@ -10,12 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gtmbench import __version__
 from gtmbench.channels import unit_of
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.study.run import Study
 
 SCHEMA = 1
-_LIBRARIES = ("gtmbench", "jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")
+_LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")
 
 
 def results(study: Study) -> dict[str, Any]:
@@ -29,11 +30,15 @@ def results(study: Study) -> dict[str, Any]:
         "threshold_unit": unit_of(baseline.operator.outputs[0]),
         "armed_s": baseline.armed_s,
         "trials": [trial.row() for trial in study.trials],
-        "false_alarms": study.false_alarms,
+        "false_alarms": baseline.false_alarms,
         "healthy_hours": baseline.healthy_hours,
         "false_alarms_per_hour_at_most": rate_bound(baseline.false_alarms, baseline.healthy_hours),
         "setup": asdict(baseline.setup),
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in _LIBRARIES}},
+        "versions": {
+            "gtmbench": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in _LIBRARIES},
+        },
         "seed": baseline.setup.seed,
     }
 

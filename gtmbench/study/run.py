@@ -17,7 +17,8 @@ from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility, identify
 from gtmbench.record import Record
-from gtmbench.study.scenario import FaultSpec, Scenario, Setup, load_scenario
+from gtmbench.study.fault_spec import FaultSpec
+from gtmbench.study.scenario import Scenario, Setup, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.severity import resolve
 
@@ -112,11 +113,6 @@ class Study:
     baseline: Baseline
     trials: tuple[Trial, ...]
 
-    @property
-    def false_alarms(self) -> int:
-        """Alarms on healthy records, and alarms before the onset in the trials."""
-        return self.baseline.false_alarms + sum(trial.false_alarms for trial in self.trials)
-
 
 def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Trial]:
     """Run one scenario, from trim to verdicts, and return its trials.
@@ -173,6 +169,10 @@ def _common_setup(scenarios: Sequence[Scenario]) -> Setup:
     if not scenarios:
         raise InputError("no scenario given")
     first = scenarios[0]
+    names = [scenario.name for scenario in scenarios]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"two scenarios go by the name '{twice[0]}'; rename one file, or run them one at a time")
     for other in scenarios[1:]:
         if other.setup != first.setup:
             one, two = asdict(first.setup), asdict(other.setup)

@@ -54,10 +54,11 @@ def score(
     """Hold the alarms on a broken record, and the norm they come from, against the fault that was injected."""
     before = raised.time_s < fault.onset_s - 1e-9
     after = raised.time_s[~before]
-    known = (norm.known_s > fault.onset_s - 1e-9) & np.isfinite(norm.values)
+    known = (norm.known_s >= fault.onset_s - 1e-9) & ~np.isnan(norm.values)
     peak_ratio = float(norm.values[known].max() / raised.threshold) if known.any() else 0.0
     active = fault.active(healthy.time_s)
-    altered = healthy[fault.channel][active] != broken[fault.channel][active]
+    was, became = healthy[fault.channel][active], broken[fault.channel][active]
+    altered = (was != became) & ~(np.isnan(was) & np.isnan(became))
     altered_share = float(np.mean(altered)) if len(altered) else 0.0
     detected = len(after) > 0
     return Verdict(
@@ -70,17 +71,21 @@ def score(
         peak_ratio=peak_ratio,
         altered_share=altered_share,
         false_alarms=int(before.sum()),
-        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any()), operator, fault),
+        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any()), raised, operator, fault),
     )
 
 
-def _reason(peak_ratio: float, altered_share: float, watched: bool, operator: Transmissibility, fault: Fault) -> str:
+def _reason(
+    peak_ratio: float, altered_share: float, watched: bool, raised: Alarms, operator: Transmissibility, fault: Fault
+) -> str:
     if fault.channel not in (*operator.inputs, *operator.outputs):
         return f"the operator {operator.name} doesn't use '{fault.channel}'"
     if not watched:
         return "no complete window ends after the onset"
     if altered_share == 0.0:
         return "the fault changed no sample"
+    if np.isnan(raised.armed_s):
+        return "the norm never came down to the threshold, so no alarm was possible"
     if peak_ratio > 1.0:
         return "the norm stood above the threshold since before the onset"
     return f"the norm reached {100.0 * peak_ratio:.0f} % of the threshold"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gtmbench.bench.sensors import rms_about_mean
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import Record
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
 
@@ -21,10 +21,6 @@ class Figure:
 
     value: float
     of: str | None = None
-
-    def __str__(self) -> str:
-        """Write it as the scenario does."""
-        return f"{self.value:g}" if self.of is None else f"{100.0 * self.value:g} % of {self.of}"
 
 
 def parse_severity(given: Any, *, per_second: bool, key: str) -> Figure:
@@ -42,7 +38,7 @@ def parse_severity(given: Any, *, per_second: bool, key: str) -> Figure:
     """
     legal = ("slew",) if per_second else ("rms", "peak")
     number = isinstance(given, (int, float)) and not isinstance(given, bool)
-    if number and math.isfinite(given) and abs(given) < 1e9:
+    if number and abs(given) < 1e9:  # neither inf nor NaN is
         return Figure(value=float(given))
     match = _SHARE.fullmatch(given) if isinstance(given, str) else None
     if match and match[2] in legal:
@@ -62,9 +58,11 @@ def resolve(severity: Figure, reference: Record, channel: str) -> float:
     if severity.of is None:
         return severity.value
     values = reference[channel] - reference[channel].mean()
-    measures: dict[str, FloatArray] = {
-        "rms": np.sqrt(np.mean(values**2)),
-        "peak": np.max(np.abs(values)),
-        "slew": np.max(np.abs(np.diff(values))) / reference.sample_period_s,
+    if len(values) < 2:
+        raise InputError(f"the span that severities refer to holds {len(values)} sample; give a longer one")
+    measures = {
+        "rms": rms_about_mean(values),
+        "peak": float(np.max(np.abs(values))),
+        "slew": float(np.max(np.abs(np.diff(values)))) / reference.sample_period_s,
     }
-    return severity.value * float(measures[severity.of])
+    return severity.value * measures[severity.of]

@@ -1,0 +1,45 @@
+"""Checks of single arguments, with one way of saying what was given and what is legal."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+from typing import Any
+
+from gtmbench.errors import InputError
+
+
+def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> float:
+    """Return a finite number in low..high (with `above`: greater than low) as a float.
+
+    >>> number("snr", 50, 0.0, above=True)
+    50.0
+    """
+    real = isinstance(value, Real) and not isinstance(value, bool)
+    if real and low <= value <= high and abs(value) < math.inf and not (above and value == low):
+        return float(value)
+    raise InputError(f"{name} is {_shown(value)}; it must be a finite number{_span(low, high, above)}")
+
+
+def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
+    """Return a whole number in low..high as an int.
+
+    >>> whole("window", 1000)
+    1000
+    """
+    if isinstance(value, Integral) and not isinstance(value, bool) and low <= int(value) <= high:
+        return int(value)
+    raise InputError(f"{name} is {_shown(value)}; it must be a whole number{_span(low, high, above=False)}")
+
+
+def _shown(value: Any) -> str:
+    try:
+        text = str(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _span(low: float, high: float, above: bool) -> str:
+    bottom = "" if low == -math.inf else f" greater than {low:.10g}" if above else f", {low:.10g} or more"
+    return bottom if high == math.inf else f"{bottom}, at most {high:.10g}"

@@ -1,0 +1,86 @@
+"""The ``[[faults]]`` tables of a scenario: one trial for every channel and every severity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from gtmbench.bench.faults import FAULTS
+from gtmbench.channels import CHANNELS, SENSORS
+from gtmbench.checks import number
+from gtmbench.errors import InputError
+from gtmbench.study.severity import Figure, parse_severity
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultSpec:
+    """One trial to come: a kind of fault on a channel, its severities still relative where the file says so."""
+
+    kind: str
+    channel: str
+    onset_s: float
+    duration_s: float | None
+    severities: dict[str, Figure]
+
+
+def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[FaultSpec]:
+    """Return the trials of one table of a flight of `flight_s` seconds.
+
+    Raises
+    ------
+    InputError
+        Naming the table, the key, what was given and what is legal.
+    """
+    kind = block.get("kind")
+    if not isinstance(kind, str) or kind not in FAULTS:
+        raise InputError(f"{where}: kind is {kind!r}; there are {', '.join(FAULTS)}")
+    own = [item.name for item in FAULTS[kind].severities()]
+    legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
+    for key in block:
+        if key not in legal:
+            raise InputError(f"{where}: unknown key '{key}'; a {kind} has {', '.join(legal)}")
+    for key in ("channels", "onset_s", *own):
+        if key not in block:
+            raise InputError(f"{where}: key '{key}' is missing; a {kind} needs it")
+    channels = _channels(block["channels"], block.get("unit"), where)
+    onset_s = number(f"{where}: onset_s", block["onset_s"], 0.0, flight_s)
+    duration_s = number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
+    return [
+        FaultSpec(kind=kind, channel=channel, onset_s=onset_s, duration_s=duration_s, severities=severities)
+        for channel in channels
+        for severities in _severities(kind, block, where)
+    ]
+
+
+def _channels(channels: Any, unit: Any, where: str) -> list[str]:
+    if not isinstance(channels, list) or not channels or not all(isinstance(name, str) for name in channels):
+        raise InputError(f"{where}: channels is {channels!r}; it must be a list of channel names")
+    for name in channels:
+        if name not in SENSORS:
+            raise InputError(f"{where}: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
+        if channels.count(name) > 1:
+            raise InputError(f"{where}: channel '{name}' stands there twice; name every channel once")
+        if unit is not None and unit != CHANNELS[name].unit:
+            raise InputError(
+                f"{where}: unit is {unit!r}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
+            )
+    return channels
+
+
+def _severities(kind: str, block: dict[str, Any], where: str) -> list[dict[str, Figure]]:
+    """Return every combination of the severities given, checked by the fault itself."""
+    combinations: list[dict[str, Figure]] = [{}]
+    for item in FAULTS[kind].severities():
+        key = f"{where}: {item.name}"
+        given = block[item.name] if isinstance(block[item.name], list) else [block[item.name]]
+        if not given:
+            raise InputError(f"{key} is an empty list; give a figure or a list of them")
+        steps = [parse_severity(entry, per_second=item.per_second, key=key) for entry in given]
+        combinations = [{**others, item.name: step} for others in combinations for step in steps]
+    for combination in combinations:
+        absolute = {name: figure.value for name, figure in combination.items()}
+        try:
+            FAULTS[kind](channel="p", onset_s=0.0, **absolute)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return combinations

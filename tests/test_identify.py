@@ -1,0 +1,244 @@
+"""Identification: the operator that made the data is found again, whatever clock, offset or unit they come in."""
+
+import numpy as np
+import pytest
+
+from gtmbench.errors import InputError, RankWarning
+from gtmbench.method.residual import residual
+from gtmbench.method.transmissibility import identify
+from gtmbench.record import Record
+
+ORDERS = [(0, 0), (3, 2), (5, 0), (0, 4), (1, 6)]  # r, d
+INPUTS, OUTPUTS = ["p", "q"], ["r", "beta"]
+
+
+def operator_of(rng, r, d, outputs=2, inputs=2):
+    """Return Markov parameters, shape (lags, outputs, inputs), lag -d first."""
+    return rng.standard_normal((r + d + 1, outputs, inputs))
+
+
+def plant(r, d, *, samples=400, seed=0, whole_period=False, noise=0.0):
+    """Return Markov parameters and a record that obeys them: y(k) = sum over i = -d..r of H_i u(k-i).
+
+    With `whole_period` the excitation is one period of a periodic one, so that means over the record and means over the
+    equations are the same.
+    """
+    rng = np.random.default_rng([seed, r, d])
+    markov = operator_of(rng, r, d)
+    u = rng.standard_normal((samples, 2)) if whole_period else rng.standard_normal((samples + r + d, 2))
+    # np.roll(u, i)[k] is u(k - i); where the ends wrap around is cut off, unless the wrap is meant
+    y = sum(np.roll(u, i, axis=0) @ markov[i + d].T for i in range(-d, r + 1))
+    y += noise * rng.standard_normal(y.shape)
+    both = np.column_stack([u, y])
+    both = both if whole_period else both[r : len(both) - d]
+    return markov, Record(both, channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01)
+
+
+def found(record, r, d, inputs=INPUTS, outputs=OUTPUTS):
+    return identify(record, inputs=inputs, outputs=outputs, causal_order=r, noncausal_order=d)
+
+
+def changed(record, scale=1.0, offset=0.0, start_s=0.0):
+    """Return the record in other units, about another zero, on another clock."""
+    return Record(record.values * scale + offset, channels=record.channels, sample_period_s=0.01, start_s=start_s)
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+@pytest.mark.parametrize("samples", [60, 400, 4000])
+def test_the_operator_that_made_the_data_is_found_again(r, d, samples):
+    markov, record = plant(r, d, samples=samples, whole_period=True)
+    operator = found(record, r, d)
+    np.testing.assert_allclose(operator.markov, markov, rtol=0, atol=1e-9)
+    assert operator.rms_residual.max() < 1e-9
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+def test_the_ends_of_a_record_bias_the_operator_less_the_longer_it_is(r, d):
+    """Means are the record's, by definition; those over the equations differ a little, unless it is a whole period."""
+    for samples in (400, 4000):
+        markov, record = plant(r, d, samples=samples)
+        np.testing.assert_allclose(found(record, r, d).markov, markov, rtol=0, atol=1.0 / samples)
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+def test_orders_larger_than_needed_give_zeros_at_the_lags_in_excess(r, d):
+    markov, record = plant(r, d, whole_period=True)
+    expected = np.pad(markov, ((2, 3), (0, 0), (0, 0)))
+    np.testing.assert_allclose(found(record, r + 3, d + 2).markov, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("lag", [-4, -1, 0, 1, 3])
+@pytest.mark.parametrize(("i", "o"), [(0, 0), (1, 0), (0, 1)])
+def test_a_delay_is_a_positive_lag_and_an_advance_a_negative_one(lag, i, o):
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((300, 2))
+    y = np.empty((300, 2))
+    y[:, o] = 2.5 * np.roll(u[:, i], lag)  # y(k) = 2.5 u(k - lag)
+    y[:, 1 - o] = np.roll(u[:, 0], 2)
+    operator = found(Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01), 5, 5)
+    at = dict(zip(operator.lags.tolist(), operator.markov, strict=True))
+    assert list(at) == list(range(-5, 6))
+    for number, h in at.items():
+        assert h[o, i] == pytest.approx(2.5 if number == lag else 0.0, abs=1e-9)
+        assert h[o, 1 - i] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_rows_and_columns_follow_the_names_given():
+    markov, record = plant(3, 2, whole_period=True)
+    operator = found(record, 3, 2, INPUTS[::-1], OUTPUTS[::-1])
+    np.testing.assert_allclose(operator.markov, markov[:, ::-1, ::-1], rtol=0, atol=1e-9)
+    assert operator.name == "[q p] -> beta r"
+    assert operator.look_ahead_s == pytest.approx(0.02)
+    assert operator.samples == 400 - 5
+
+
+def test_every_output_is_identified_as_if_it_were_alone():
+    _, record = plant(3, 2, noise=0.3)
+    both = found(record, 3, 2)
+    for o, name in enumerate(OUTPUTS):
+        alone = found(record, 3, 2, outputs=[name])
+        np.testing.assert_allclose(alone.markov[:, 0], both.markov[:, o], rtol=0, atol=1e-12)
+        assert alone.rms_residual[0] == pytest.approx(both.rms_residual[o])
+
+
+def test_another_clock_gives_the_same_bits():
+    _, record = plant(3, 2, noise=0.3)
+    np.testing.assert_array_equal(found(record, 3, 2).markov, found(changed(record, start_s=1e6), 3, 2).markov)
+
+
+def test_offsets_dont_change_what_is_predicted():
+    _, record = plant(3, 2, noise=0.3)
+    offsets = np.array([1e4, -1e4, 1e4, -2e4])
+    shifted = changed(record, offset=offsets)
+    expected = found(record, 3, 2).predict(record) + offsets[2:]
+    np.testing.assert_allclose(found(shifted, 3, 2).predict(shifted), expected, rtol=0, atol=1e-8)
+
+
+def test_units_of_inputs_and_outputs_scale_the_parameters_and_the_predictions():
+    _, record = plant(3, 2, noise=0.3)
+    scales = np.array([1e6, 1e-6, 1e6, 1e-3])
+    scaled = changed(record, scale=scales)
+    one, other = found(record, 3, 2), found(scaled, 3, 2)
+    expected = one.markov * scales[2:, np.newaxis] / scales[:2]
+    np.testing.assert_allclose(other.markov / expected, 1.0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.predict(scaled) / scales[2:], one.predict(record), rtol=0, atol=1e-9)
+    assert other.condition == pytest.approx(one.condition)
+
+
+def at_rest(values, margin):
+    """Return signals whose mean is nil and which rest at it for a while before and after."""
+    values = values - values.mean(axis=0)
+    return np.pad(values, ((margin, margin), (0, 0)))
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+def test_noisy_data_give_the_solution_of_the_normal_equations(r, d):
+    """Equations (4.8) and (4.9), written out lag by lag for signals whose mean is nil however it is taken."""
+    rng = np.random.default_rng(11)
+    u, y = (at_rest(rng.standard_normal((60, 2)), r + d) for _ in range(2))
+    record = Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01)
+    rows = range(r, len(u) - d)
+    regressor = np.array([[u[k - i, c] for i in range(-d, r + 1) for c in range(2)] for k in rows])
+    theta = np.linalg.solve(regressor.T @ regressor, regressor.T @ y[r : len(y) - d])
+    operator = found(record, r, d)
+    expected = theta.reshape(r + d + 1, 2, 2).transpose(0, 2, 1)
+    np.testing.assert_allclose(operator.markov, expected, rtol=0, atol=1e-10)
+    left = y[r : len(y) - d] - regressor @ theta
+    np.testing.assert_allclose(operator.rms_residual, np.sqrt(np.mean(left**2, axis=0)), atol=1e-10)
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+def test_what_is_left_is_orthogonal_to_every_lag_of_every_input(r, d):
+    _, record = plant(r, d, samples=200, noise=1.0)
+    operator = found(record, r, d)
+    left = residual(operator, record).values[r : len(record) - d]
+    u = record.matrix(INPUTS) - record.matrix(INPUTS).mean(axis=0)
+    for i in range(-d, r + 1):
+        lagged = u[r - i : len(u) - d - i]
+        np.testing.assert_allclose(lagged.T @ left, 0.0, atol=1e-9)
+
+
+def sinusoids(periods=10):
+    """Return four sinusoids of one frequency: two sinusoids make all of them."""
+    angle = 2.0 * np.pi * np.arange(120 * periods) / 120
+    waves = [a * np.sin(angle + phase) for a, phase in ((1.0, 0.0), (2.0, 0.7), (0.3, 1.9), (1.5, 3.0))]
+    return Record(np.column_stack(waves), channels=["p", "q", "beta", "r"], sample_period_s=0.1)
+
+
+def test_noise_free_sinusoids_warn_and_predict_all_the_same():
+    with pytest.warns(RankWarning, match="determines 2 of the 33 Markov parameters"):
+        operator = found(sinusoids(), 5, 5, ["p", "q", "beta"], ["r"])
+    assert operator.rank == 2
+    assert operator.condition > 1e10
+    assert operator.rms_residual[0] < 1e-9
+    # and on a like record that was not identified on
+    assert np.nanmax(np.abs(residual(operator, sinusoids(3)).values)) < 1e-9
+
+
+def test_a_full_rank_is_reported_without_a_warning():
+    _, record = plant(3, 2, noise=0.1)
+    operator = found(record, 3, 2)
+    assert operator.rank == operator.markov[:, 0, :].size == 12
+    assert 1.0 <= operator.condition < 10.0
+
+
+def test_ten_samples_are_refused_with_the_numbers_of_the_design():
+    short = Record(
+        np.random.default_rng(1).standard_normal((10, 4)), channels=["p", "q", "beta", "r"], sample_period_s=1
+    )
+    message = (
+        "10 samples of p, q, beta give 0 equations for 303 Markov parameters of 'r'; "
+        "record at least 403 samples or lower the orders"
+    )
+    with pytest.raises(InputError) as refused:
+        found(short, 50, 50, ["p", "q", "beta"], ["r"])
+    assert str(refused.value) == message
+
+
+@pytest.mark.filterwarnings("ignore::gtmbench.errors.RankWarning")
+def test_the_least_number_of_samples_is_the_one_that_is_asked_for():
+    values = np.random.default_rng(1).standard_normal((403, 4))
+    enough, short = (Record(part, channels=["p", "q", "beta", "r"], sample_period_s=1) for part in (values, values[1:]))
+    assert found(enough, 50, 50, ["p", "q", "beta"], ["r"]).samples == 303
+    with pytest.raises(InputError, match=r"402 samples .* give 302 equations"):
+        found(short, 50, 50, ["p", "q", "beta"], ["r"])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("channel", [*INPUTS, *OUTPUTS])
+def test_missing_samples_are_refused_by_channel_and_time(bad, channel):
+    _, record = plant(3, 2)
+    holed = record[channel].copy()
+    holed[[150, 151]] = bad
+    with pytest.raises(InputError, match=f"channel '{channel}' has 2 missing samples, the first at 1.5 s"):
+        found(record.replace(channel, holed), 3, 2)
+
+
+@pytest.mark.parametrize("channel", [*INPUTS, *OUTPUTS])
+def test_a_constant_channel_is_refused(channel):
+    _, record = plant(3, 2)
+    with pytest.raises(InputError, match=f"channel '{channel}' is constant"):
+        found(record.replace(channel, np.full(len(record), 0.1)), 3, 2)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"inputs": ["p", "alpha"]}, "no channel 'alpha' in this record; it has p, q, r, beta"),
+        ({"outputs": ["alpha"]}, "no channel 'alpha'"),
+        ({"inputs": ["p", "r"]}, "'r' is both pseudo input and pseudo output"),
+        ({"inputs": []}, "at least one pseudo input"),
+        ({"outputs": []}, "at least one pseudo input and one pseudo output"),
+        ({"causal_order": -1}, "causal_order is -1; it must be a whole number, 0 or more"),
+        ({"noncausal_order": -1}, "noncausal_order is -1"),
+        ({"causal_order": 2.0}, "causal_order is 2.0"),
+        ({"noncausal_order": 2.5}, "noncausal_order is 2.5"),
+        ({"causal_order": True}, "causal_order is True"),
+    ],
+    ids=str,
+)
+def test_what_cant_be_identified_is_refused(asked, message):
+    _, record = plant(3, 2)
+    legal = {"inputs": INPUTS, "outputs": OUTPUTS, "causal_order": 3, "noncausal_order": 2}
+    with pytest.raises(InputError, match=message):
+        identify(record, **{**legal, **asked})

@@ -1,0 +1,214 @@
+"""The residual (4.11) and its windowed norm (4.12) against their definitions, written out as loops."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtmbench.errors import InputError
+from gtmbench.method.residual import Residual, residual, windowed_norm
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import Record
+
+INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")
+ORDERS = [(0, 0), (3, 2), (4, 0), (0, 5)]  # r, d
+TS = 0.01
+R, D = 3, 2
+
+
+def operator(r=R, d=D, *, markov=None, inputs=INPUTS, outputs=OUTPUTS, input_means=None, output_means=None):
+    """Return an operator that was made up, not identified; its means are 0 unless given."""
+    shape = (r + d + 1, len(outputs), len(inputs))
+    return Transmissibility(
+        markov=np.random.default_rng(7).standard_normal(shape) if markov is None else markov,
+        inputs=inputs,
+        outputs=outputs,
+        causal_order=r,
+        noncausal_order=d,
+        input_means=np.zeros(len(inputs)) if input_means is None else np.array(input_means),
+        output_means=np.zeros(len(outputs)) if output_means is None else np.array(output_means),
+        rank=0,
+        condition=1.0,
+        samples=0,
+        rms_residual=np.zeros(len(outputs)),
+        sample_period_s=TS,
+    )
+
+
+def flight(samples=60, seed=1, start_s=25.0):
+    values = np.random.default_rng(seed).standard_normal((samples, 4))
+    return Record(values, channels=[*INPUTS, *OUTPUTS], sample_period_s=TS, start_s=start_s)
+
+
+def with_value(record, channel, sample, value):
+    values = record[channel].copy()
+    values[sample] = value
+    return record.replace(channel, values)
+
+
+def residual_by_definition(model, record):
+    u = record.matrix(model.inputs) - model.input_means
+    y = record.matrix(model.outputs) - model.output_means
+    r, d, last = model.causal_order, model.noncausal_order, len(record) - 1
+    e = np.full(y.shape, np.nan)
+    for k in range(r, last - d + 1):
+        e[k] = y[k]
+        for i in range(-d, r + 1):
+            e[k] -= model.markov[i + d] @ u[k - i]
+    return e
+
+
+def norm_by_definition(e, window):
+    norm = np.full(len(e), np.nan)
+    for k in range(len(e) - window):
+        norm[k] = np.sqrt(sum(np.sum(e[i] ** 2) for i in range(k, k + window + 1)))
+    return norm
+
+
+def made_up(values):
+    """Return a residual of given values, shape (samples,) or (samples, outputs)."""
+    values = np.asarray(values, dtype=float)
+    values = values.reshape(len(values), -1)
+    time_s = 25.0 + np.arange(len(values)) * TS
+    names = OUTPUTS[: values.shape[1]]
+    return Residual(values=values, time_s=time_s, outputs=names, look_ahead_s=0.02, sample_period_s=TS)
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+def test_the_residual_is_what_equation_4_11_says_from_r_to_l_minus_d(r, d):
+    model, record = operator(r, d, input_means=[1.0, -2.0], output_means=[0.5, 3.0]), flight()
+    e = residual(model, record)
+    np.testing.assert_allclose(e.values, residual_by_definition(model, record), rtol=0, atol=1e-12)
+    assert np.flatnonzero(np.isfinite(e.values[:, 0])).tolist() == list(range(r, 60 - d))
+    np.testing.assert_array_equal(e.time_s, record.time_s)
+    assert e.look_ahead_s == pytest.approx(d * TS)
+
+
+@pytest.mark.parametrize("lag", range(-4, 4))
+def test_a_prediction_stands_beside_the_sample_it_predicts(lag):
+    """One tap at lag i predicts y(k) = u(k - i): a shift by a single sample anywhere would leave white noise."""
+    u = np.random.default_rng(2).standard_normal(80)
+    record = Record(np.column_stack([u, np.roll(u, lag)]), channels=["p", "r"], sample_period_s=TS)
+    taps = np.zeros((8, 1, 1))
+    taps[lag + 4] = 1.0
+    e = residual(operator(3, 4, markov=taps, inputs=("p",), outputs=("r",)), record).values[:, 0]
+    np.testing.assert_allclose(e[3:76], 0.0, atol=1e-15)
+    assert np.isnan(e[:3]).all()
+    assert np.isnan(e[76:]).all()
+
+
+@pytest.mark.parametrize("samples", range(8))
+def test_a_record_without_a_single_equation_has_no_residual(samples):
+    e = residual(operator(), flight(samples)).values
+    assert e.shape == (samples, 2)
+    assert np.isfinite(e).any(axis=1).sum() == max(samples - R - D, 0)
+
+
+def test_the_residual_is_linear_in_the_measurements():
+    one, other = flight(seed=1), flight(seed=2)
+    mix = Record(2.0 * one.values - 3.0 * other.values, channels=one.channels, sample_period_s=TS)
+    e_mix, e_one, e_other = (residual(operator(), record).values for record in (mix, one, other))
+    np.testing.assert_allclose(e_mix, 2.0 * e_one - 3.0 * e_other, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("m", [0, 1, 7, 30, 58, 59])
+def test_a_missing_input_spoils_the_residuals_whose_taps_hold_it_and_no_others(m):
+    clean = residual(operator(), flight()).values
+    e = residual(operator(), with_value(flight(), "q", m, np.nan)).values
+    spoilt = [k for k in range(R, 60 - D) if -D <= k - m <= R]
+    assert np.flatnonzero(np.isnan(e[R : 60 - D]).all(axis=1)).tolist() == [k - R for k in spoilt]
+    np.testing.assert_array_equal(np.delete(e, spoilt, axis=0), np.delete(clean, spoilt, axis=0))
+
+
+@pytest.mark.parametrize("m", [3, 30, 57])
+def test_a_missing_output_spoils_its_own_residual_only(m):
+    clean = residual(operator(), flight()).values.copy()
+    clean[m, 1] = np.nan
+    e = residual(operator(), with_value(flight(), "beta", m, np.nan)).values
+    np.testing.assert_array_equal(e, clean)
+
+
+@pytest.mark.parametrize("period", [0.02, 0.0100001, 0.005])
+def test_another_sample_period_is_refused(period):
+    record = Record(np.zeros((60, 4)), channels=[*INPUTS, *OUTPUTS], sample_period_s=period)
+    with pytest.raises(InputError, match=rf"every {period:g} s.*identified at 0.01 s; resample"):
+        residual(operator(), record)
+
+
+@pytest.mark.parametrize("channel", [*INPUTS, *OUTPUTS])
+def test_a_record_without_a_channel_of_the_operator_is_refused(channel):
+    others = [name for name in (*INPUTS, *OUTPUTS) if name != channel]
+    with pytest.raises(InputError, match=f"no channel '{channel}' in this record"):
+        residual(operator(), flight().select(others))
+
+
+errors = st.one_of(st.floats(-1e3, 1e3), st.just(np.nan))
+
+
+@given(values=st.lists(errors, min_size=1, max_size=40), window=st.integers(0, 45))
+def test_the_norm_is_what_equation_4_12_says_with_missing_samples_too(values, window):
+    e = made_up(values)
+    expected = norm_by_definition(e.values, window)
+    np.testing.assert_allclose(windowed_norm(e, window=window).values, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("r", "d"), ORDERS)
+@pytest.mark.parametrize("w", [0, 1, 9, 30])
+def test_the_norm_exists_from_r_to_l_minus_w_minus_d(r, d, w):
+    norm = windowed_norm(residual(operator(r, d), flight()), window=w)
+    last = 59
+    assert np.flatnonzero(np.isfinite(norm.values)).tolist() == list(range(r, last - w - d + 1))
+
+
+@pytest.mark.parametrize("w", [0, 1, 9])
+def test_a_window_of_ones_sums_w_plus_1_squares(w):
+    norm = windowed_norm(made_up(np.ones(30)), window=w)
+    assert norm.values[0] == pytest.approx(np.sqrt(w + 1))
+
+
+def test_several_outputs_add_the_squares_of_each():
+    e = np.random.default_rng(3).standard_normal((50, 2))
+    both, one, other = (windowed_norm(made_up(part), window=6).values for part in (e, e[:, 0], e[:, 1]))
+    np.testing.assert_allclose(both, np.hypot(one, other), rtol=1e-13)
+
+
+@pytest.mark.parametrize("w", [0, 4, 6, 100])
+@pytest.mark.parametrize("m", [0, 13, 199, 299])
+@pytest.mark.parametrize("spike", [1e6, 1e150, np.nan], ids=str)
+def test_a_spike_leaves_no_trace_in_windows_that_dont_hold_it(w, m, spike):
+    clean = np.random.default_rng(4).standard_normal(300)
+    spiked = clean.copy()
+    spiked[m] = spike
+    before, after = (windowed_norm(made_up(e), window=w).values for e in (clean, spiked))
+    holds_it = np.array([k <= m <= k + w for k in range(300)])
+    np.testing.assert_array_equal(after[~holds_it], before[~holds_it])
+    known = holds_it & np.isfinite(before)
+    assert np.isnan(after[known]).all() if np.isnan(spike) else (after[known] >= spike).all()
+
+
+def test_a_spike_on_a_sensor_passes_with_its_taps_and_window():
+    window, m = 8, 100
+    clean, spiked = (
+        windowed_norm(residual(operator(), record), window=window).values
+        for record in (flight(300), with_value(flight(300), "p", m, 1e6))
+    )
+    far = np.array([not k - R <= m <= k + window + D for k in range(300)])
+    np.testing.assert_allclose(spiked[far], clean[far], rtol=1e-12, atol=0)
+
+
+def test_a_norm_is_known_when_its_last_sample_is():
+    """The last sample that E(k) needs is k + w + d."""
+    record = flight(300)
+    norm = windowed_norm(residual(operator(), record), window=10)
+    np.testing.assert_allclose(norm.known_s[: 300 - 12], record.time_s[12:], rtol=0, atol=1e-9)
+    # seen from the other side: what comes after doesn't change it
+    cut = record.between(record.start_s, norm.known_s[200])
+    short = windowed_norm(residual(operator(), cut), window=10)
+    assert short.values[200] == norm.values[200]
+    assert np.isnan(short.values[201])
+
+
+@pytest.mark.parametrize("window", [-1, 1.0, 2.5, True, None, np.nan], ids=str)
+def test_a_window_that_is_no_count_is_refused(window):
+    with pytest.raises(InputError, match="must be a whole number, 0 or more"):
+        windowed_norm(made_up(np.ones(30)), window=window)
