@@ -179,13 +179,17 @@ def test_errors_are_json_where_json_was_asked_for(cli, name):
     assert message in json.loads(out)["error"]
 
 
-def test_a_recording_cut_in_half_is_refused(cli, scenario, tmp_path):
+def test_what_is_no_whole_recording_is_refused(cli, scenario, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert cli("run", scenario, "-q")[0] == 0
     whole = (tmp_path / "study/study.rrd").read_bytes()
-    (tmp_path / "half.rrd").write_bytes(whole[: len(whole) // 2])
-    code, _, err = cli("view", "half.rrd")
-    assert code == 2
-    assert "isn't a whole rerun recording" in err
+    for content in (whole[: len(whole) // 2], whole[:-100], b"", b"garbage", b"RRF2garbage", bytes(10_000)):
+        (tmp_path / "not.rrd").write_bytes(content)
+        code, out, err = cli("view", "not.rrd")
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "isn't a whole rerun recording" in err
+    assert "no screen" in cli("view", "study/study.rrd")[2]  # whole, so it goes on to the window
 
 
 def test_a_disk_that_fills_up_leaves_nothing(cli, scenario, tmp_path, monkeypatch):
@@ -224,7 +228,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path, step):
     command = [sys.executable, "-c", INTERRUPTED, step]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr.strip().splitlines()[-1] == "gtmbench: interrupted; nothing was written"
+    assert done.stderr.strip().splitlines()[-1] == "gtmbench: interrupted; nothing is half-written"
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 

@@ -57,7 +57,7 @@ def _run(given: list[str], as_json: bool) -> int:
     except GtmbenchError as error:
         return _fail(str(error), as_json)
     except (KeyboardInterrupt, click.Abort):
-        return _fail("interrupted; nothing was written", as_json, code=130)
+        return _fail("interrupted; nothing is half-written", as_json, code=130)
     except (OSError, MemoryError) as error:
         return _fail(f"{type(error).__name__}: {error}", as_json)
     return code if isinstance(code, int) else 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from importlib.resources import files
 from pathlib import Path
 
@@ -111,17 +112,29 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
     """Open a recording (.rrd) in the rerun viewer."""
     if not recording.is_file():
         raise InputError(f"{recording}: no such file; `gtmbench run` writes one")
-    if subprocess.run([*_RERUN, "rrd", "verify", str(recording)], capture_output=True, check=False).returncode:
-        raise InputError(f"{recording} isn't a whole rerun recording; write it again with `gtmbench run`")
+    _check_whole(recording)
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
-    ended = subprocess.run(
-        [*_RERUN, str(recording), *(["--web-viewer"] if web else [])], capture_output=as_json or quiet, check=False
-    ).returncode
+    options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
+    ended = subprocess.run([*_RERUN, str(recording), *options], capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
         print_json({"recording": str(recording)})
+
+
+def _check_whole(recording: Path) -> None:
+    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window."""
+    from rerun.chunk import RrdReader
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a missing footer, just before the error
+        try:
+            whole = bool(RrdReader(recording).recordings())
+        except RuntimeError:
+            whole = False
+    if not whole:
+        raise InputError(f"{recording} isn't a whole rerun recording; write it again with `gtmbench run`")
 
 
 @click.command("new")
