@@ -20,15 +20,17 @@ from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility, identify
 from gtmbench.record import Record
-from gtmbench.study.run import Study, Trial, run, run_study
+from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
+from gtmbench.study.trial import Baseline, Study, Trial
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CHANNELS",
     "Alarms",
+    "Baseline",
     "Channel",
     "Deadzone",
     "Drift",

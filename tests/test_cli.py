@@ -216,7 +216,7 @@ def run_study(*given, progress, **more):
     return whole[0](*given, progress=lambda step, done, of: (strike(step), progress(step, done, of)), **more)
 
 def write(written, folder, tell):
-    whole[1](written, folder, lambda step, done, of: (strike(step), tell(step, done, of)))
+    whole[1](written, folder, lambda step: (strike(step), tell(step)))
 
 study.run_study, study._write = run_study, write
 app.main(["run", "jam"])

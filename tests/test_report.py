@@ -126,3 +126,21 @@ def test_alarms_stand_in_the_recording_where_the_norm_crosses(study, recording):
         norm_times, norm = read_back(recording, f"{root}/norm")
         at = int(np.argmin(np.abs(norm_times - times[0])))
         assert norm[at - 1, 0] <= values[0, 0] < norm[at, 0]
+
+
+def test_scenarios_by_any_name_and_several_severities_are_recorded(tmp_path, capfd):
+    path = tmp_path / "my scénario (2) #1+x.toml"
+    path.write_text(
+        "duration_s = 60.0\nseverity_reference_s = [5.0, 40.0]\n[operator]\ncausal_order = 5\nnoncausal_order = 5\n"
+        "identify_s = [5.0, 30.0]\n[alarm]\nwindow = 100\nthreshold_s = [30.0, 50.0]\nhealthy_records = 1\n"
+        '[[faults]]\nkind = "drift"\nchannels = ["r", "p"]\nonset_s = 40.0\nslope = [0.5, 1.0]\n'
+    )
+    study = run_study([load_scenario(path)])
+    write_recording(study, tmp_path / "study.rrd")
+    write_figures(study, tmp_path)
+    assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
+    roots = trial_paths(study.trials)
+    assert [root.rsplit("/", 1)[1] for root in roots] == ["r_1", "r_2", "p_1", "p_2"]
+    for trial, root in zip(study.trials, roots, strict=True):
+        _, values = read_back(tmp_path / "study.rrd", f"{root}/measured")
+        assert (values[:, 0] == trial.record[trial.channel]).all()

@@ -13,12 +13,19 @@ ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """Return the commands' folder of a fresh environment that holds the wheel and nothing else of ours."""
+def wheel(tmp_path_factory):
+    """Return the built wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(ROOT)]
     subprocess.run(build, check=True, timeout=300)
-    (wheel,) = folder.glob("gtmbench-*.whl")
+    (built,) = folder.glob("gtmbench-*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """Return the commands' folder of a fresh environment that holds the wheel and nothing else of ours."""
+    folder = tmp_path_factory.mktemp("alone")
     venv.create(folder / "fresh", with_pip=True)
     commands = folder / "fresh" / "bin"
     install = [commands / "python", "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel]
@@ -48,3 +55,13 @@ def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anyw
         [installed / "python", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["True", "3"]
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
+def test_the_pinned_versions_resolve(wheel, tmp_path, python):
+    """Pip resolves for a Python that needn't be here, from wheels alone, and installs nothing."""
+    resolve = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--ignore-installed"]
+    target = ["--target", tmp_path, "--python-version", python, "--only-binary=:all:"]
+    wanted = ["-c", ROOT / "constraints.txt", f"gtmbench[dev] @ {wheel.as_uri()}"]
+    done = subprocess.run([*resolve, *target, *wanted], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from gtmbench.channels import unit_of
 from gtmbench.cli.output import common_options, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
-from gtmbench.study.run import Progress, Study, run_study
+from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
+from gtmbench.study.trial import Study
 
 # `python -m rerun_cli` ends with code 0 whatever happened
 _RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
@@ -60,25 +62,24 @@ def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -
         task = bar.add_task("reading", total=None)
 
         def tell(step: str, done: int, total: int) -> None:
-            bar.update(task, description=step, completed=done, total=total + 3)
+            bar.update(task, description=step, completed=done, total=total + 3)  # three more are written below
 
         study = run_study(loaded, seed=seed, progress=tell)
         with folder_aside(out) as folder:
-            _write(study, folder, tell)
+            _write(study, folder, lambda step: bar.update(task, description=step, advance=1))
     return study
 
 
-def _write(study: Study, folder: Path, tell: Progress) -> None:
+def _write(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     from gtmbench.report.figures import write_figures
     from gtmbench.report.recording import write_recording
     from gtmbench.report.results import write_results
 
-    done = len(study.trials) + 4 + study.baseline.setup.alarm.healthy_records
-    tell("figures", done, done)
+    tell("figures")
     write_figures(study, folder)
-    tell("recording", done + 1, done)
+    tell("recording")
     write_recording(study, folder / "study.rrd")
-    tell("results", done + 2, done)
+    tell("results")
     write_results(study, folder)
 
 
@@ -95,9 +96,8 @@ def _print_study(study: Study, out: Path) -> None:
     click.echo(f"detected: {found} of {len(study.trials)}")
     click.echo(f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
     unit = unit_of(baseline.operator.outputs[0])
-    click.echo(
-        f"threshold: {baseline.threshold:.4g} {unit}; armed, once the norm had come down to it, at {baseline.armed_s} s"
-    )
+    armed = "never armed" if baseline.armed_s is None else f"armed at {baseline.armed_s:g} s"
+    click.echo(f"threshold: {baseline.threshold:.4g} {unit}; {armed}, when the norm first stood at or below it")
     norm = baseline.norm
     window_s = (norm.window + 1) * norm.sample_period_s
     click.echo(f"of every delay: look-ahead {norm.look_ahead_s:g} s; and a window of {window_s:g} s has to fill")

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
-from gtmbench.study.run import Baseline, Study
+from gtmbench.study.trial import Baseline, Study
 
 _SHOWN_THRESHOLDS = 4.0  # the norm's axis ends at this many thresholds: a large fault must not hide a small one
 

@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import trial_label
-from gtmbench.study.run import Baseline, Study, Trial
+from gtmbench.study.trial import Baseline, Study, Trial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

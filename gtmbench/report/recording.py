@@ -21,10 +21,8 @@ All on the timeline ``time``; values are doubles, bit for bit those of the study
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -36,7 +34,7 @@ from gtmbench.report.scene import log_scene
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import trial_label
 from gtmbench.report.timeline import set_time, times
-from gtmbench.study.run import Study, Trial
+from gtmbench.study.trial import Baseline, Study, Trial
 
 GROUPS = {
     "rates": ("p", "q", "r"),
@@ -58,20 +56,20 @@ def write_recording(study: Study, path: Path) -> None:
     _shared(recording, study)
     _operator(recording, study)
     log_scene(recording, study.baseline.flight)
-    for trial, label in zip(study.trials, labels, strict=True):
-        _trial(recording, trial, label)
+    for i, (trial, label) in enumerate(zip(study.trials, labels, strict=True)):
+        _trial(recording, trial, label, _tint(trial, study.trials[:i]))
     _events(recording, study)
     recording.disconnect()  # writes the footer
 
 
 def trial_paths(trials: Sequence[Trial]) -> list[str]:
     """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
-    bases = [f"/trials/{trial.scenario}/{trial.channel}" for trial in trials]
-    often, seen = Counter(bases), Counter[str]()
+    bases = [(trial.scenario, trial.channel) for trial in trials]
     paths = []
-    for base in bases:
-        seen[base] += 1
-        paths.append(base if often[base] == 1 else f"{base}_{seen[base]}")
+    for i, (scenario, channel) in enumerate(bases):
+        several = bases.count((scenario, channel)) > 1
+        label = f"{channel}_{bases[: i + 1].count((scenario, channel))}" if several else channel
+        paths.append(rr.new_entity_path(["trials", scenario, label]))  # escapes what a file's name may hold
     return paths
 
 
@@ -125,7 +123,7 @@ def _shared(recording: rr.RecordingStream, study: Study) -> None:
     _lines(recording, "/threshold", ends, level, [f"threshold ({unit})"], [COLOURS["threshold"]])
 
 
-def _residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Any) -> None:
+def _residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Baseline | Trial) -> None:
     names = [f"{label}, e of {output} ({unit_of(output)})" for output in of.residual.outputs]
     _lines(recording, f"{root}/residual", of.residual.time_s, of.residual.values, names, [tint] * len(names))
 
@@ -138,13 +136,21 @@ def _operator(recording: rr.RecordingStream, study: Study) -> None:
             recording.log(f"/operator/{output}/{name}", bars, static=True)
 
 
-def _trial(recording: rr.RecordingStream, trial: Trial, root: str) -> None:
-    tint, label = colour(trial.channel), root.removeprefix("/trials/")
-    unit = unit_of(trial.baseline.operator.outputs[0])
+def _tint(trial: Trial, before: Sequence[Trial]) -> str:
+    """Return the channel's colour, lighter for every severity that was there before."""
+    tint = colour(trial.channel)
+    for other in before:
+        if (other.scenario, other.channel) == (trial.scenario, trial.channel):
+            tint = _lighter(tint)
+    return tint
+
+
+def _trial(recording: rr.RecordingStream, trial: Trial, root: str, tint: str) -> None:
+    label, full = trial_label(trial), f"{trial.scenario}: {trial_label(trial)}"
     measured = trial.record[trial.channel]
-    _lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{label} broken ({trial.unit})"], [tint])
-    _residual(recording, root, label, tint, trial)
-    _lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [f"{label} ({unit})"], [tint])
+    _lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{full} broken ({trial.unit})"], [tint])
+    _residual(recording, root, full, tint, trial)
+    _lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [label], [tint])
     up, down = rr.components.MarkerShape.Up, rr.components.MarkerShape.Down
     marks = {"onset": (trial.onset_s, 0.0, up), "alarm": (trial.alarm_time_s, trial.baseline.threshold, down)}
     for name, (time_s, level, marker) in marks.items():
@@ -161,6 +167,8 @@ def _events(recording: rr.RecordingStream, study: Study) -> None:
     start_s, end_s = setup.operator.identify_s
     events.append((start_s, "INFO", f"identification of {study.baseline.operator.name} begins"))
     events.append((end_s, "INFO", "identification ends"))
+    if study.baseline.armed_s is not None:
+        events.append((study.baseline.armed_s, "INFO", "armed: the norm stands at or below the threshold"))
     for trial in study.trials:
         what = f"{trial.fault} of {trial_label(trial)}"
         events.append((trial.onset_s, "WARN", f"onset: {what}"))

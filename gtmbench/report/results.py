@@ -13,7 +13,7 @@ from typing import Any
 from gtmbench import __version__
 from gtmbench.channels import unit_of
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.study.run import Study
+from gtmbench.study.trial import Study
 
 SCHEMA = 1
 _LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmbench.study.run import Study, Trial
+from gtmbench.study.trial import Study, Trial
 
 
 def severity_text(trial: Trial) -> str:

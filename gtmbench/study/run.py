@@ -4,114 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from gtmbench.bench.faults import FAULTS, Fault, inject
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import unit_of
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.alarms import alarms, threshold
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility, identify
 from gtmbench.record import Record
 from gtmbench.study.fault_spec import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup, load_scenario
-from gtmbench.study.score import Verdict, score
+from gtmbench.study.score import score
 from gtmbench.study.severity import resolve
+from gtmbench.study.trial import Baseline, Study, Trial
 
 Progress = Callable[[str, int, int], None]
 _SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Baseline:
-    """What the trials of a study share: a flight, its healthy measurements, operator and threshold.
-
-    Attributes
-    ----------
-    setup, trim, flight
-        What was flown; `flight` is truth.
-    identification, healthy : Record
-        Measurements with the first noise seed (identified on) and the third (broken in the trials).
-    operator, threshold
-        Of the identification record; from a record with the second noise seed.
-    residual, norm
-        Of `healthy`.
-    armed_s : float or None
-        When the norm of `healthy` first came down to the threshold: alarms are possible from then on.
-    false_alarms : int
-    healthy_hours : float
-        Alarms on healthy records that neither operator nor threshold has seen, and the hours watched, armed.
-    """
-
-    setup: Setup
-    trim: Trim
-    flight: Record
-    identification: Record
-    healthy: Record
-    operator: Transmissibility
-    threshold: float
-    residual: Residual
-    norm: WindowedNorm
-    armed_s: float | None
-    false_alarms: int
-    healthy_hours: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trial(Verdict):
-    """One fault, tried: the verdict and what it was reached on.
-
-    Attributes
-    ----------
-    scenario, fault, channel : str
-        The scenario's name, the fault's kind, the channel that broke.
-    severity : dict
-        The fault's parameters as absolute figures, in the channel's unit (per second for slopes).
-    unit : str
-        The channel's.
-    injected : Fault
-    record, residual, norm, alarms
-        The broken measurements and what the method made of them.
-    baseline : Baseline
-        Shared by the trials of a study.
-    """
-
-    scenario: str
-    fault: str
-    channel: str
-    severity: dict[str, float]
-    unit: str
-    injected: Fault
-    record: Record
-    residual: Residual
-    norm: WindowedNorm
-    alarms: Alarms
-    baseline: Baseline
-
-    def row(self) -> dict[str, object]:
-        """Return the trial as one row of the results: plain values, units in the names."""
-        verdict = {item.name: getattr(self, item.name) for item in fields(Verdict)}
-        return {
-            "scenario": self.scenario,
-            "fault": self.fault,
-            "channel": self.channel,
-            **verdict,
-            "threshold": self.baseline.threshold,
-            "severity": self.severity,
-            "unit": self.unit,
-        }
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Study:
-    """Scenarios of one setup, run: what they share, and every trial."""
-
-    baseline: Baseline
-    trials: tuple[Trial, ...]
 
 
 def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Trial]:
