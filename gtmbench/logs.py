@@ -31,7 +31,17 @@ def write_log(record: Record, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Where the ending isn't .csv or .parquet, or the folder can't be written.
+        Where the ending isn't .csv or .parquet, the folder can't be written, or a channel's name would be read back
+        as something else.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> record = Record([[1.5, 0.1], [2.5, 0.2]], channels=["p", "beta"], sample_period_s=0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_log(record, Path(folder, "log.csv"))
+    ...     print(Path(folder, "log.csv").read_text().splitlines()[0], read_log(Path(folder, "log.csv")))
+    time_s,p_deg_s,beta_deg Record(2 samples, 0..0.01 s, every 0.01 s: p, beta)
     """
     path = Path(path)
     suffix = check_log_path(path)

@@ -90,6 +90,12 @@ class Record:
         object.__setattr__(self, "sample_period_s", float(sample_period_s))
         object.__setattr__(self, "start_s", float(start_s))
 
+    def __repr__(self) -> str:
+        return (
+            f"Record({len(self)} samples, {self.start_s:g}..{self.end_s:g} s, every {self.sample_period_s:g} s: "
+            f"{', '.join(self.channels)})"
+        )
+
     def __len__(self) -> int:
         return int(self.values.shape[0])
 

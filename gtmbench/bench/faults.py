@@ -130,7 +130,12 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift(Fault):
-    """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro."""
+    """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro.
+
+    >>> record = Record([1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, Drift(channel="p", onset_s=1.0, slope=0.5))["p"]
+    array([1. , 1. , 1.5])
+    """
 
     kind: ClassVar[str] = "drift"
     slope: float = _figure(per_second=True)
@@ -144,7 +149,12 @@ class Drift(Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Deadzone(Fault):
-    """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0)."""
+    """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0).
+
+    >>> record = Record([-3.0, 0.5, 3.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, Deadzone(channel="p", onset_s=0.0, half_width=1.0))["p"]
+    array([-2.,  0.,  2.])
+    """
 
     kind: ClassVar[str] = "deadzone"
     half_width: float = _figure(per_second=False)
@@ -164,7 +174,12 @@ class Deadzone(Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation(Fault):
-    """The magnitude is held within +-limit."""
+    """The magnitude is held within +-limit.
+
+    >>> record = Record([-3.0, 0.5, 3.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, Saturation(channel="p", onset_s=0.0, limit=1.0))["p"]
+    array([-1. ,  0.5,  1. ])
+    """
 
     kind: ClassVar[str] = "saturation"
     limit: float = _figure(per_second=False)
@@ -186,6 +201,10 @@ class RateSaturation(Fault):
     """The signal follows no faster than rate_limit: y_b(k) = y_b(k-1) + clip(y(k) - y_b(k-1), +-rate_limit Ts).
 
     It starts from the last healthy sample. A missing sample (NaN) stays missing and is passed over.
+
+    >>> record = Record([0.0, 3.0, 3.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0))["p"]
+    array([0., 2., 3.])
     """
 
     kind: ClassVar[str] = "rate_saturation"
@@ -221,7 +240,12 @@ class RateSaturation(Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Jam(Fault):
-    """The sensor stays at its last healthy sample."""
+    """The sensor stays at its last healthy sample: y(k) = y(onset - Ts), or the first sample if it never was healthy.
+
+    >>> record = Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, Jam(channel="p", onset_s=1.0))["p"]
+    array([3., 3., 3.])
+    """
 
     kind: ClassVar[str] = "jam"
 

@@ -48,6 +48,11 @@ def modes(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: fl
     ------
     TrimError
         Where the aircraft can't be trimmed.
+
+    Examples
+    --------
+    >>> [mode.name for mode in modes("gtm")]
+    ['short period', 'roll', 'dutch roll', 'phugoid', 'spiral']
     """
     matrix, speed = state_matrix(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     values, vectors = np.linalg.eig(matrix)

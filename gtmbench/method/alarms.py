@@ -42,6 +42,13 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
     ------
     InputError
         Where no complete window begins in that span.
+
+    Examples
+    --------
+    >>> norm = WindowedNorm(values=np.array([9.0, 1.0, 2.0]), time_s=np.arange(3.0), window=0,
+    ...                     look_ahead_s=0.0, sample_period_s=1.0)
+    >>> threshold(norm, start_s=1.0, end_s=2.0, factor=1.5)
+    3.0
     """
     factor = number("factor", factor, 0.0, above=True)
     inside = (norm.time_s >= start_s - 1e-9) & (norm.time_s <= end_s + 1e-9) & np.isfinite(norm.values)

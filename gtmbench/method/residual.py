@@ -70,6 +70,17 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     ------
     InputError
         Where the record lacks a channel or has another sample period.
+
+    Examples
+    --------
+    >>> from gtmbench.method.transmissibility import identify
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> healthy = Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)
+    >>> broken = healthy.replace("y", 2.0 * u + 0.5)
+    >>> residual(operator, broken).values[:2].round(9)
+    array([[0.5],
+           [0.5]])
     """
     values = record.matrix(operator.outputs) - operator.predict(record)
     return Residual(

@@ -55,6 +55,12 @@ class Transmissibility:
     rms_residual: FloatArray
     sample_period_s: float
 
+    def __repr__(self) -> str:
+        return (
+            f"Transmissibility({self.name}, lags {-self.noncausal_order}..{self.causal_order}, rank {self.rank} of "
+            f"{len(self.lags) * len(self.inputs)}, condition {self.condition:.3g})"
+        )
+
     @property
     def lags(self) -> np.ndarray[tuple[int], np.dtype[np.int_]]:
         """The lags i = -d..r of `markov`."""

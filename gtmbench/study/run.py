@@ -41,6 +41,12 @@ def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Tri
     ------
     GtmbenchError
         Of the kind that says what went wrong: a bad scenario, no trim, a flight out of its envelope.
+
+    Examples
+    --------
+    >>> trials = run("jam")
+    >>> [(trial.channel, trial.detected) for trial in trials]
+    [('p', True), ('q', True), ('r', True)]
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     return list(run_study([loaded], seed=seed).trials)

@@ -77,6 +77,12 @@ def load_scenario(source: str | Path) -> Scenario:
     ------
     InputError
         Naming file, key, what was given and what is legal.
+
+    Examples
+    --------
+    >>> scenario = load_scenario("drift")
+    >>> [(fault.kind, fault.channel, fault.onset_s) for fault in scenario.faults][0]
+    ('drift', 'p', 300.0)
     """
     path = _find(source)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from gtmbench.bench.faults import Fault
 from gtmbench.bench.trim import Trim
@@ -42,8 +42,8 @@ class Baseline:
     healthy: Record
     operator: Transmissibility
     threshold: float
-    residual: Residual
-    norm: WindowedNorm
+    residual: Residual = field(repr=False)
+    norm: WindowedNorm = field(repr=False)
     armed_s: float | None
     false_alarms: int
     healthy_hours: float
@@ -73,12 +73,12 @@ class Trial(Verdict):
     channel: str
     severity: dict[str, float]
     unit: str
-    injected: Fault
-    record: Record
-    residual: Residual
-    norm: WindowedNorm
-    alarms: Alarms
-    baseline: Baseline
+    injected: Fault = field(repr=False)
+    record: Record = field(repr=False)
+    residual: Residual = field(repr=False)
+    norm: WindowedNorm = field(repr=False)
+    alarms: Alarms = field(repr=False)
+    baseline: Baseline = field(repr=False)
 
     def row(self) -> dict[str, object]:
         """Return the trial as one row of the results: plain values, units in the names."""
