@@ -83,6 +83,18 @@ def fault(operator: gb.Transmissibility, healthy: gb.Record, limit: float, broke
     return check(name, "E rises after 300 s", f"to {ratio:.1f} thresholds", unchanged and ratio > 1.0)
 
 
+def excitation_dependence() -> bool:
+    """Not in the dissertation: an operator identified on one sinusoid, asked about a multisine flight (T2 noise)."""
+    flown = ("dissertation", "multisine")
+    records = [gb.measure(gb.fly(excitation=name, seed=1), noise="t2", seed=1) for name in flown]
+    operator, _ = identification(records[0])
+    own, other = (
+        float(np.sqrt(np.mean(gb.residual(operator, record).values[20_000:48_001] ** 2))) for record in records
+    )
+    name = "residual on its own and another flight"
+    return check(name, "(not shown)", f"{own:.2f} and {other:.1f} deg/s", other > 10.0 * own)
+
+
 def main() -> int:
     """Run every step of section 4.4."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -105,6 +117,7 @@ def main() -> int:
             (gb.Deadzone(channel=channel, onset_s=ONSET_S, half_width=0.5 * rms), "4.4"),
         ):
             rows.append(fault(operator, healthy, limit, broken, figure))
+    rows.append(excitation_dependence())
     if not given.quick:
         given.out.mkdir(parents=True, exist_ok=True)
         study = gb.run_study([gb.load_scenario("drift"), gb.load_scenario("deadzone")])

@@ -8,7 +8,8 @@
 True
 """
 
-from gtmbench.bench.faults import Deadzone, Drift, Fault, Jam, RateSaturation, Saturation, inject
+from gtmbench.bench.fault import Fault
+from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.bench.flight import fly
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure

@@ -10,7 +10,6 @@ Noise figures: standard deviations of NASA's T2 flight data (GTM_DesignSim, LAR-
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -34,7 +33,7 @@ class Channel:
     name, unit, role, meaning
         ``name`` and ``unit`` as they stand in records and messages.
     jsbsim : str
-        The property read (or, for commands, written) each step; empty where the flight derives the channel itself.
+        The property read (or, for commands, written) each step. Of positions it is the speed, which the flight sums.
     scale : float
         Channel value = property value * scale.
     noise : float
@@ -80,7 +79,7 @@ _TABLE = (
     _sensor("psi", "deg", 0.02, "heading, unwrapped", "attitude/psi-rad", _DEG),
     _sensor("nx", "g", 0.0012, "specific force at the CG, forward", "accelerations/Nx"),
     _sensor("ny", "g", 0.0022, "specific force at the CG, right", "accelerations/Ny"),
-    _sensor("nz", "g", 0.0068, "specific force at the CG, up: level flight reads +1", "accelerations/Nz"),
+    _sensor("nz", "g", 0.0068, "specific force at the CG, up", "accelerations/Nz"),
     _sensor("tas", "kt", 0.06, "true airspeed", "velocities/vt-fps", _KT_PER_FPS),
     _sensor("altitude", "ft", 2.36, "altitude above sea level", "position/h-sl-ft"),
     Channel(
@@ -135,12 +134,3 @@ def channel_of(header: str) -> str:
             f"column '{header}' {said}: channel '{base}' is in {known.unit}; convert it and name it '{known.header}'"
         )
     return header
-
-
-def unknown_channels(wanted: Sequence[str], have: Sequence[str]) -> str | None:
-    """Return the message for channels that a record lacks, or None when it has them all."""
-    missing = [name for name in wanted if name not in have]
-    if not missing:
-        return None
-    names = ", ".join(f"'{name}'" for name in missing)
-    return f"no channel {names} in this record; it has {', '.join(have)}"

@@ -63,10 +63,11 @@ def _comes_back(name: str) -> bool:
         return False
 
 
-def read_log(path: str | Path) -> Record:
+def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Record:
     """Read an evenly sampled log with a header row: ``time_s`` and columns with units (``p_deg_s``, ``beta_deg``).
 
-    Columns that the channel table doesn't know are kept by their own names.
+    Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, the stamps
+    are only asked for the start: for logs whose stamps are rounded.
 
     Raises
     ------
@@ -84,16 +85,13 @@ def read_log(path: str | Path) -> Record:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             frame = _read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
-    except (
-        ValueError,
-        OSError,
-        MemoryError,
-        pd.errors.ParserWarning,
-    ) as error:  # pandas' and pyarrow's are among these
+    # ValueError and OSError: pandas' and pyarrow's own errors are among these
+    except (ValueError, OSError, MemoryError, pd.errors.ParserWarning) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path} isn't a readable {suffix[1:]} table: {reason}") from error
     try:
-        return Record.from_frame(frame.rename(columns=lambda name: name if name == "time_s" else channel_of(str(name))))
+        names = {name: name if name == "time_s" else channel_of(str(name)) for name in frame.columns}
+        return Record.from_frame(frame.rename(columns=names), sample_period_s=sample_period_s)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

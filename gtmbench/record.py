@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtmbench.channels import CHANNELS, channel_of, unknown_channels
+from gtmbench.channels import CHANNELS, channel_of
 from gtmbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def frozen(values: ArrayLike) -> FloatArray:
     return array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Record:
     """Time-stamped channels, evenly sampled; NaN stands for a missing sample.
 
@@ -55,9 +55,9 @@ class Record:
     """
 
     values: FloatArray
-    channels: tuple[str, ...] = field(kw_only=True)
-    sample_period_s: float = field(kw_only=True)
-    start_s: float = field(kw_only=True, default=0.0)
+    channels: tuple[str, ...]
+    sample_period_s: float
+    start_s: float
 
     def __init__(
         self,
@@ -118,8 +118,10 @@ class Record:
 
     def matrix(self, channels: Sequence[str]) -> FloatArray:
         """Return the named channels as columns, shape (samples, len(channels)), read-only."""
-        if (message := unknown_channels(channels, self.channels)) is not None:
-            raise InputError(message)
+        missing = [name for name in channels if name not in self.channels]
+        if missing:
+            names = ", ".join(f"'{name}'" for name in missing)
+            raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}")
         columns = self.values[:, [self.channels.index(name) for name in channels]]
         columns.setflags(write=False)
         return columns
@@ -204,11 +206,9 @@ class Record:
                 "a frame needs its time: a column or an index named 'time_s', in seconds, or sample_period_s"
             )
         names = [str(name) if name in CHANNELS else channel_of(str(name)) for name in frame.columns]
-        try:
-            values = frame.to_numpy(dtype=np.float64)
-            time_s = None if time is None else np.asarray(time, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"every column, time_s too, must hold numbers: {error}") from error
+        columns = [_numbers(str(name), frame.iloc[:, i].to_numpy()) for i, name in enumerate(frame.columns)]
+        values = np.column_stack(columns) if columns else np.zeros((len(frame), 0))
+        time_s = None if time is None else _numbers("time_s", time)
         if sample_period_s is None:
             sample_period_s = even_period_s(np.zeros(0) if time_s is None else time_s)
         start_s = float(time_s[0]) if time_s is not None and len(time_s) else 0.0
@@ -216,6 +216,16 @@ class Record:
 
     def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
         return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s)
+
+
+def _numbers(name: str, column: ArrayLike) -> FloatArray:
+    array = np.asarray(column)
+    if array.dtype.kind in "mM":
+        raise InputError(f"column '{name}' holds dates; give seconds, for example (t - t[0]).total_seconds()")
+    try:
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"column '{name}' must hold numbers: {error}") from error
 
 
 def even_period_s(time_s: FloatArray) -> float:
@@ -242,7 +252,7 @@ def even_period_s(time_s: FloatArray) -> float:
         what = "a gap" if steps[row] > period else "a doubled or early stamp"
         raise InputError(
             f"{what} after t = {time_s[row]:g} s (row {row}): the next stamp comes {steps[row]:g} s later, the others "
-            f"every {period:g} s; split the log there or resample it"
+            f"every {period:g} s; split the log there or resample it (or state sample_period_s, if stamps are rounded)"
         )
     mean = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
     for candidate in (1.0 / max(round(1.0 / mean), 1), round(mean, 6), round(mean, 9)):

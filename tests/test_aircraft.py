@@ -195,12 +195,52 @@ def test_unknown_aircraft_is_refused_with_the_known_ones():
         gb.trim("f16")
 
 
-def test_an_aircraft_is_a_folder_anywhere(tmp_path):
-    """A copy of the GTM under another name flies like the GTM."""
+@pytest.fixture
+def mine(tmp_path):
+    """Return the folder of a copy of the GTM under another name."""
     folder = tmp_path / "fleet" / "mine"
     folder.mkdir(parents=True)
     source = share() / "aircraft/gtm"
     for name in ("aircraft.toml", "gtm-tables.xml"):
         (folder / name).write_text((source / name).read_text())
     (folder / "mine.xml").write_text(re.sub('name="gtm"', 'name="mine"', (source / "gtm.xml").read_text()))
-    assert gb.trim(str(folder)) == gb.trim("gtm")
+    return folder
+
+
+def test_an_aircraft_is_a_folder_anywhere(mine, monkeypatch):
+    expected = gb.trim("gtm")
+    assert gb.trim(str(mine)) == gb.trim(mine) == expected
+    monkeypatch.chdir(mine.parent)
+    assert gb.trim("mine") == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [("rudder = [-30.0, 30.0]\n", r"\[limits\] lacks rudder"), ("alpha = [-5.0, 85.0]\n", r"\[envelope\] lacks alpha"),
+     (", throttle = 20.0", r"\[trim.guess\] lacks throttle"), ("tas_kt = 100.58\n", "incomplete or malformed.*tas_kt")],
+)  # fmt: skip
+def test_an_incomplete_aircraft_is_refused_by_what_it_lacks(mine, line, message):
+    path = mine / "aircraft.toml"
+    assert line in path.read_text()
+    path.write_text(path.read_text().replace(line, ""))
+    with pytest.raises(gb.InputError, match=message):
+        gb.trim(mine)
+
+
+def test_a_broken_model_is_an_error_of_ours(mine):
+    model = mine / "mine.xml"
+    whole = model.read_text()
+    model.write_text(whole.replace("fcs/elevator-cmd-deg", "fcs/elevator-order-deg"))
+    with pytest.raises(gb.GtmbenchError, match=r"no property 'fcs/elevator-cmd-deg', which channel 'elevator' needs"):
+        gb.trim(mine)
+    model.write_text(whole[: len(whole) // 2])
+    with pytest.raises(gb.GtmbenchError, match="can't load"):
+        gb.trim(mine)
+
+
+def test_its_readme_tells_a_jsbsim_user_how_to_fly_it(capfd):
+    (code,) = re.findall(r"```python\n(.*?)```", (share() / "aircraft/gtm/README.md").read_text(), flags=re.DOTALL)
+    exec(code.replace("path/that/holds/aircraft", str(share())), {})
+    altitude_ft, alpha_deg, _ = (float(word) for word in capfd.readouterr().out.split()[-3:])
+    assert altitude_ft == pytest.approx(8000.0, abs=50.0)
+    assert alpha_deg == pytest.approx(2.97, abs=0.05)

@@ -103,6 +103,17 @@ def test_run_as_json_prints_the_results_and_nothing_else(cli, scenario, tmp_path
     assert printed == json.loads((tmp_path / "study/results.json").read_text())
 
 
+def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli, tmp_path):
+    path = tmp_path / "x[red]y.toml"
+    path.write_text(SHORT.replace('"r"', '"altitude"'))
+    code, out, _ = cli("run", path)
+    assert code == 0
+    assert "[p q beta] -> r: 1 trials" in out
+    assert "x[red]y" in out
+    assert "missed: the detector doesn't" in out
+    assert "detected: 0 of 1" in out
+
+
 def test_quiet_is_quiet(cli, scenario):
     assert cli("run", scenario, "-q") == (0, "", "")
     assert cli("trim", "-q") == (0, "", "")

@@ -183,3 +183,29 @@ def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, mon
     with pytest.raises((InputError, OSError)):
         write_log(Record([1.0, 2.0], channels=["p"], sample_period_s=0.01), path)
     assert [file.read_bytes() for file in tmp_path.iterdir()] == ([] if before is None else [before])
+
+
+def test_dates_are_refused_not_taken_for_seconds(tmp_path):
+    dates = pd.date_range("2026-01-01", periods=5, freq="10ms")
+    frame = pd.DataFrame({"time_s": dates, "p_deg_s": np.arange(5.0)})
+    frame.to_parquet(tmp_path / "dates.parquet")
+    with pytest.raises(InputError, match="column 'time_s' holds dates; give seconds"):
+        read_log(tmp_path / "dates.parquet")
+    with pytest.raises(InputError, match="holds dates"):
+        Record.from_frame(frame.set_index("time_s"))
+
+
+def test_rounded_stamps_need_a_stated_period(tmp_path):
+    """60 Hz with stamps of a millisecond: 16, 17, 17, 16 ms apart."""
+    stamps = np.round(5.0 + np.arange(200) / 60.0, 3)
+    pd.DataFrame({"time_s": stamps, "p_deg_s": np.arange(200.0)}).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(InputError, match="state sample_period_s, if stamps are rounded"):
+        read_log(tmp_path / "log.csv")
+    record = read_log(tmp_path / "log.csv", sample_period_s=1 / 60)
+    assert (record.sample_period_s, record.start_s, len(record)) == (1 / 60, 5.0, 200)
+
+
+def test_a_column_of_words_is_named(tmp_path):
+    (tmp_path / "log.csv").write_text("time_s,p_deg_s,mode\n0,1,ok\n1,2,ok\n")
+    with pytest.raises(InputError, match="column 'mode' must hold numbers"):
+        read_log(tmp_path / "log.csv")

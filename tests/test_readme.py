@@ -63,7 +63,7 @@ def test_every_file_that_is_named_exists():
     named = re.findall(r"`((?:gtmbench|aircraft|experiments|faults|tests)/[\w./]+)`", text)
     pictures = re.findall(r"\]\((experiments/[^)]+)\)", text)
     assert len(named) > 10
-    assert len(pictures) == 2
+    assert len(pictures) == 3
     for name in named + pictures:
         if "NAME" not in name:
             assert (ROOT / name).exists(), name
@@ -72,7 +72,7 @@ def test_every_file_that_is_named_exists():
 def test_every_scenario_key_stands_in_its_table():
     keys = {item.name for item in fields(Setup)} - {"operator", "alarm"}
     keys |= {item.name for table in (OperatorSetup, AlarmSetup) for item in fields(table)}
-    keys |= {severity.name for kind in FAULTS.values() for severity in kind.severities()}
+    keys |= {parameter.name for kind in FAULTS.values() for parameter in kind.parameters()}
     table = README.split("## A scenario file")[1].split("\n## ")[0]
     for key in keys:
         assert re.search(rf"[`.]{key}`", table), key
@@ -83,4 +83,5 @@ def test_the_experiment_agrees_with_the_dissertation(tmp_path):
     run = subprocess.run([sys.executable, script, "--quick"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "DISAGREES" not in run.stdout
+    assert "0.36 and 9.1 deg/s" in run.stdout  # what the README says of it
     assert list(tmp_path.iterdir()) == []

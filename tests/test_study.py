@@ -89,7 +89,7 @@ def test_a_harmless_fault_is_a_miss_with_its_reason(tmp_path):
     assert not tiny.detected
     assert "% of the threshold" in tiny.reason
     assert not unwatched.detected
-    assert unwatched.reason == "the operator [p q beta] -> r doesn't use 'altitude'"
+    assert unwatched.reason == "the detector doesn't use this channel"
 
 
 def test_scenarios_of_different_setups_dont_make_one_study(tmp_path):

@@ -1,4 +1,4 @@
-"""Write gtm-tables.xml from NASA's aerodynamic database of the GTM-T2.
+"""Write the tables of gtm-tables.xml from NASA's aerodynamic database of the GTM-T2.
 
 The database is the file ``T2_polynomial_aerodatabase.mat`` of NASA GTM_DesignSim (LAR-17625-1); it is
 not part of this repository. One run of ``python make_tables.py T2_polynomial_aerodatabase.mat`` made
@@ -18,6 +18,7 @@ LATERAL = ["CY", "Cl", "Cn"]
 # Left surfaces and positive rudders are mirrored: looked up at -beta.
 ALPHA, BETA, MIRRORED = "aero/alpha-deg", "aero/beta-deg", "aero/beta-mirrored-deg"
 HERE = Path(__file__).parent
+MARK = "<!-- The tables, angles in degrees, interpolated linearly, ends held: make_tables.py writes what follows -->\n"
 
 
 def number(value: float) -> str:
@@ -83,9 +84,9 @@ def tables(database: dict) -> list[str]:
 
 def main(path: str) -> None:
     database = loadmat(path, squeeze_me=True, struct_as_record=False)
-    head = (HERE / "gtm-lookup.xml.part").read_text()
-    body = head + "\n".join(tables(database))
-    (HERE / "gtm-tables.xml").write_text(f"{body}\n</aerodynamics>\n")
+    target = HERE / "gtm-tables.xml"
+    arguments, mark, _ = target.read_text().partition(MARK)  # what is looked up with stands above, written by hand
+    target.write_text(arguments + mark + "\n".join(tables(database)) + "\n</aerodynamics>\n")
 
 
 if __name__ == "__main__":

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import jsbsim
 
+from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import share, shipped_aircraft
 from gtmbench.record import Span
 
 SAMPLE_PERIOD_S = 0.01
+UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _ADAMS_BASHFORTH_2 = 3
 
 
@@ -36,7 +38,7 @@ class Aircraft:
     envelope: dict[str, Span]
 
 
-def load_aircraft(name: str) -> Aircraft:
+def load_aircraft(name: str | Path) -> Aircraft:
     """Return an aircraft by name (one of the package's) or by the path of its folder.
 
     Raises
@@ -44,17 +46,18 @@ def load_aircraft(name: str) -> Aircraft:
     InputError
         Where there is no such aircraft or its ``aircraft.toml`` is incomplete.
     """
-    folder = Path(name) if "/" in name else share() / "aircraft" / name
+    shipped = shipped_aircraft()
+    folder = share() / "aircraft" / name if str(name) in shipped else Path(name).resolve()
     path = folder / "aircraft.toml"
     if not path.is_file():
-        raise InputError(f"no aircraft '{name}'; there are {', '.join(shipped_aircraft())}, or give a folder's path")
+        raise InputError(f"no aircraft '{name}'; there are {', '.join(shipped)}, or give a folder's path")
     try:
         facts = tomllib.loads(path.read_text())
         trim = facts["trim"]
-        return Aircraft(
+        found = Aircraft(
             name=folder.name,
             title=facts["title"],
-            folder=folder.resolve(),
+            folder=folder,
             altitude_ft=float(trim["altitude_ft"]),
             tas_kt=float(trim["tas_kt"]),
             psi_deg=float(trim["psi_deg"]),
@@ -63,8 +66,18 @@ def load_aircraft(name: str) -> Aircraft:
             limits={key: _span(value) for key, value in facts["limits"].items()},
             envelope={key: _span(value) for key, value in facts["envelope"].items()},
         )
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path} is incomplete or malformed: {error!r}; see the GTM's for every key") from error
+    for table, wanted, given in (
+        ("trim.guess", UNKNOWNS, set(found.guess)),
+        ("limits", COMMANDS, set(found.limits)),
+        ("envelope", ("alpha", "altitude"), set(found.envelope)),
+    ):
+        if missing := set(wanted) - given:
+            raise InputError(f"{path}: [{table}] lacks {', '.join(sorted(missing))}; see the GTM's for every key")
+    if unknown := found.envelope.keys() - CHANNELS.keys():
+        raise InputError(f"{path}: [envelope] names no channel: {', '.join(sorted(unknown))}")
+    return found
 
 
 def _span(value: list[float]) -> Span:
@@ -92,8 +105,16 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
     fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
-    loaded = fdm.load_model(aircraft.name)
-    fdm.disable_output()
+    model = f"{aircraft.folder / aircraft.name}.xml"
+    try:
+        loaded = fdm.load_model(aircraft.name)
+    except jsbsim.BaseError as error:
+        raise GtmbenchError(f"JSBSim can't load {model}: {error}") from error
     if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {aircraft.folder / aircraft.name}.xml, for the reason it printed")
+        raise GtmbenchError(f"JSBSim can't load {model}, for the reason it printed")
+    fdm.disable_output()
+    properties = fdm.get_property_manager()
+    for channel in CHANNELS.values():
+        if properties.get_node(channel.jsbsim) is None:
+            raise GtmbenchError(f"{model} has no property '{channel.jsbsim}', which channel '{channel.name}' needs")
     return fdm

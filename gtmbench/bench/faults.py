@@ -1,131 +1,22 @@
-"""Faults: what breaks on a measured channel, from when, for how long.
+"""The kinds of faults, and how they are injected into a record.
 
-Every kind says once how it distorts a stretch of samples, given what it carries over from the stretch before. The
-array form takes the whole fault as one stretch, the streaming form takes stretches of one sample: the same code, so
-the same result, and a fault can sit inside a control loop.
-
-A new fault is one class with `distort` (and `begin`, where it carries something over) and one entry in `FAULTS`.
+A new fault is one class with its `kind`, its parameters (each declared by `severity` or `other_channel`) and `distort`
+(and `begin`, where it carries something over), and one entry in `FAULTS`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from gtmbench.bench.fault import Fault, severity
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
-
-
-@dataclass(frozen=True, kw_only=True)
-class Severity:
-    """A parameter that says how bad a fault is: in its channel's unit, or in that unit per second."""
-
-    name: str
-    per_second: bool
-
-
-def _figure(*, per_second: bool) -> Any:
-    return field(metadata={"per_second": per_second})
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fault:
-    """What every fault has: a channel, an onset, and a duration (none: for good).
-
-    Active on ``onset_s <= t < onset_s + duration_s``. It acts on the measured signal, noise included, and changes its
-    own channel only.
-    """
-
-    kind: ClassVar[str]
-
-    channel: str
-    onset_s: float
-    duration_s: float | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.channel, str):
-            raise InputError(f"{self.kind}: channel is {self.channel!r}; it must be a channel's name")
-        for name in ("onset_s", *(item.name for item in self.severities())):
-            number(f"{self.kind}: {name}", getattr(self, name))
-        if self.duration_s is not None:
-            number(f"{self.kind}: duration_s", self.duration_s, 0.0, above=True)
-
-    @classmethod
-    def severities(cls) -> tuple[Severity, ...]:
-        """Return the parameters that say how bad it is, in order."""
-        own = [item for item in fields(cls) if "per_second" in item.metadata]
-        return tuple(Severity(name=item.name, per_second=item.metadata["per_second"]) for item in own)
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """The channels it looks at, its own first."""
-        return (self.channel,)
-
-    def begin(self, before: FloatArray) -> Any:
-        """Return what the fault carries into its first stretch, from the last healthy sample of `reads`."""
-        return None
-
-    def distort(
-        self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
-    ) -> tuple[FloatArray, Any]:
-        """Return the broken samples of a stretch, and what to carry into the next.
-
-        Parameters
-        ----------
-        seen : shape (samples, len(reads))
-            The channels the fault reads, its own first.
-        elapsed_s : shape (samples,)
-            Time since the onset, in seconds.
-        sample_period_s : float
-            Ts, in seconds.
-        carried
-            What `begin` or the stretch before returned.
-        """
-        raise NotImplementedError
-
-    def active(self, time_s: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Return at which times the fault is active; a time counts as reached up to a nanosecond before it."""
-        begun = time_s >= self.onset_s - 1e-9
-        return begun if self.duration_s is None else begun & (time_s < self.onset_s + self.duration_s - 1e-9)
-
-    def array(self, record: Record) -> FloatArray:
-        """Return the broken channel of a record, shape (samples,)."""
-        time_s = record.time_s
-        seen = record.matrix(self.reads)
-        broken = seen[:, 0].copy()
-        stretch = np.flatnonzero(self.active(time_s))
-        if len(stretch):
-            first, last = int(stretch[0]), int(stretch[-1]) + 1
-            carried = self.begin(seen[max(first - 1, 0)])
-            elapsed = time_s[first:last] - self.onset_s
-            broken[first:last], _ = self.distort(seen[first:last], elapsed, record.sample_period_s, carried)
-        return broken
-
-    def stream(self, sample_period_s: float) -> Callable[[float, Sequence[float]], float]:
-        """Return a function that takes a time and the sample of `reads`, in order, and gives the broken sample."""
-        carried: Any = None
-        before: FloatArray | None = None
-        begun = False
-
-        def step(time_s: float, sample: Sequence[float]) -> float:
-            nonlocal carried, before, begun
-            seen = np.asarray(sample, dtype=np.float64).reshape(1, -1)
-            moment = np.array([time_s])
-            if not self.active(moment)[0]:
-                before = seen[0]
-                return float(seen[0, 0])
-            if not begun:
-                carried = self.begin(seen[0] if before is None else before)
-                begun = True
-            broken, carried = self.distort(seen, moment - self.onset_s, sample_period_s, carried)
-            return float(broken[0])
-
-        return step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +29,7 @@ class Drift(Fault):
     """
 
     kind: ClassVar[str] = "drift"
-    slope: float = _figure(per_second=True)
+    slope: float = severity(per_second=True)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -157,7 +48,7 @@ class Deadzone(Fault):
     """
 
     kind: ClassVar[str] = "deadzone"
-    half_width: float = _figure(per_second=False)
+    half_width: float = severity(per_second=False)
 
     def __post_init__(self) -> None:
         """Refuse a negative width."""
@@ -182,7 +73,7 @@ class Saturation(Fault):
     """
 
     kind: ClassVar[str] = "saturation"
-    limit: float = _figure(per_second=False)
+    limit: float = severity(per_second=False)
 
     def __post_init__(self) -> None:
         """Refuse a negative limit."""
@@ -208,7 +99,7 @@ class RateSaturation(Fault):
     """
 
     kind: ClassVar[str] = "rate_saturation"
-    rate_limit: float = _figure(per_second=True)
+    rate_limit: float = severity(per_second=True)
 
     def __post_init__(self) -> None:
         """Refuse a negative limit."""
@@ -278,6 +169,8 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     array([3., 3., 3.])
     """
     for fault in [faults] if isinstance(faults, Fault) else faults:
+        if not isinstance(fault, Fault):
+            raise InputError(f"{fault!r} is no fault; give one such as Jam(channel='p', onset_s=300)")
         if not record.start_s - 1e-9 <= fault.onset_s <= record.end_s + 1e-9:
             raise InputError(
                 f"{fault.kind} on '{fault.channel}' begins at {fault.onset_s:g} s, outside of the record, which runs "

@@ -19,7 +19,7 @@ def measure(
     *,
     snr: float | None = None,
     noise: str | None = None,
-    seed: int = 0,
+    seed: int = 1,
     commands: bool = False,
 ) -> Record:
     """Return what the sensors read: the flight's sensor channels with white Gaussian noise.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import Aircraft, engine, load_aircraft
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, engine, load_aircraft
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.checks import number
 from gtmbench.errors import TrimError
@@ -22,7 +23,6 @@ ACCELERATIONS = {
     "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
     "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
 }
-UNKNOWNS = ("alpha", "phi", *COMMANDS)
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 
 
@@ -76,7 +76,7 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
     fdm.run_ic()
 
 
-def trim(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> Trim:
+def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> Trim:
     """Trim an aircraft for level flight without sideslip.
 
     Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
@@ -84,7 +84,7 @@ def trim(aircraft: str = "gtm", *, altitude_ft: float | None = None, tas_kt: flo
 
     Parameters
     ----------
-    aircraft : str
+    aircraft : str or Path
         A name that ``gtmbench list`` shows, or the path of an aircraft's folder.
     altitude_ft, tas_kt : float, optional
         Another condition than the aircraft's own.

@@ -100,7 +100,7 @@ def _print_study(study: Study, out: Path) -> None:
     click.echo(f"threshold: {baseline.threshold:.4g} {unit}; {armed}, when the norm first stood at or below it")
     norm = baseline.norm
     window_s = (norm.window + 1) * norm.sample_period_s
-    click.echo(f"of every delay: look-ahead {norm.look_ahead_s:g} s; and a window of {window_s:g} s has to fill")
+    click.echo(f"an alarm at k is dated (k + w + d) Ts: look-ahead {norm.look_ahead_s:g} s, window {window_s:g} s")
     click.echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
 
 

@@ -25,7 +25,7 @@ class Alarms:
     threshold : float
         In the norm's unit.
     look_ahead_s, window_s : float
-        The parts of a delay that are the method's own: d Ts and (w + 1) Ts.
+        d Ts and (w + 1) Ts: the spans of samples after k and from k on that an alarm at k has seen.
     """
 
     time_s: FloatArray

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,8 +26,8 @@ class Residual:
         d Ts and Ts, in seconds.
     """
 
-    values: FloatArray
-    time_s: FloatArray
+    values: FloatArray = field(repr=False)
+    time_s: FloatArray = field(repr=False)
     outputs: tuple[str, ...]
     look_ahead_s: float
     sample_period_s: float
@@ -49,8 +49,8 @@ class WindowedNorm:
         d Ts and Ts, in seconds.
     """
 
-    values: FloatArray
-    time_s: FloatArray
+    values: FloatArray = field(repr=False)
+    time_s: FloatArray = field(repr=False)
     window: int
     look_ahead_s: float
     sample_period_s: float

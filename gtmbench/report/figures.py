@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _SHOWN_S = (280.0, 285.0)  # Fig. 4.2
 _DPI = 130
+_STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
 
 
 def write_figures(study: Study, folder: Path) -> list[Path]:
@@ -83,7 +84,7 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     )
     for i, trial in enumerate(trials):
         tint = colour(trial.channel, i)
-        style = "-" if [t.channel for t in trials[:i]].count(trial.channel) == 0 else "--"
+        style = _STYLES[[other.channel for other in trials[:i]].count(trial.channel) % len(_STYLES)]
         axis.plot(
             trial.norm.time_s[watched], trial.norm.values[watched], style, color=tint, lw=1.2, label=trial_label(trial)
         )

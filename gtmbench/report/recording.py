@@ -179,4 +179,4 @@ def _events(recording: rr.RecordingStream, study: Study) -> None:
             events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     for time_s, level, text in sorted(events):
         set_time(recording, time_s)
-        recording.log("/events", rr.TextLog(text, level=level))
+        recording.log("/events", rr.TextLog(f"{time_s:.2f} s  {text}", level=level))

@@ -8,7 +8,9 @@ from gtmbench.study.trial import Study, Trial
 def severity_text(trial: Trial) -> str:
     """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
     parts = []
-    for item in trial.injected.severities():
+    for item in trial.injected.parameters():
+        if not item.is_severity:
+            continue
         per_second = "deg/s²" if trial.unit == "deg/s" else f"{trial.unit}/s"
         parts.append(f"{trial.severity[item.name]:.3g} {per_second if item.per_second else trial.unit}")
     return ", ".join(parts)
@@ -42,5 +44,10 @@ def _row(trial: Trial) -> list[str]:
         delay,
         f"{trial.peak_ratio:.2f}",
         f"{100.0 * trial.altered_share:.1f} %",
-        "detected" if trial.detected else f"missed: {trial.reason}",
+        _verdict(trial),
     ]
+
+
+def _verdict(trial: Trial) -> str:
+    verdict = "detected" if trial.detected else f"missed: {trial.reason}"
+    return f"{verdict}; {trial.false_alarms} false alarms before the onset" if trial.false_alarms else verdict

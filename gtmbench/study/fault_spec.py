@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gtmbench.bench.fault import Fault, Parameter
 from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.study.severity import Figure, parse_severity
+from gtmbench.study.severity import Severity, parse_severity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +21,8 @@ class FaultSpec:
     channel: str
     onset_s: float
     duration_s: float | None
-    severities: dict[str, Figure]
+    severities: dict[str, Severity]
+    other_channels: dict[str, str]
 
 
 def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[FaultSpec]:
@@ -34,7 +36,8 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     kind = block.get("kind")
     if not isinstance(kind, str) or kind not in FAULTS:
         raise InputError(f"{where}: kind is {kind!r}; there are {', '.join(FAULTS)}")
-    own = [item.name for item in FAULTS[kind].severities()]
+    parameters = FAULTS[kind].parameters()
+    own = [item.name for item in parameters]
     legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
     for key in block:
         if key not in legal:
@@ -45,19 +48,51 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     channels = _channels(block["channels"], block.get("unit"), where)
     onset_s = number(f"{where}: onset_s", block["onset_s"], 0.0, flight_s)
     duration_s = number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
-    return [
-        FaultSpec(kind=kind, channel=channel, onset_s=onset_s, duration_s=duration_s, severities=severities)
+    others = {item.name: block[item.name] for item in parameters if not item.is_severity}
+    for key, name in others.items():
+        _check_channel(name, f"{where}: {key}")
+    specs = [
+        FaultSpec(
+            kind=kind,
+            channel=channel,
+            onset_s=onset_s,
+            duration_s=duration_s,
+            severities=severities,
+            other_channels=others,
+        )
         for channel in channels
-        for severities in _severities(kind, block, where)
+        for severities in _severities(parameters, block, where)
     ]
+    for spec in specs:  # the fault itself knows what its parameters may be; a share can't be wrong
+        try:
+            build(spec, {name: figure.value for name, figure in spec.severities.items()})
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return specs
+
+
+def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
+    """Return the fault of a trial, its severities now absolute."""
+    return FAULTS[spec.kind](
+        channel=spec.channel,
+        onset_s=spec.onset_s,
+        duration_s=spec.duration_s,
+        **severities,
+        **spec.other_channels,
+    )
+
+
+def _check_channel(name: Any, where: str) -> None:
+    if not isinstance(name, str) or name not in SENSORS:
+        shown = name if isinstance(name, str) else repr(name)
+        raise InputError(f"{where}: no sensor channel '{shown}'; there are {', '.join(SENSORS)}")
 
 
 def _channels(channels: Any, unit: Any, where: str) -> list[str]:
     if not isinstance(channels, list) or not channels or not all(isinstance(name, str) for name in channels):
         raise InputError(f"{where}: channels is {channels!r}; it must be a list of channel names")
     for name in channels:
-        if name not in SENSORS:
-            raise InputError(f"{where}: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
+        _check_channel(name, where)
         if channels.count(name) > 1:
             raise InputError(f"{where}: channel '{name}' stands there twice; name every channel once")
         if unit is not None and unit != CHANNELS[name].unit:
@@ -67,20 +102,15 @@ def _channels(channels: Any, unit: Any, where: str) -> list[str]:
     return channels
 
 
-def _severities(kind: str, block: dict[str, Any], where: str) -> list[dict[str, Figure]]:
-    """Return every combination of the severities given, checked by the fault itself."""
-    combinations: list[dict[str, Figure]] = [{}]
-    for item in FAULTS[kind].severities():
-        key = f"{where}: {item.name}"
-        given = block[item.name] if isinstance(block[item.name], list) else [block[item.name]]
-        if not given:
-            raise InputError(f"{key} is an empty list; give a figure or a list of them")
-        steps = [parse_severity(entry, per_second=item.per_second, key=key) for entry in given]
-        combinations = [{**others, item.name: step} for others in combinations for step in steps]
-    for combination in combinations:
-        absolute = {name: figure.value for name, figure in combination.items()}
-        try:
-            FAULTS[kind](channel="p", onset_s=0.0, **absolute)
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from error
+def _severities(parameters: tuple[Parameter, ...], block: dict[str, Any], where: str) -> list[dict[str, Severity]]:
+    """Return every combination of the severities given."""
+    combinations: list[dict[str, Severity]] = [{}]
+    for item in parameters:
+        if item.is_severity:
+            key = f"{where}: {item.name}"
+            given = block[item.name] if isinstance(block[item.name], list) else [block[item.name]]
+            if not given:
+                raise InputError(f"{key} is an empty list; give a number or a list of them")
+            steps = [parse_severity(entry, per_second=item.per_second, key=key) for entry in given]
+            combinations = [{**others, item.name: step} for others in combinations for step in steps]
     return combinations

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from gtmbench.bench.faults import FAULTS, Fault, inject
+from gtmbench.bench.fault import Fault
+from gtmbench.bench.faults import inject
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
@@ -17,7 +18,7 @@ from gtmbench.method.alarms import alarms, threshold
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility, identify
 from gtmbench.record import Record
-from gtmbench.study.fault_spec import FaultSpec
+from gtmbench.study.fault_spec import FaultSpec, build
 from gtmbench.study.scenario import Scenario, Setup, load_scenario
 from gtmbench.study.score import score
 from gtmbench.study.severity import resolve
@@ -113,31 +114,29 @@ def _baseline(setup: Setup, tell: Callable[[str], None]) -> Baseline:
         return measure(flight, snr=setup.snr, noise=setup.noise, seed=setup.seed + _SEED_STEP * number)
 
     tell("identify")
-    identification = sensed(0)
     operator = identify(
-        identification.between(*setup.operator.identify_s),
+        sensed(0).between(*setup.operator.identify_s),
         inputs=setup.operator.inputs,
         outputs=setup.operator.outputs,
         causal_order=setup.operator.causal_order,
         noncausal_order=setup.operator.noncausal_order,
     )
     tell("threshold")
-    _, norm = _watched(operator, sensed(1), setup)
+    _, norm = _residual_and_norm(operator, sensed(1), setup)
     start_s, end_s = setup.alarm.threshold_s
     limit = threshold(norm, start_s=start_s, end_s=end_s, factor=setup.alarm.threshold_factor)
     healthy = sensed(2)
-    healthy_residual, healthy_norm = _watched(operator, healthy, setup)
+    healthy_residual, healthy_norm = _residual_and_norm(operator, healthy, setup)
     watched = []
     for number in range(setup.alarm.healthy_records):
         tell(f"healthy record {number + 1}")
-        norm = healthy_norm if number == 0 else _watched(operator, sensed(2 + number), setup)[1]
+        norm = healthy_norm if number == 0 else _residual_and_norm(operator, sensed(2 + number), setup)[1]
         watched.append(alarms(norm, limit, start_s=setup.alarm.watch_from_s))
     armed = [raised.armed_s for raised in watched if not math.isnan(raised.armed_s)]
     return Baseline(
         setup=setup,
         trim=trimmed,
         flight=flight,
-        identification=identification,
         healthy=healthy,
         operator=operator,
         threshold=limit,
@@ -149,28 +148,29 @@ def _baseline(setup: Setup, tell: Callable[[str], None]) -> Baseline:
     )
 
 
-def _watched(operator: Transmissibility, record: Record, setup: Setup) -> tuple[Residual, WindowedNorm]:
+def _residual_and_norm(operator: Transmissibility, record: Record, setup: Setup) -> tuple[Residual, WindowedNorm]:
     found = residual(operator, record)
     return found, windowed_norm(found, window=setup.alarm.window)
 
 
 def _fault(spec: FaultSpec, reference: Record) -> Fault:
-    figures = {name: resolve(severity, reference, spec.channel) for name, severity in spec.severities.items()}
-    return FAULTS[spec.kind](channel=spec.channel, onset_s=spec.onset_s, duration_s=spec.duration_s, **figures)
+    return build(spec, {name: resolve(share, reference, spec.channel) for name, share in spec.severities.items()})
 
 
 def _trial(scenario: str, fault: Fault, baseline: Baseline) -> Trial:
     setup = baseline.setup
     broken = inject(baseline.healthy, fault)
-    found, norm = _watched(baseline.operator, broken, setup)
+    found, norm = _residual_and_norm(baseline.operator, broken, setup)
     raised = alarms(norm, baseline.threshold, start_s=setup.alarm.watch_from_s)
-    verdict = score(raised, norm, baseline.operator, fault, baseline.healthy, broken)
+    operator = baseline.operator
+    channels = (*operator.inputs, *operator.outputs)
+    verdict = score(raised, norm, fault=fault, healthy=baseline.healthy, broken=broken, channels=channels)
     return Trial(
         **asdict(verdict),
         scenario=scenario,
         fault=fault.kind,
         channel=fault.channel,
-        severity={item.name: float(getattr(fault, item.name)) for item in fault.severities()},
+        severity=fault.severities,
         unit=unit_of(fault.channel),
         injected=fault,
         record=broken,

@@ -12,7 +12,7 @@ from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
-from gtmbench.channels import SENSORS
+from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.files import shipped_scenarios
@@ -52,7 +52,7 @@ class Setup:
     aircraft: str = "gtm"
     excitation: str = "dissertation"
     duration_s: float = 500.0
-    snr: float | None = None
+    snr: float | None = 50.0
     noise: str | None = None
     seed: int = 1
     severity_reference_s: Span = (25.0, 300.0)
@@ -132,8 +132,8 @@ def _scenario(name: str, table: dict[str, Any]) -> Scenario:
 def _setup(table: dict[str, Any]) -> Setup:
     if "snr" in table and "noise" in table:
         raise InputError("both snr and noise are given; keep one")
-    if "noise" not in table:
-        table.setdefault("snr", 50.0)  # the dissertation's
+    if "noise" in table:
+        table = {**table, "snr": None}
     setup = Setup(**_checked(Setup, table, ""))
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
@@ -152,6 +152,10 @@ def _setup(table: dict[str, Any]) -> Setup:
             raise InputError(f"operator: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
         if channels.count(name) > 1:
             raise InputError(f"operator: '{name}' stands there twice; name every pseudo input and pseudo output once")
+    units = {name: CHANNELS[name].unit for name in setup.operator.outputs}
+    if len(set(units.values())) > 1:
+        given = ", ".join(f"{name} in {unit}" for name, unit in units.items())
+        raise InputError(f"operator.outputs: {given}; one norm needs one unit, so take outputs of one kind")
     return setup
 
 
@@ -209,7 +213,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "aircraft": _known(load_aircraft),
     "excitation": _known(parts_of),
     "duration_s": lambda key, value: number(key, value, 0.0, LONGEST_S, above=True),
-    "snr": lambda key, value: number(key, value, *SNR_SPAN),
+    "snr": lambda key, value: None if value is None else number(key, value, *SNR_SPAN),
     "noise": _noise,
     "seed": whole,
     "severity_reference_s": _times,

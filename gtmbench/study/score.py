@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.bench.faults import Fault
+from gtmbench.bench.fault import Fault
 from gtmbench.method.alarms import Alarms
 from gtmbench.method.residual import WindowedNorm
-from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 
 
@@ -25,7 +25,8 @@ class Verdict:
     alarm_time_s, detection_delay_s : float or None
         When the first such alarm could be raised, and how long after the onset.
     look_ahead_s, window_s : float
-        What of the delay is the method's own: d Ts and (w + 1) Ts.
+        d Ts and (w + 1) Ts. They bound when a window that lies wholly after the onset is known; a strong fault is
+        found before that, for the windows before it hold its first samples.
     peak_ratio : float
         Greatest E(k) known at or after the onset, over the threshold.
     altered_share : float
@@ -49,9 +50,41 @@ class Verdict:
 
 
 def score(
-    raised: Alarms, norm: WindowedNorm, operator: Transmissibility, fault: Fault, healthy: Record, broken: Record
+    raised: Alarms,
+    norm: WindowedNorm,
+    *,
+    fault: Fault,
+    healthy: Record,
+    broken: Record,
+    channels: Sequence[str],
 ) -> Verdict:
-    """Hold the alarms on a broken record, and the norm they come from, against the fault that was injected."""
+    """Hold a detector's alarms on a broken record against the fault that was injected.
+
+    Parameters
+    ----------
+    raised : Alarms
+        Dated when they could be raised.
+    norm : WindowedNorm
+        What the alarms were raised from.
+    fault : Fault
+        The truth.
+    healthy, broken : Record
+        The measurements before and after `inject`.
+    channels : sequence of str
+        The channels that the detector uses: a fault on another one is a miss for that reason.
+
+    Examples
+    --------
+    >>> from gtmbench.bench.faults import Drift, inject
+    >>> from gtmbench.method.alarms import alarms
+    >>> healthy = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> fault = Drift(channel="p", onset_s=1.0, slope=2.0)
+    >>> broken = inject(healthy, fault)
+    >>> norm = WindowedNorm(values=broken["p"], time_s=broken.time_s, window=0, look_ahead_s=0.0, sample_period_s=1.0)
+    >>> verdict = score(alarms(norm, 4.0), norm, fault=fault, healthy=healthy, broken=broken, channels=["p"])
+    >>> verdict.detected, verdict.detection_delay_s, verdict.peak_ratio
+    (True, 2.0, 1.25)
+    """
     before = raised.time_s < fault.onset_s - 1e-9
     after = raised.time_s[~before]
     known = (norm.known_s >= fault.onset_s - 1e-9) & ~np.isnan(norm.values)
@@ -71,15 +104,13 @@ def score(
         peak_ratio=peak_ratio,
         altered_share=altered_share,
         false_alarms=int(before.sum()),
-        reason="" if detected else _reason(peak_ratio, altered_share, bool(known.any()), raised, operator, fault),
+        reason="" if detected else _reason(fault.channel in channels, known.any(), altered_share, raised, peak_ratio),
     )
 
 
-def _reason(
-    peak_ratio: float, altered_share: float, watched: bool, raised: Alarms, operator: Transmissibility, fault: Fault
-) -> str:
-    if fault.channel not in (*operator.inputs, *operator.outputs):
-        return f"the operator {operator.name} doesn't use '{fault.channel}'"
+def _reason(used: bool, watched: np.bool_, altered_share: float, raised: Alarms, peak_ratio: float) -> str:
+    if not used:
+        return "the detector doesn't use this channel"
     if not watched:
         return "no complete window ends after the onset"
     if altered_share == 0.0:

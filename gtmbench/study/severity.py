@@ -16,14 +16,14 @@ _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
-    """A figure in the channel's unit (per second for slopes), or a share of ``of``: rms, peak or slew."""
+class Severity:
+    """A number in the channel's unit (per second for slopes), or a share of ``of``: rms, peak or slew."""
 
     value: float
     of: str | None = None
 
 
-def parse_severity(given: Any, *, per_second: bool, key: str) -> Figure:
+def parse_severity(given: Any, *, per_second: bool, key: str) -> Severity:
     """Read a number, or a text such as ``"50 % of rms"``.
 
     Raises
@@ -34,22 +34,22 @@ def parse_severity(given: Any, *, per_second: bool, key: str) -> Figure:
     Examples
     --------
     >>> parse_severity("40 % of peak", per_second=False, key="limit")
-    Figure(value=0.4, of='peak')
+    Severity(value=0.4, of='peak')
     """
     legal = ("slew",) if per_second else ("rms", "peak")
-    number = isinstance(given, (int, float)) and not isinstance(given, bool)
-    if number and abs(given) < 1e9:  # neither inf nor NaN is
-        return Figure(value=float(given))
+    is_number = isinstance(given, (int, float)) and not isinstance(given, bool)
+    if is_number and abs(given) < 1e9:  # neither inf nor NaN is
+        return Severity(value=float(given))
     match = _SHARE.fullmatch(given) if isinstance(given, str) else None
     if match and match[2] in legal:
-        return Figure(value=float(match[1]) / 100.0, of=match[2])
+        return Severity(value=float(match[1]) / 100.0, of=match[2])
     texts = " or ".join(f"'20 % of {name}'" for name in legal)
     raise InputError(
         f"{key} is {given!r}; it must be a number in the channel's unit{' per second' * per_second}, or {texts}"
     )
 
 
-def resolve(severity: Figure, reference: Record, channel: str) -> float:
+def resolve(severity: Severity, reference: Record, channel: str) -> float:
     """Return a severity as an absolute figure, in the channel's unit (per second for slew).
 
     Shares refer to the noise-free channel with its mean removed: its RMS, its greatest magnitude (peak), or its

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 
-from gtmbench.bench.faults import Fault
+from gtmbench.bench.fault import Fault
 from gtmbench.bench.trim import Trim
 from gtmbench.method.alarms import Alarms
 from gtmbench.method.residual import Residual, WindowedNorm
@@ -22,10 +22,12 @@ class Baseline:
     ----------
     setup, trim, flight
         What was flown; `flight` is truth.
-    identification, healthy : Record
-        Measurements with the first noise seed (identified on) and the third (broken in the trials).
-    operator, threshold
-        Of the identification record; from a record with the second noise seed.
+    operator : Transmissibility
+        Identified on measurements with the first noise seed.
+    threshold : float
+        From measurements with the second noise seed, in the output's unit.
+    healthy : Record
+        Measurements with the third noise seed: those that are broken in the trials.
     residual, norm
         Of `healthy`.
     armed_s : float or None
@@ -38,7 +40,6 @@ class Baseline:
     setup: Setup
     trim: Trim
     flight: Record
-    identification: Record
     healthy: Record
     operator: Transmissibility
     threshold: float
