@@ -2,9 +2,28 @@
 
 import os
 
+import pytest
 from hypothesis import settings
+
+from gtmbench.files import share
 
 os.environ.setdefault("CI", "1")
 
 settings.register_profile("gtmbench", derandomize=True, deadline=None)
 settings.load_profile("gtmbench")
+
+
+@pytest.fixture
+def copied_gtm(tmp_path):
+    """Return a function that copies the GTM under a name, as a user would, and gives the copy's folder."""
+
+    def copy(name):
+        folder = tmp_path / "fleet" / name
+        folder.mkdir(parents=True)
+        source = share() / "aircraft/gtm"
+        for part in ("aircraft.toml", "gtm-tables.xml"):
+            (folder / part).write_text((source / part).read_text())
+        (folder / f"{name}.xml").write_text((source / "gtm.xml").read_text().replace('name="gtm"', f'name="{name}"'))
+        return folder
+
+    return copy

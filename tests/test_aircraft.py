@@ -196,15 +196,8 @@ def test_unknown_aircraft_is_refused_with_the_known_ones():
 
 
 @pytest.fixture
-def mine(tmp_path):
-    """Return the folder of a copy of the GTM under another name."""
-    folder = tmp_path / "fleet" / "mine"
-    folder.mkdir(parents=True)
-    source = share() / "aircraft/gtm"
-    for name in ("aircraft.toml", "gtm-tables.xml"):
-        (folder / name).write_text((source / name).read_text())
-    (folder / "mine.xml").write_text(re.sub('name="gtm"', 'name="mine"', (source / "gtm.xml").read_text()))
-    return folder
+def mine(copied_gtm):
+    return copied_gtm("mine")
 
 
 def test_an_aircraft_is_a_folder_anywhere(mine, monkeypatch):

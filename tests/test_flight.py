@@ -134,16 +134,10 @@ def test_rms_of_a_minute_is_that_of_an_independent_model(minute):
         assert np.std(minute[name]) == pytest.approx(expected, rel=0.01), name
 
 
-def test_leaving_the_envelope_is_an_error_that_says_where(tmp_path):
-    from gtmbench.files import share
-
-    folder = tmp_path / "fleet" / "gtm"
-    folder.mkdir(parents=True)
-    source = share() / "aircraft/gtm"
-    for name in ("gtm.xml", "gtm-tables.xml"):
-        (folder / name).write_text((source / name).read_text())
-    narrow = (source / "aircraft.toml").read_text().replace("alpha = [-5.0, 85.0]", "alpha = [2.9, 3.1]")
-    (folder / "aircraft.toml").write_text(narrow)
+def test_leaving_the_envelope_is_an_error_that_says_where(copied_gtm):
+    folder = copied_gtm("gtm")
+    facts = folder / "aircraft.toml"
+    facts.write_text(facts.read_text().replace("alpha = [-5.0, 85.0]", "alpha = [2.9, 3.1]"))
     with pytest.raises(gb.EnvelopeError, match=r"'doublets' throws 'gtm'.*alpha is \S+ deg at t = \S+ s.*2.9 to 3.1"):
         gb.fly(str(folder), "doublets", 5.0)
 
