@@ -51,15 +51,18 @@ def trim() -> list[bool]:
     return rows
 
 
-def identification(record: gb.Record) -> tuple[gb.Transmissibility, bool]:
-    """(4.13): the operator [p q beta] -> r, by PEM with a noncausal FIR model, 2,500 <= k <= 20,000 (Fig. 4.1)."""
-    operator = gb.identify(
+def identify(record: gb.Record) -> gb.Transmissibility:
+    """(4.13): the operator [p q beta] -> r, by PEM with a noncausal FIR model, 2,500 <= k <= 20,000."""
+    return gb.identify(
         record.between(25, 200), inputs=["p", "q", "beta"], outputs=["r"], causal_order=R, noncausal_order=D
     )
-    shape = operator.markov.shape
-    return operator, check(
-        "Fig. 4.1, Markov parameters", "101 of 1 x 3", f"{shape[0]} of {shape[1]} x {shape[2]}", shape == (101, 1, 3)
-    )
+
+
+def markov_parameters(operator: gb.Transmissibility) -> bool:
+    """Entries of the Markov parameters (Fig. 4.1): r + d + 1 lags of a 1 x 3 operator."""
+    lags, outputs, inputs = operator.markov.shape
+    agrees = (lags, outputs, inputs) == (R + D + 1, 1, 3)
+    return check("Fig. 4.1, Markov parameters", "101 of 1 x 3", f"{lags} of {outputs} x {inputs}", agrees)
 
 
 def prediction(operator: gb.Transmissibility, record: gb.Record) -> bool:
@@ -87,7 +90,7 @@ def excitation_dependence() -> bool:
     """Not in the dissertation: an operator identified on one sinusoid, asked about a multisine flight (T2 noise)."""
     flown = ("dissertation", "multisine")
     records = [gb.measure(gb.fly(excitation=name, seed=1), noise="t2", seed=1) for name in flown]
-    operator, _ = identification(records[0])
+    operator = identify(records[0])
     own, other = (
         float(np.sqrt(np.mean(gb.residual(operator, record).values[20_000:48_001] ** 2))) for record in records
     )
@@ -105,8 +108,8 @@ def main() -> int:
     rows = trim()
     flight = gb.fly(aircraft="gtm", excitation="dissertation", duration_s=500, seed=1)
     identified, threshold_record, healthy = (gb.measure(flight, snr=50, seed=seed) for seed in (1, 1001, 2001))
-    operator, agrees = identification(identified)
-    rows += [agrees, prediction(operator, healthy)]
+    operator = identify(identified)
+    rows += [markov_parameters(operator), prediction(operator, healthy)]
     norm = gb.windowed_norm(gb.residual(operator, threshold_record), window=WINDOW)
     limit = gb.threshold(norm, start_s=200, end_s=480, factor=1.5)
     reference = flight.between(25, 300)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from gtmbench.errors import InputError
 
@@ -134,3 +135,19 @@ def channel_of(header: str) -> str:
             f"column '{header}' {said}: channel '{base}' is in {known.unit}; convert it and name it '{known.header}'"
         )
     return header
+
+
+def sensor_list(key: str, value: Any) -> tuple[str, ...]:
+    """Return a list of sensor channels, each named once, or say what is wrong with what stands under `key`.
+
+    >>> sensor_list("inputs", ["p", "beta"])
+    ('p', 'beta')
+    """
+    if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
+        raise InputError(f"{key} is {value!r}; it must be a list of channel names")
+    for name in value:
+        if name not in SENSORS:
+            raise InputError(f"{key}: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
+        if value.count(name) > 1:
+            raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
+    return tuple(value)

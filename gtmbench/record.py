@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtmbench.channels import CHANNELS, channel_of
+from gtmbench.checks import number
 from gtmbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,14 +81,10 @@ class Record:
         if len(set(names)) != len(names):
             twice = sorted({name for name in names if names.count(name) > 1})
             raise InputError(f"channel names must differ; given twice: {', '.join(twice)}")
-        if not (math.isfinite(sample_period_s) and sample_period_s > 0):
-            raise InputError(f"sample_period_s is {sample_period_s}; it must be a positive number of seconds")
-        if not math.isfinite(start_s):
-            raise InputError(f"start_s is {start_s}; it must be a finite number of seconds")
         object.__setattr__(self, "values", array)
         object.__setattr__(self, "channels", names)
-        object.__setattr__(self, "sample_period_s", float(sample_period_s))
-        object.__setattr__(self, "start_s", float(start_s))
+        object.__setattr__(self, "sample_period_s", number("sample_period_s", sample_period_s, 0.0, above=True))
+        object.__setattr__(self, "start_s", number("start_s", start_s))
 
     def __repr__(self) -> str:
         return (

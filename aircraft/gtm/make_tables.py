@@ -23,7 +23,7 @@ MARK = "<!-- The tables, angles in degrees, interpolated linearly, ends held: ma
 
 def number(value: float) -> str:
     """Six decimals (1e-6 of a coefficient), without trailing zeros."""
-    return f"{value:.6f}".rstrip("0").rstrip(".").replace("-0.000000", "0") or "0"
+    return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def rows(values: np.ndarray, row_keys: np.ndarray, column_keys: np.ndarray) -> list[str]:

@@ -7,6 +7,7 @@ result, and a fault can sit inside a control loop.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
@@ -29,11 +30,12 @@ class Parameter:
     name: str
     is_severity: bool
     per_second: bool = False
+    low: float = -math.inf
 
 
-def severity(*, per_second: bool) -> Any:
-    """Declare a severity among a fault's fields."""
-    return field(metadata={"is_severity": True, "per_second": per_second})
+def severity(*, per_second: bool, low: float = -math.inf) -> Any:
+    """Declare a severity among a fault's fields, with the least value it may have."""
+    return field(metadata={"is_severity": True, "per_second": per_second, "low": low})
 
 
 def other_channel() -> Any:
@@ -58,8 +60,10 @@ class Fault:
     def __post_init__(self) -> None:
         if not isinstance(self.channel, str):
             raise InputError(f"{self.kind}: channel is {self.channel!r}; it must be a channel's name")
-        for name in ("onset_s", *(item.name for item in self.parameters() if item.is_severity)):
-            number(f"{self.kind}: {name}", getattr(self, name))
+        number(f"{self.kind}: onset_s", self.onset_s)
+        for item in self.parameters():
+            if item.is_severity:
+                number(f"{self.kind}: {item.name}", getattr(self, item.name), item.low)
         if self.duration_s is not None:
             number(f"{self.kind}: duration_s", self.duration_s, 0.0, above=True)
 

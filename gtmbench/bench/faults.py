@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gtmbench.bench.fault import Fault, severity
-from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -48,12 +47,7 @@ class Deadzone(Fault):
     """
 
     kind: ClassVar[str] = "deadzone"
-    half_width: float = severity(per_second=False)
-
-    def __post_init__(self) -> None:
-        """Refuse a negative width."""
-        super().__post_init__()
-        number("deadzone: half_width", self.half_width, 0.0)
+    half_width: float = severity(per_second=False, low=0.0)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -73,12 +67,7 @@ class Saturation(Fault):
     """
 
     kind: ClassVar[str] = "saturation"
-    limit: float = severity(per_second=False)
-
-    def __post_init__(self) -> None:
-        """Refuse a negative limit."""
-        super().__post_init__()
-        number("saturation: limit", self.limit, 0.0)
+    limit: float = severity(per_second=False, low=0.0)
 
     def distort(
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
@@ -99,12 +88,7 @@ class RateSaturation(Fault):
     """
 
     kind: ClassVar[str] = "rate_saturation"
-    rate_limit: float = severity(per_second=True)
-
-    def __post_init__(self) -> None:
-        """Refuse a negative limit."""
-        super().__post_init__()
-        number("rate_saturation: rate_limit", self.rate_limit, 0.0)
+    rate_limit: float = severity(per_second=True, low=0.0)
 
     def begin(self, before: FloatArray) -> Any:
         """Start from the last healthy sample."""

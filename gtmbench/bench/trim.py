@@ -67,7 +67,7 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
     fdm["ic/vt-kts"] = wanted["tas"]
     fdm["ic/alpha-deg"] = wanted["alpha"]
     fdm["ic/beta-deg"] = wanted["beta"]
-    # JSBSim turns the attitude when alpha or beta are set: say it again, then the wind angles once more
+    # JSBSim turns the attitude when alpha or beta are set, so pitch is said again; the wind angles stay
     fdm["ic/theta-deg"] = wanted["theta"]
     for rate in ("p", "q", "r"):
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
@@ -110,7 +110,6 @@ def trimmed_engine(
     """Return a fresh engine that stands in trim, and the trim."""
     from scipy.optimize import least_squares  # half a second to import
 
-    fdm = engine(aircraft)
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     fixed = {
@@ -119,6 +118,7 @@ def trimmed_engine(
         "psi": aircraft.psi_deg,
         "beta": 0.0,
     }
+    fdm = engine(aircraft)
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))

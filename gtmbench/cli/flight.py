@@ -21,11 +21,13 @@ from gtmbench.files import shipped_aircraft, shipped_scenarios
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.study.scenario import load_scenario
 
-
-@click.command("trim")
-@click.option(
+_aircraft_option = click.option(
     "--aircraft", default="gtm", show_default=True, help="A name of `gtmbench list`, or an aircraft's folder."
 )
+
+
+@click.command("trim")
+@_aircraft_option
 @click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]")
 @click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]")
 @click.option("--modes", "with_modes", is_flag=True, help="Also the linear modes: natural frequency and damping.")
@@ -73,9 +75,7 @@ def _print_modes(linear: list[Mode]) -> None:
 
 @click.command("fly")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
-@click.option(
-    "--aircraft", default="gtm", show_default=True, help="A name of `gtmbench list`, or an aircraft's folder."
-)
+@_aircraft_option
 @click.option("--excitation", default="dissertation", show_default=True, help="A name of `gtmbench list`, or a sum.")
 @click.option("--duration", default=500.0, show_default=True, help="Seconds.")
 @click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")

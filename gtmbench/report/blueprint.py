@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
+from gtmbench.report.timeline import TIMELINE
 from gtmbench.study.trial import Baseline, Study
 
 _SHOWN_THRESHOLDS = 4.0  # the norm's axis ends at this many thresholds: a large fault must not hide a small one
@@ -25,7 +26,7 @@ def blueprint(study: Study, trial_paths: Sequence[str], groups: Iterable[str]) -
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="time", play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
         auto_views=False,
         auto_layout=False,
     )

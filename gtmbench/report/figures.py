@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.text import trial_label
+from gtmbench.report.text import repetitions, trial_label
 from gtmbench.study.trial import Baseline, Study, Trial
 
 if TYPE_CHECKING:
@@ -82,9 +82,9 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
         label="healthy",
         zorder=3,
     )
-    for i, trial in enumerate(trials):
+    for i, (trial, repetition) in enumerate(zip(trials, repetitions(trials), strict=True)):
         tint = colour(trial.channel, i)
-        style = _STYLES[[other.channel for other in trials[:i]].count(trial.channel) % len(_STYLES)]
+        style = _STYLES[repetition % len(_STYLES)]
         axis.plot(
             trial.norm.time_s[watched], trial.norm.values[watched], style, color=tint, lw=1.2, label=trial_label(trial)
         )

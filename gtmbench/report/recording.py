@@ -21,6 +21,7 @@ All on the timeline ``time``; values are doubles, bit for bit those of the study
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from gtmbench.record import FloatArray
 from gtmbench.report.blueprint import blueprint
 from gtmbench.report.scene import log_scene
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.text import trial_label
+from gtmbench.report.text import repetitions, trial_label
 from gtmbench.report.timeline import set_time, times
 from gtmbench.study.trial import Baseline, Study, Trial
 
@@ -56,20 +57,23 @@ def write_recording(study: Study, path: Path) -> None:
     _shared(recording, study)
     _operator(recording, study)
     log_scene(recording, study.baseline.flight)
-    for i, (trial, label) in enumerate(zip(study.trials, labels, strict=True)):
-        _trial(recording, trial, label, _tint(trial, study.trials[:i]))
+    for trial, label, repetition in zip(study.trials, labels, repetitions(study.trials), strict=True):
+        tint = colour(trial.channel)
+        for _ in range(repetition):
+            tint = _lighter(tint)
+        _trial(recording, trial, label, tint)
     _events(recording, study)
     recording.disconnect()  # writes the footer
 
 
 def trial_paths(trials: Sequence[Trial]) -> list[str]:
     """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
-    bases = [(trial.scenario, trial.channel) for trial in trials]
+    often = Counter((trial.scenario, trial.channel) for trial in trials)
     paths = []
-    for i, (scenario, channel) in enumerate(bases):
-        several = bases.count((scenario, channel)) > 1
-        label = f"{channel}_{bases[: i + 1].count((scenario, channel))}" if several else channel
-        paths.append(rr.new_entity_path(["trials", scenario, label]))  # escapes what a file's name may hold
+    for trial, repetition in zip(trials, repetitions(trials), strict=True):
+        several = often[trial.scenario, trial.channel] > 1
+        label = f"{trial.channel}_{repetition + 1}" if several else trial.channel
+        paths.append(rr.new_entity_path(["trials", trial.scenario, label]))  # escapes what a file's name may hold
     return paths
 
 
@@ -134,15 +138,6 @@ def _operator(recording: rr.RecordingStream, study: Study) -> None:
         for i, name in enumerate(operator.inputs):
             bars = rr.BarChart(operator.markov[:, o, i], abscissa=operator.lags, color=_rgb(colour(name, i)))
             recording.log(f"/operator/{output}/{name}", bars, static=True)
-
-
-def _tint(trial: Trial, before: Sequence[Trial]) -> str:
-    """Return the channel's colour, lighter for every severity that was there before."""
-    tint = colour(trial.channel)
-    for other in before:
-        if (other.scenario, other.channel) == (trial.scenario, trial.channel):
-            tint = _lighter(tint)
-    return tint
 
 
 def _trial(recording: rr.RecordingStream, trial: Trial, root: str, tint: str) -> None:

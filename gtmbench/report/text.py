@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+
 from gtmbench.study.trial import Study, Trial
 
 
@@ -20,6 +23,16 @@ def trial_label(trial: Trial) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)
     return f"{trial.channel}, {severity}" if severity else trial.channel
+
+
+def repetitions(trials: Sequence[Trial]) -> list[int]:
+    """Return for every trial how many before it broke the same channel in the same scenario, otherwise."""
+    seen = Counter[tuple[str, str]]()
+    counts = []
+    for trial in trials:
+        counts.append(seen[trial.scenario, trial.channel])
+        seen[trial.scenario, trial.channel] += 1
+    return counts
 
 
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from gtmbench.bench.fault import Fault, Parameter
 from gtmbench.bench.faults import FAULTS
-from gtmbench.channels import CHANNELS, SENSORS
+from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.study.severity import Severity, parse_severity
@@ -50,7 +50,7 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     duration_s = number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
     others = {item.name: block[item.name] for item in parameters if not item.is_severity}
     for key, name in others.items():
-        _check_channel(name, f"{where}: {key}")
+        sensor_list(f"{where}: {key}", [name])
     specs = [
         FaultSpec(
             kind=kind,
@@ -82,24 +82,14 @@ def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
     )
 
 
-def _check_channel(name: Any, where: str) -> None:
-    if not isinstance(name, str) or name not in SENSORS:
-        shown = name if isinstance(name, str) else repr(name)
-        raise InputError(f"{where}: no sensor channel '{shown}'; there are {', '.join(SENSORS)}")
-
-
-def _channels(channels: Any, unit: Any, where: str) -> list[str]:
-    if not isinstance(channels, list) or not channels or not all(isinstance(name, str) for name in channels):
-        raise InputError(f"{where}: channels is {channels!r}; it must be a list of channel names")
-    for name in channels:
-        _check_channel(name, where)
-        if channels.count(name) > 1:
-            raise InputError(f"{where}: channel '{name}' stands there twice; name every channel once")
+def _channels(channels: Any, unit: Any, where: str) -> tuple[str, ...]:
+    names = sensor_list(f"{where}: channels", channels)
+    for name in names:
         if unit is not None and unit != CHANNELS[name].unit:
             raise InputError(
                 f"{where}: unit is {unit!r}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
             )
-    return channels
+    return names
 
 
 def _severities(parameters: tuple[Parameter, ...], block: dict[str, Any], where: str) -> list[dict[str, Severity]]:
