@@ -18,8 +18,14 @@ from gtmbench.channels import CHANNELS, Channel
 from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.estimators.instruments import InstrumentalVariables
+from gtmbench.method.estimators.least_squares import LeastSquares
+from gtmbench.method.estimators.prediction_error import PredictionError
+from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
+from gtmbench.method.identify import identify
+from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
-from gtmbench.method.transmissibility import Transmissibility, identify
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -39,8 +45,12 @@ __all__ = [
     "Fault",
     "GtmbenchError",
     "InputError",
+    "InstrumentalVariables",
     "Jam",
+    "LeastSquares",
     "Mode",
+    "NoiseModel",
+    "PredictionError",
     "RankWarning",
     "RateSaturation",
     "Record",
@@ -48,6 +58,7 @@ __all__ = [
     "Saturation",
     "Scenario",
     "Study",
+    "TotalLeastSquares",
     "Transmissibility",
     "Trial",
     "Trim",

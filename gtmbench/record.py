@@ -112,13 +112,17 @@ class Record:
         """Time of the last sample in seconds."""
         return self.start_s + round((len(self) - 1) * self.sample_period_s, 9)
 
-    def matrix(self, channels: Sequence[str]) -> FloatArray:
-        """Return the named channels as columns, shape (samples, len(channels)), read-only."""
+    def columns(self, channels: Sequence[str]) -> list[int]:
+        """Return the numbers of the named channels' columns."""
         missing = [name for name in channels if name not in self.channels]
         if missing:
             names = ", ".join(f"'{name}'" for name in missing)
             raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}")
-        columns = self.values[:, [self.channels.index(name) for name in channels]]
+        return [self.channels.index(name) for name in channels]
+
+    def matrix(self, channels: Sequence[str]) -> FloatArray:
+        """Return the named channels as columns, shape (samples, len(channels)), read-only."""
+        columns = self.values[:, self.columns(channels)]
         columns.setflags(write=False)
         return columns
 

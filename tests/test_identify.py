@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gtmbench.errors import InputError, RankWarning
+from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual
-from gtmbench.method.transmissibility import identify
 from gtmbench.record import Record
 
 ORDERS = [(0, 0), (3, 2), (5, 0), (0, 4), (1, 6)]  # r, d

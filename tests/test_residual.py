@@ -28,7 +28,6 @@ def operator(r=R, d=D, *, markov=None, inputs=INPUTS, outputs=OUTPUTS, input_mea
         input_means=np.zeros(len(inputs)) if input_means is None else np.array(input_means),
         output_means=np.zeros(len(outputs)) if output_means is None else np.array(output_means),
         rank=0,
-        condition=1.0,
         samples=0,
         rms_residual=np.zeros(len(outputs)),
         sample_period_s=TS,

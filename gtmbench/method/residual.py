@@ -73,7 +73,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
 
     Examples
     --------
-    >>> from gtmbench.method.transmissibility import identify
+    >>> from gtmbench.method.identify import identify
     >>> u = np.random.default_rng(1).standard_normal(500)
     >>> healthy = Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
     >>> operator = identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from gtmbench.checks import whole
-from gtmbench.errors import InputError, RankWarning
-from gtmbench.method.least_squares import solve
-from gtmbench.record import FloatArray, Record, frozen
-
-_LARGEST_REGRESSOR_GB = 4.0  # the solver needs about three times as much
+from gtmbench.errors import InputError
+from gtmbench.method.convolution import filtered
+from gtmbench.method.noise_model import NoiseModel
+from gtmbench.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,16 +27,26 @@ class Transmissibility:
         r and d.
     input_means, output_means : shape (inputs,), shape (outputs,)
         Means of the identification record; the operator works on what is left without them.
+    input_rms : shape (inputs,)
+        RMS values of the identification record about these means.
     rank : int
         Of the regressor; below ``markov[:, 0, :].size`` the data don't determine the Markov parameters.
-    condition : float
-        Condition number of the regressor, every input scaled to an RMS of 1.
     samples : int
-        Equations, one a sample k = r..l-d.
+        Equations, one a sample k = r..l-d of every record.
     rms_residual : shape (outputs,)
         Root mean square of the identification residual, in the outputs' units.
+    noise_variance : shape (outputs,)
+        Of the white noise that `covariance` stands on; NaN where the estimator's theory gives none.
+    root : shape (outputs or 1, parameters, parameters)
+        S, every input scaled to an RMS of 1, columns from lag r to -d: (S'S)^-1 is the covariance for unit noise.
     sample_period_s : float
         Ts, in seconds.
+    estimator, solver : str
+        What found it; "cholesky" (of the Gram matrix) or "householder" (orthogonal, on the equations).
+    noise_model : NoiseModel, optional
+        Of the prediction-error method.
+    sensor_noise : shape (inputs + outputs,), optional
+        Standard deviations that total least squares took, in the channels' units.
     """
 
     markov: FloatArray
@@ -50,10 +57,16 @@ class Transmissibility:
     input_means: FloatArray
     output_means: FloatArray
     rank: int
-    condition: float
     samples: int
     rms_residual: FloatArray
     sample_period_s: float
+    input_rms: FloatArray | None = None
+    noise_variance: FloatArray | None = None
+    root: FloatArray | None = field(default=None, repr=False)
+    estimator: str = "LeastSquares()"
+    solver: str = "cholesky"
+    noise_model: NoiseModel | None = None
+    sensor_noise: FloatArray | None = None
 
     def __repr__(self) -> str:
         return (
@@ -76,6 +89,54 @@ class Transmissibility:
         """How it is written: ``[p q beta] -> r``."""
         return f"[{' '.join(self.inputs)}] -> {' '.join(self.outputs)}"
 
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the equations solved, every input scaled to an RMS of 1; the greatest of the outputs.
+
+        NaN for an operator that wasn't identified.
+        """
+        if self.root is None:
+            return float("nan")
+        singular = np.linalg.svd(self.root, compute_uv=False)
+        return float((singular[:, 0] / singular[:, -1]).max()) if singular[:, -1].min() > 0 else float("inf")
+
+    @cached_property
+    def standard_error(self) -> FloatArray:
+        """Standard deviations of `markov`, same shape and units; NaN where the theory or the data give none."""
+        found = np.full(self.markov.shape, np.nan)
+        for o in range(len(self.outputs)):
+            deviation = np.sqrt(np.sum(self._factor(o) ** 2, axis=1))
+            found[:, o] = deviation.reshape(len(self.lags), len(self.inputs))[::-1]
+        return found
+
+    def covariance(self, output: str) -> FloatArray:
+        """Return the covariance of one output's Markov parameters, shape (lags, inputs, lags, inputs).
+
+        noise variance times (Phi' Phi)^-1 for least squares (Phi projected by the instruments, or filtered by the noise
+        model). It takes what is left over as white; `PredictionError` makes it so.
+
+        Raises
+        ------
+        InputError
+            Where there is no such output.
+        """
+        if output not in self.outputs:
+            raise InputError(f"'{output}' isn't a pseudo output of {self.name}; it has {', '.join(self.outputs)}")
+        factor = self._factor(self.outputs.index(output))
+        shape = (len(self.lags), len(self.inputs)) * 2
+        return np.asarray((factor @ factor.T).reshape(shape)[::-1, :, ::-1])
+
+    def _factor(self, output: int) -> FloatArray:
+        """Return F, rows from lag r to -d, with F F' the covariance of an output's parameters in their units."""
+        from scipy.linalg import lapack
+
+        size = len(self.lags) * len(self.inputs)
+        if self.root is None or self.input_rms is None or self.noise_variance is None or self.rank < size:
+            return np.full((size, size), np.nan)
+        inverse, _ = lapack.dtrtri(self.root[min(output, len(self.root) - 1)])
+        scale = np.sqrt(self.noise_variance[output]) / np.tile(self.input_rms, len(self.lags))
+        return np.asarray(inverse * scale[:, np.newaxis])
+
     def predict(self, record: Record) -> FloatArray:
         """Return the one-step prediction, shape (samples, outputs), in the outputs' units.
 
@@ -92,10 +153,7 @@ class Transmissibility:
         r, d = self.causal_order, self.noncausal_order
         predicted = np.full((len(record), len(self.outputs)), np.nan)
         if len(record) > r + d:
-            for o in range(len(self.outputs)):
-                # np.convolve's 'valid' part starts at sample r + d with lag 0 on H_-d: row r of the prediction
-                total = sum(np.convolve(u[:, i], self.markov[:, o, i], mode="valid") for i in range(len(self.inputs)))
-                predicted[r : len(record) - d, o] = total + self.output_means[o]
+            predicted[r : len(record) - d] = filtered(u, self.markov) + self.output_means
         return predicted
 
     def _check(self, record: Record) -> None:
@@ -104,125 +162,3 @@ class Transmissibility:
                 f"the record is sampled every {record.sample_period_s:g} s, the operator {self.name} was identified at "
                 f"{self.sample_period_s:g} s; resample the record or identify anew"
             )
-
-
-def identify(
-    record: Record,
-    *,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    causal_order: int,
-    noncausal_order: int,
-) -> Transmissibility:
-    """Identify the operator from inputs to outputs by least squares, equations (4.8) and (4.9).
-
-    theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, the means of the
-    record removed. (Means over k = 0..l, not over the equations: the ends cost a bias that falls with the length.)
-
-    Parameters
-    ----------
-    record : Record
-        Healthy measurements, for example ``record.between(25, 200)``.
-    inputs, outputs : sequence of str
-        Pseudo inputs and pseudo outputs.
-    causal_order, noncausal_order : int
-        r and d, samples into the past and into the future; 0 is allowed.
-
-    Raises
-    ------
-    InputError
-        Where channels are missing, constant, hold NaN, or the record is too short.
-
-    Warns
-    -----
-    RankWarning
-        Where the data don't determine the Markov parameters (noise-free sinusoids don't).
-
-    Examples
-    --------
-    >>> u = np.random.default_rng(1).standard_normal(500)
-    >>> y = 2.0 * u + np.roll(u, -1)  # y(k) = 2 u(k) + u(k+1)
-    >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
-    >>> identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=1).markov[:, 0, 0].round(9) + 0.0
-    array([1., 2., 0.])
-    """
-    inputs, outputs = _names(inputs), _names(outputs)
-    _check_channels(record, inputs, outputs)
-    causal_order = whole("causal_order", causal_order)
-    noncausal_order = whole("noncausal_order", noncausal_order)
-    _check_length(record, inputs, outputs, causal_order, noncausal_order)
-    u, y = record.matrix(inputs), record.matrix(outputs)
-    input_means, output_means = u.mean(axis=0), y.mean(axis=0)
-    solution = solve(u - input_means, y - output_means, causal_order, noncausal_order)
-    parameters = (causal_order + noncausal_order + 1) * len(inputs)
-    if solution.rank < parameters:
-        warnings.warn(
-            f"the record determines {solution.rank} of the {parameters} Markov parameters of an output; the smallest "
-            "ones that fit were taken. Predictions on like records hold; don't read the parameters",
-            RankWarning,
-            stacklevel=2,
-        )
-    found = Transmissibility(
-        markov=frozen(solution.coefficients.transpose(0, 2, 1)),
-        inputs=inputs,
-        outputs=outputs,
-        causal_order=causal_order,
-        noncausal_order=noncausal_order,
-        input_means=frozen(input_means),
-        output_means=frozen(output_means),
-        rank=solution.rank,
-        condition=solution.condition,
-        samples=len(record) - causal_order - noncausal_order,
-        rms_residual=frozen(np.full(len(outputs), np.nan)),
-        sample_period_s=record.sample_period_s,
-    )
-    left = record.matrix(outputs) - found.predict(record)
-    return replace(found, rms_residual=frozen(np.sqrt(np.nanmean(left**2, axis=0))))
-
-
-def _names(names: Sequence[str]) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else tuple(names)
-
-
-def _check_channels(record: Record, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
-    if not inputs or not outputs:
-        raise InputError("an operator needs at least one pseudo input and one pseudo output")
-    twice = [name for names in (inputs, outputs) for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"'{twice[0]}' is given twice; name every pseudo input and pseudo output once")
-    both = [name for name in outputs if name in inputs]
-    if both:
-        raise InputError(f"'{both[0]}' is both pseudo input and pseudo output; it would predict itself")
-    for name in (*inputs, *outputs):
-        values = record[name]
-        missing = ~np.isfinite(values)
-        if missing.any():
-            first = int(np.flatnonzero(missing)[0])
-            raise InputError(
-                f"channel '{name}' has {int(missing.sum())} missing samples, the first at {record.time_s[first]:g} s; "
-                "identify on a stretch without, with record.between"
-            )
-        if len(values) and np.ptp(values) == 0:
-            raise InputError(
-                f"channel '{name}' is constant ({values[0]:g}) over the record: nothing can be identified from or for "
-                "it; leave it out or choose another stretch"
-            )
-
-
-def _check_length(
-    record: Record, inputs: tuple[str, ...], outputs: tuple[str, ...], causal_order: int, noncausal_order: int
-) -> None:
-    lags = causal_order + noncausal_order + 1
-    parameters = lags * len(inputs)
-    equations = max(len(record) - lags + 1, 0)
-    if equations < parameters:
-        raise InputError(
-            f"{len(record)} samples of {', '.join(inputs)} give {equations} equations for {parameters} Markov "
-            f"parameters of '{outputs[0]}'; record at least {parameters + lags - 1} samples or lower the orders"
-        )
-    gigabytes = equations * parameters * 8 / 1e9
-    if gigabytes > _LARGEST_REGRESSOR_GB:
-        raise InputError(
-            f"{equations} equations for {parameters} Markov parameters take {gigabytes:.0f} GB; identify on a shorter "
-            "stretch or lower the orders"
-        )

@@ -15,8 +15,9 @@ from gtmbench.bench.trim import trim
 from gtmbench.channels import unit_of
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import alarms, threshold
+from gtmbench.method.identify import identify
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
-from gtmbench.method.transmissibility import Transmissibility, identify
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.study.fault_spec import FaultSpec, build
 from gtmbench.study.scenario import Scenario, Setup, load_scenario

@@ -1,0 +1,1 @@
+"""Estimators: a problem in, an estimate out. A new one is a frozen dataclass with `instruments` and `estimate`."""

@@ -1,0 +1,110 @@
+"""Instrumental variables, sections 3.6.2 and 3.6.3: consistent where noise is fed back into the pseudo inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.checks import number, whole
+from gtmbench.errors import InputError
+from gtmbench.method.estimators.least_squares import solve, summary
+from gtmbench.method.estimators.problem import Estimate, Problem, columns_of
+from gtmbench.method.regression.stretches import Stretch
+from gtmbench.method.regression.triangle import Triangle, triangle
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstrumentalVariables:
+    """Basic and extended instrumental variables, equations (3.55) and (3.63).
+
+    With Z the lagged instruments, solves ``min || P_Z (y - Phi theta) ||``, P_Z the projection onto Z's columns: as
+    many instruments as parameters make that ``Z'y = Z'Phi theta``, equation (3.55); more are solved over-determined.
+    The instruments must move with the pseudo inputs and not with the noise: samples of the excitation do.
+
+    Attributes
+    ----------
+    instruments : tuple of str
+        Channels of the record. (3.55) takes the lags -d..r of each.
+    delay : int
+        Shifts these lags to ``-d + delay .. r + delay``. With an unstable plant the lags of (3.55) are nearly useless
+        at the noncausal end: delay by the number of unstable poles, or give `past`.
+    past, future : int
+        So many lags more on either side: over-determined.
+    prefilter : pair of sequences of float, optional
+        Numerator and denominator of L(q^-1) in (3.63), by falling powers of q; asymptotically stable.
+
+    Examples
+    --------
+    >>> InstrumentalVariables(instruments=("c",), delay=3)
+    InstrumentalVariables(instruments=('c',), delay=3, past=0, future=0, prefilter=None)
+    """
+
+    instruments: tuple[str, ...]
+    delay: int = 0
+    past: int = 0
+    future: int = 0
+    prefilter: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def __post_init__(self) -> None:
+        names = (self.instruments,) if isinstance(self.instruments, str) else tuple(self.instruments)
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"instruments are {', '.join(names) or 'missing'}; name one channel or more, each once")
+        object.__setattr__(self, "instruments", names)
+        for name in ("delay", "past", "future"):
+            whole(name, getattr(self, name))
+        if self.prefilter is not None:
+            _check_stable(*self.prefilter)
+
+    def estimate(self, problem: Problem) -> Estimate:
+        """Return the instrumental-variables estimate."""
+        r, d = problem.causal_order, problem.noncausal_order
+        causal, noncausal = r + self.delay + self.past, max(d, d - self.delay + self.future)
+        kept = range(causal, -(d - self.delay + self.future) - 1, -1)
+        instruments, count = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
+        if len(kept) * instruments < problem.parameters:
+            raise InputError(
+                f"{len(kept)} lags of {instruments} instruments ({', '.join(problem.instruments)}) can't determine "
+                f"{problem.parameters} Markov parameters; add instruments, or lags by past and future"
+            )
+        z = columns_of(range(instruments), kept, count=count, causal_order=causal)
+        phi = columns_of(range(instruments, count), range(r, -d - 1, -1), count=count, causal_order=causal)
+        stretches = self._prefiltered(problem)
+        equations = triangle(stretches, count, causal, noncausal, np.concatenate([z, phi]))
+        return _estimate(problem, equations, len(z))
+
+    def _prefiltered(self, problem: Problem) -> tuple[Stretch, ...]:
+        if self.prefilter is None:
+            return problem.stretches
+        import scipy.signal
+
+        count = len(problem.instruments)
+        found = []
+        for part in problem.stretches:
+            values = part.read(0, len(part)).copy()
+            values[:count] = scipy.signal.lfilter(*self.prefilter, values[:count], axis=1)
+            found.append(part.replace(values))
+        return tuple(found)
+
+
+def _check_stable(numerator: Sequence[float], denominator: Sequence[float]) -> None:
+    for value in (*numerator, *denominator):
+        number("prefilter's coefficient", value)
+    if not len(numerator) or not len(denominator) or denominator[0] == 0:
+        raise InputError("prefilter needs a numerator and a denominator whose first coefficient isn't 0")
+    greatest = float(np.abs(np.roots(denominator)).max(initial=0.0))
+    if greatest >= 1.0:
+        raise InputError(
+            f"prefilter has a pole of magnitude {greatest:.4g}; instruments need an asymptotically stable filter, with "
+            "all poles inside the unit circle"
+        )
+
+
+def _estimate(problem: Problem, equations: Triangle, instruments: int) -> Estimate:
+    """Solve on what the instruments see of the equations: the rows of R that belong to them."""
+    seen = np.asarray(np.linalg.qr(equations.root[:instruments, instruments:], mode="r"))
+    projected = replace(equations, root=seen, solver="householder")
+    found, rank = solve(projected)
+    own = replace(equations, root=equations.root[:, instruments:])  # all rows: what is left of y counts them
+    return replace(summary(problem, own, found, rank), root=projected.regressor[np.newaxis])

@@ -1,0 +1,114 @@
+"""Least squares, equations (3.43) and (4.9); on request with a ridge or truncated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.checks import number
+from gtmbench.errors import InputError
+from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.regression.triangle import Triangle, absorb
+from gtmbench.record import FloatArray
+
+Noise = float | Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeastSquares:
+    """theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2.
+
+    A regressor that lacks rank gives the smallest solution (inputs scaled to an RMS of 1), with a RankWarning.
+
+    Attributes
+    ----------
+    ridge : float or mapping from input to float, optional
+        Standard deviation of white noise on the pseudo inputs, in their units: adds n sigma_i^2 ||H_.i||^2, what such
+        noise would add in the mean. One number stands for every input, in each one's unit.
+    truncate : float or mapping from input to float, optional
+        Likewise a noise level: directions of the regressor that wouldn't stand out of such noise are left out.
+
+    Examples
+    --------
+    >>> LeastSquares(ridge={"p": 0.1, "q": 0.1, "beta": 0.05})
+    LeastSquares(ridge={'p': 0.1, 'q': 0.1, 'beta': 0.05}, truncate=None)
+    """
+
+    ridge: Noise | None = None
+    truncate: Noise | None = None
+
+    def __post_init__(self) -> None:
+        if self.ridge is not None and self.truncate is not None:
+            raise InputError("ridge and truncate are two ways of holding the same back; choose one")
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    def estimate(self, problem: Problem) -> Estimate:
+        """Return the least-squares estimate."""
+        equations = problem.triangle()
+        if self.truncate is not None:
+            levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
+            floor = np.sqrt(equations.equations)
+            found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
+            return summary(problem, equations, found / levels[:, np.newaxis], rank)
+        if self.ridge is not None:
+            levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)
+            rows = np.sqrt(equations.equations) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]
+            held = replace(equations, root=absorb(np.asfortranarray(equations.root), rows), solver="householder")
+            found, rank = solve(held)
+            return replace(summary(problem, equations, found, rank), root=held.regressor[np.newaxis])
+        found, rank = solve(equations)
+        return summary(problem, equations, found, rank)
+
+
+def noise_levels(what: str, noise: Noise, problem: Problem, channels: tuple[str, ...] | None = None) -> FloatArray:
+    """Return noise levels in the problem's units, one a channel (the inputs unless told)."""
+    names = problem.inputs if channels is None else channels
+    if isinstance(noise, Mapping) and set(noise) != set(names):
+        raise InputError(
+            f"{what} is given for {', '.join(noise) or 'nothing'}; it needs a standard deviation for each of "
+            f"{', '.join(names)}"
+        )
+    given = noise if isinstance(noise, Mapping) else dict.fromkeys(names, noise)
+    scale = dict(zip(problem.channels, problem.scale, strict=True))
+    return np.array([number(f"{what} of '{name}'", given[name], 0.0, above=True) / scale[name] for name in names])
+
+
+def solve(equations: Triangle) -> tuple[FloatArray, int]:
+    """Return the coefficients and the rank; without full rank the smallest coefficients that fit."""
+    from scipy.linalg import lapack
+
+    size = len(equations.regressor)
+    if equations.solver == "cholesky":
+        return np.asarray(lapack.dtrtrs(equations.regressor.T, equations.target[:size], lower=1, trans=1)[0]), size
+    tolerance = np.finfo(float).eps * max(equations.equations, size)
+    return smallest(equations.regressor, equations.target[:size], tolerance=tolerance)
+
+
+def smallest(
+    regressor: FloatArray, target: FloatArray, floor: float = 0.0, tolerance: float = 0.0
+) -> tuple[FloatArray, int]:
+    """Return the smallest solution over singular values above `floor` and above `tolerance` of the greatest."""
+    left, singular, right = np.linalg.svd(regressor)
+    rank = int(np.sum(singular > max(floor, tolerance * singular[0])))
+    return right[:rank].T @ ((left[:, :rank].T @ target) / singular[:rank, np.newaxis]), rank
+
+
+def summary(problem: Problem, equations: Triangle, found: FloatArray, rank: int) -> Estimate:
+    """Return the estimate with what its residual tells; `equations` may have more rows than columns."""
+    size = problem.parameters
+    squares = np.sum((equations.target - equations.root[:, :size] @ found) ** 2, axis=0)
+    free = equations.equations - size
+    return Estimate(
+        coefficients=found,
+        root=equations.regressor[np.newaxis],
+        noise_variance=squares / free if free > 0 else np.full(len(squares), np.nan),
+        rms_residual=np.sqrt(squares / equations.equations),
+        rank=rank,
+        solver=equations.solver,
+    )

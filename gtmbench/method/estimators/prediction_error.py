@@ -1,0 +1,143 @@
+"""Prediction-error method with a noise model, section 3.6.4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.checks import number, whole
+from gtmbench.method.convolution import filtered
+from gtmbench.method.estimators.least_squares import solve, summary
+from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.regression.stretches import Stretch
+from gtmbench.method.regression.triangle import triangle
+from gtmbench.record import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionError:
+    """Minimise the innovations epsilon = A(q) (y_o - T(q) y_i), equations (3.66) and (3.88), over H_i and A.
+
+    A(q) = 1 + a_1 q^-1 + ... + a_n q^-n stands for the inverse of G_w in (3.64), one for each output: long enough, it
+    fits any noise spectrum. Found by turns: the H_i by least squares on data filtered by A, then A on the residual;
+    the criterion never rises. Noise that is fed back from y_o to y_i (a closed loop) biases it
+    all the same: use instruments there.
+
+    Attributes
+    ----------
+    noise_order : int
+        n; with 0 it is least squares.
+    tolerance : float
+        Ends when the criterion falls by less than this share in an iteration.
+    most_iterations : int
+
+    Examples
+    --------
+    >>> PredictionError(noise_order=20)
+    PredictionError(noise_order=20, tolerance=1e-08, most_iterations=100)
+    """
+
+    noise_order: int = 10
+    tolerance: float = 1e-8
+    most_iterations: int = 100
+
+    def __post_init__(self) -> None:
+        whole("noise_order", self.noise_order)
+        number("tolerance", self.tolerance, 0.0)
+        whole("most_iterations", self.most_iterations, 1)
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    def estimate(self, problem: Problem) -> Estimate:
+        """Return the estimate with its noise model; outputs have one each."""
+        first = len(problem.channels) - len(problem.outputs)
+        alone = [self._of_one_output(_with_output(problem, first + o)) for o in range(len(problem.outputs))]
+        models = [model for _, model in alone]
+        paths = [model.criterion for model in models]
+        length = max(map(len, paths))
+        return Estimate(
+            coefficients=np.hstack([estimate.coefficients for estimate, _ in alone]),
+            root=np.concatenate([estimate.root for estimate, _ in alone]),
+            noise_variance=np.concatenate([estimate.noise_variance for estimate, _ in alone]),
+            rms_residual=np.concatenate([estimate.rms_residual for estimate, _ in alone]),
+            rank=min(estimate.rank for estimate, _ in alone),
+            solver=next((e.solver for e, _ in alone if e.solver != "cholesky"), "cholesky"),
+            noise_model=NoiseModel(
+                autoregressive=np.vstack([model.autoregressive for model in models]),
+                innovation_std=np.concatenate([model.innovation_std for model in models]),
+                converged=all(model.converged for model in models),
+                criterion=np.mean([np.pad(path / path[0], (0, length - len(path)), mode="edge") for path in paths], 0),
+            ),
+        )
+
+    def _of_one_output(self, problem: Problem) -> tuple[Estimate, NoiseModel]:
+        equations = problem.triangle()
+        found, rank = solve(equations)
+        path: list[float] = []
+        converged = False
+        while not converged and len(path) < self.most_iterations:
+            taps = _autoregressive(_residuals(problem, found), self.noise_order)
+            whitened = replace(problem, stretches=_filtered(problem.stretches, taps)).triangle()
+            found, rank = solve(whitened)
+            path.append(float(np.mean(summary(problem, whitened, found, rank).rms_residual ** 2)))
+            converged = len(path) > 1 and path[-2] - path[-1] <= self.tolerance * path[-2]
+        last = summary(problem, whitened, found, rank)
+        scale = problem.scale[-1]
+        model = NoiseModel(
+            autoregressive=taps[np.newaxis],
+            innovation_std=last.rms_residual * scale,
+            converged=converged,
+            criterion=np.array(path) * scale**2,
+        )
+        return replace(last, rms_residual=summary(problem, equations, found, rank).rms_residual), model
+
+
+def _with_output(problem: Problem, channel: int) -> Problem:
+    """Return the problem of one of the outputs, given by the number of its channel."""
+    channels = [*range(len(problem.inputs)), channel]
+    return replace(
+        problem,
+        stretches=tuple(part.select(channels) for part in problem.stretches),
+        outputs=(problem.channels[channel],),
+        scale=problem.scale[channels],
+    )
+
+
+def _residuals(problem: Problem, found: FloatArray) -> tuple[Stretch, ...]:
+    """Return the one-step residual as stretches of one channel, twice: to be lagged, and as the target."""
+    r, d = problem.causal_order, problem.noncausal_order
+    markov = found.reshape(problem.lags, 1, len(problem.inputs))[::-1]
+    parts = []
+    for part in problem.stretches:
+        if len(part) > r + d:
+            block = part.read(0, len(part))
+            left = block[-1, r : len(part) - d] - filtered(block[:-1].T, markov)[:, 0]
+            parts.append(part.replace(np.vstack([left, left]), skipped=r))
+    return tuple(parts)
+
+
+def _autoregressive(residuals: tuple[Stretch, ...], order: int) -> FloatArray:
+    """Return 1, a_1, ..., a_n by least squares of e(k) on e(k-1)..e(k-n)."""
+    if order == 0:
+        return np.ones(1)
+    past = np.arange(order, dtype=np.intp)  # lags n..1
+    found, _ = solve(triangle(residuals, 1, order, 0, past))
+    return np.concatenate([[1.0], -found[::-1, 0]])
+
+
+def _filtered(stretches: tuple[Stretch, ...], taps: FloatArray) -> tuple[Stretch, ...]:
+    """Return A(q) of every channel, from the first sample on whose past is known."""
+    import scipy.signal
+
+    order = len(taps) - 1
+    parts = []
+    for part in stretches:
+        if len(part) > order:
+            values = scipy.signal.lfilter(taps, 1.0, part.read(0, len(part)), axis=1)
+            parts.append(part.replace(values[:, order:], skipped=order))
+    return tuple(parts)

@@ -1,0 +1,140 @@
+"""Total least squares: noise on every channel, pseudo inputs too (errors in variables)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtmbench.checks import whole
+from gtmbench.errors import InputError
+from gtmbench.method.estimators.least_squares import noise_levels, summary
+from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.regression.stretches import Stretch
+from gtmbench.record import FloatArray
+
+_FLOOR_SEGMENT = 256  # samples a spectrum is taken over
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TotalLeastSquares:
+    """The operator that fits after the smallest change of all samples, measured by the sensors' noise.
+
+    White noise on the pseudo inputs pulls least squares towards zero. With C the noise covariance of a row
+    ``[phi(k)', y_o(k)]`` (every lag of a channel has the channel's), the singular values of
+    ``[Phi, y_o] C^-1/2 / sqrt(n)`` that noise alone explains, at most ``1 + sqrt(columns / n)``, span the directions
+    that are left out; theta is the smallest operator (measured by C) that these directions allow. At least one is
+    left out: total least squares.
+
+    Its theory holds for rows of independent noise; lagged rows share their samples, so no covariance is given.
+
+    Attributes
+    ----------
+    noise : mapping from channel to float, or array_like, optional
+        Standard deviation of each channel's noise, or their covariance matrix, pseudo inputs first, then pseudo
+        outputs; in the channels' units. None: estimated as the mean level of each channel's spectrum above half
+        the Nyquist frequency, so what moves there must be noise.
+    rank : int, optional
+        How many directions are kept, instead of counting them.
+
+    Examples
+    --------
+    >>> TotalLeastSquares(noise={"p": 0.1, "q": 0.1, "beta": 0.05, "r": 0.1}).rank is None
+    True
+    """
+
+    noise: Mapping[str, float] | ArrayLike | None = None
+    rank: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.rank is not None:
+            whole("rank", self.rank, 1)
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    def estimate(self, problem: Problem) -> Estimate:
+        """Return the total-least-squares estimate, output by output."""
+        equations = problem.triangle()
+        covariance = self._covariance(problem)
+        size, count = problem.parameters, len(problem.inputs)
+        if self.rank is not None:
+            whole("rank", self.rank, 1, size)
+        found, ranks = np.empty((size, equations.targets)), []
+        for o in range(equations.targets):
+            both = covariance[np.ix_([*range(count), count + o], [*range(count), count + o])]
+            root = np.asarray(np.linalg.cholesky(_row_covariance(both, problem)))
+            one = np.column_stack([equations.root[:, :size], equations.target[:, o]]) / np.sqrt(equations.equations)
+            found[:, o], rank = _solve(one, root, self.rank, equations.equations)
+            ranks.append(rank)
+        least = summary(problem, equations, found, size)
+        return replace(
+            least,
+            noise_variance=np.full(equations.targets, np.nan),
+            rank=min(ranks),
+            sensor_noise=np.sqrt(np.diag(covariance)) * problem.scale,
+        )
+
+    def _covariance(self, problem: Problem) -> FloatArray:
+        """Return the noise covariance of the channels, in the problem's units."""
+        if self.noise is None:
+            levels = _floor(problem.stretches)
+            if not np.all(levels > 0):
+                name = problem.channels[int(np.argmin(levels))]
+                raise InputError(f"channel '{name}' shows no noise above half the Nyquist frequency; state its noise")
+            return np.diag(levels**2)
+        if isinstance(self.noise, Mapping):
+            return np.diag(noise_levels("noise", self.noise, problem, problem.channels) ** 2)
+        given = np.asarray(self.noise, dtype=float)
+        if given.shape != (len(problem.channels),) * 2 or not np.all(np.isfinite(given)):
+            raise InputError(
+                f"noise has shape {given.shape}; give a standard deviation a channel by name, or the covariance "
+                f"matrix of {', '.join(problem.channels)}"
+            )
+        scaled = given / np.outer(problem.scale, problem.scale)
+        if np.any(np.abs(scaled - scaled.T) > 1e-9 * np.abs(scaled).max()) or np.linalg.eigvalsh(scaled)[0] <= 0:
+            raise InputError("noise isn't a covariance matrix: it must be symmetric and positive definite")
+        return scaled
+
+
+def _row_covariance(both: FloatArray, problem: Problem) -> FloatArray:
+    """Return C of a row [phi(k)', y(k)] from that of the inputs and the output: lags don't correlate."""
+    size, count = problem.parameters, len(problem.inputs)
+    covariance = np.zeros((size + 1, size + 1))
+    covariance[:size, :size] = np.kron(np.eye(problem.lags), both[:count, :count])
+    now = slice(problem.causal_order * count, (problem.causal_order + 1) * count)  # lag 0
+    covariance[now, size] = covariance[size, now] = both[:count, count]
+    covariance[size, size] = both[count, count]
+    return covariance
+
+
+def _solve(rows: FloatArray, root: FloatArray, rank: int | None, equations: float) -> tuple[FloatArray, int]:
+    """Return theta from the directions w = C^-T/2 v that are left out: [Phi, y] w is nil but for noise."""
+    whitened = np.linalg.solve(root, rows.T).T
+    _, singular, right = np.linalg.svd(whitened)
+    if rank is None:
+        edge = 1.0 + np.sqrt(len(singular) / equations)
+        rank = int(np.clip(np.sum(singular > edge), 1, len(singular) - 1))
+    left_out = np.linalg.solve(root.T, right[rank:].T)
+    y = left_out[-1]
+    return -left_out[:-1] @ y / (y @ y), rank
+
+
+def _floor(stretches: Sequence[Stretch]) -> FloatArray:
+    """Return each channel's standard deviation if its spectrum were, everywhere, what it is above Nyquist / 2."""
+    import scipy.signal
+
+    powers, weights = [], []
+    for part in stretches:
+        length = min(_FLOOR_SEGMENT, len(part))
+        if length >= 8:
+            frequency, power = scipy.signal.welch(part.read(0, len(part)), nperseg=length, axis=1)
+            powers.append(power[:, (frequency > 0.25) & (frequency < 0.5)].mean(axis=1) / 2.0)
+            weights.append(len(part))
+    if not powers:
+        raise InputError("the stretches are too short to estimate noise from; state it")
+    return np.asarray(np.sqrt(np.average(powers, axis=0, weights=weights)))

@@ -1,0 +1,212 @@
+"""Stretches of consecutive samples: what is left of the records once gaps and bad samples are cut out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray, Record
+
+CHUNK = 1 << 16  # samples that are scaled at a time
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stretch:
+    """Consecutive samples of some channels, centred and scaled: when they are read, if there are many.
+
+    Attributes
+    ----------
+    values : shape (channels, samples)
+    weights : shape (samples,), optional
+        Of the equation at each sample; None: 1 everywhere.
+    scaling : Scaling, optional
+        What is still to be done to `values`; None: nothing.
+    """
+
+    values: FloatArray = field(repr=False)
+    weights: FloatArray | None = None
+    scaling: Scaling | None = None
+
+    def __len__(self) -> int:
+        return int(self.values.shape[1])
+
+    @property
+    def channels(self) -> int:
+        """How many channels are read."""
+        return len(self.values) if self.scaling is None else len(self.scaling.centre)
+
+    def read(self, start: int, stop: int) -> FloatArray:
+        """Return samples start..stop-1, shape (channels, stop - start), centred and scaled."""
+        block = self.values[:, start:stop]
+        return block if self.scaling is None else self.scaling.of(block)
+
+    def replace(self, values: FloatArray, skipped: int = 0) -> Stretch:
+        """Return a stretch of other values, as read, that begin `skipped` samples later."""
+        end = skipped + values.shape[1]
+        return Stretch(values=values, weights=None if self.weights is None else self.weights[skipped:end])
+
+    def select(self, channels: Sequence[int]) -> Stretch:
+        """Return a stretch of some channels, by number."""
+        if self.scaling is None:
+            return Stretch(values=self.values[list(channels)], weights=self.weights)
+        return Stretch(values=self.values, weights=self.weights, scaling=self.scaling.select(channels))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scaling:
+    """Which rows of a recorded block are read, the mean that is subtracted and the RMS that they are divided by."""
+
+    rows: np.ndarray[tuple[int], np.dtype[np.intp]]
+    centre: FloatArray
+    rms: FloatArray
+
+    def of(self, block: FloatArray) -> FloatArray:
+        """Return the rows, centred and scaled."""
+        found = block[self.rows]
+        found -= self.centre[:, np.newaxis]
+        found /= self.rms[:, np.newaxis]
+        return found
+
+    def select(self, channels: Sequence[int]) -> Scaling:
+        """Return that of some channels."""
+        wanted = list(channels)
+        return Scaling(rows=self.rows[wanted], centre=self.centre[wanted], rms=self.rms[wanted])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """Equations of the windows that begin at first..first + equations - 1 of a stretch.
+
+    All have one `weight`, or, where it is None, those of the stretch's samples.
+    """
+
+    stretch: Stretch
+    first: int
+    equations: int
+    weight: float | None
+
+    def weights(self, start: int, stop: int, causal_order: int) -> FloatArray:
+        """Return those of equations start..stop-1; a window's equation stands at its sample r."""
+        if self.weight is not None or self.stretch.weights is None:
+            return np.full(stop - start, self.weight)
+        return self.stretch.weights[self.first + causal_order :][start:stop]
+
+    def total(self, causal_order: int) -> float:
+        """Return the sum of all weights."""
+        if self.weight is not None:
+            return self.weight * self.equations
+        return float(self.weights(0, self.equations, causal_order).sum())
+
+
+def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int) -> Iterator[Span]:
+    """Yield all equations: runs of one weight if they are long (2 L and more), and what lies between them."""
+    lags = causal_order + noncausal_order + 1
+    for stretch in stretches:
+        count = len(stretch) - lags + 1
+        if count <= 0:
+            continue
+        if stretch.weights is None:
+            yield Span(stretch=stretch, first=0, equations=count, weight=1.0)
+            continue
+        weights = stretch.weights[causal_order : causal_order + count]
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(weights)) + 1, [count]])
+        long = np.flatnonzero(np.diff(edges) >= 2 * lags)
+        after = 0
+        for first, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
+            if first > after:
+                yield Span(stretch=stretch, first=after, equations=first - after, weight=None)
+            yield Span(stretch=stretch, first=first, equations=stop - first, weight=float(weights[first]))
+            after = stop
+        if count > after:
+            yield Span(stretch=stretch, first=after, equations=count - after, weight=None)
+
+
+def stretches(
+    records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]
+) -> tuple[tuple[Stretch, ...], FloatArray, FloatArray]:
+    """Return the stretches of samples that count, and the (weighted) means and RMS values that they are free of.
+
+    Raises
+    ------
+    InputError
+        Naming the channel that is missing, constant, or holds NaN where it counts.
+    """
+    parts = [part for record, one in zip(records, weights, strict=True) for part in _parts(record, channels, one)]
+    if not sum(map(len, parts)):
+        raise InputError("no sample is left to identify from: the records are empty, or every weight is 0")
+    with np.errstate(invalid="ignore", over="ignore"):
+        centre, rms = _moments(parts)
+    if not np.all(np.isfinite(rms)):
+        _refuse_missing(records, channels, weights)
+    for name, spread, middle in zip(channels, rms, centre, strict=True):
+        if not spread > 4e-16 * abs(middle):
+            raise InputError(
+                f"channel '{name}' is constant ({middle:g}) over the record: nothing can be identified from or for "
+                "it; leave it out or choose another stretch"
+            )
+    return tuple(_scaled(part, centre, rms) for part in parts), centre, rms
+
+
+def _parts(record: Record, channels: Sequence[str], weights: FloatArray | None) -> Iterator[Stretch]:
+    """Yield the runs of samples whose weight isn't 0, as recorded."""
+    rows = np.array(record.columns(channels), dtype=np.intp)
+    edges = [0, len(record)] if weights is None else _edges(weights)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        values = record.values[start:stop].T
+        yield Stretch(
+            values=np.stack([values[row] for row in rows]) if stop - start <= CHUNK else values,
+            weights=None if weights is None else weights[start:stop],
+            scaling=None
+            if stop - start <= CHUNK
+            else Scaling(rows=rows, centre=np.zeros(len(rows)), rms=np.ones(len(rows))),
+        )
+
+
+def _scaled(part: Stretch, centre: FloatArray, rms: FloatArray) -> Stretch:
+    """Return the stretch centred and scaled, at once or when it is read."""
+    if part.scaling is not None:
+        return replace(part, scaling=replace(part.scaling, centre=centre, rms=rms))
+    np.subtract(part.values, centre[:, np.newaxis], out=part.values)
+    np.divide(part.values, rms[:, np.newaxis], out=part.values)
+    return part
+
+
+def _edges(weights: FloatArray) -> list[int]:
+    """Return where runs of positive weights start and stop, in turn."""
+    counts = np.concatenate([[False], weights > 0, [False]])
+    return np.flatnonzero(np.diff(counts)).tolist()
+
+
+def _moments(parts: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
+    """Return weighted means and RMS values about them; sums run about a first guess, so offsets cost no digits."""
+    guess = next(part.read(0, 1 << 10).mean(axis=1) for part in parts if len(part))
+    sums, squares, count = np.zeros(len(guess)), np.zeros(len(guess)), 0.0
+    for part in parts:
+        for start in range(0, len(part), CHUNK):
+            block = part.read(start, start + CHUNK) - guess[:, np.newaxis]
+            now = np.ones(block.shape[1]) if part.weights is None else part.weights[start : start + CHUNK]
+            sums += block @ now
+            np.square(block, out=block)
+            squares += block @ now
+            count += float(now.sum())
+    off = sums / count
+    return guess + off, np.sqrt(np.maximum(squares / count - off**2, 0.0))
+
+
+def _refuse_missing(records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]) -> None:
+    """Say which channel misses how many of the samples that count, and where the first one is."""
+    for record, one in zip(records, weights, strict=True):
+        for name in channels:
+            missing = ~np.isfinite(record[name])
+            if one is not None:
+                missing &= one > 0
+            if missing.any():
+                raise InputError(
+                    f"channel '{name}' has {int(missing.sum())} missing samples, the first at "
+                    f"{record.time_s[int(missing.argmax())]:g} s; identify on a stretch without, with record.between, "
+                    "or give these samples a weight of 0"
+                )
+    raise InputError(f"values of {', '.join(channels)} are too large to be squared; state them in another unit")

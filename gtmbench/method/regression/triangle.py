@@ -1,0 +1,149 @@
+"""One triangular array that stands for all equations: R with R'R = [Phi y]'[Phi y].
+
+Every estimate that is linear in squares of the data follows from blocks of R; the records aren't needed any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.method.regression.gram import ROWS, gram, rows
+from gtmbench.method.regression.stretches import Stretch, spans
+from gtmbench.record import FloatArray
+
+_CONDITION_TRUSTED = 3e4  # of Phi: its square, 1e9 of double precision's 1e16, is what Cholesky may lose
+_RESIDUAL_TRUSTED = 1e-5  # of the target: below, its square is lost in the rounding of the Gram matrix
+_STEPS = 3  # of inverse iteration
+_PANEL = 32  # columns that LAPACK reflects at a time
+
+Columns = np.ndarray[tuple[int], np.dtype[np.intp]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Triangle:
+    """The equations [Phi | y], rotated to upper triangular form.
+
+    Attributes
+    ----------
+    root : shape (columns, columns)
+        R, upper triangular (more rows do no harm).
+    targets : int
+        How many of its last columns are y.
+    equations : float
+        How many, each counted with its weight.
+    solver : str
+        "cholesky" of the Gram matrix, or "householder": orthogonal, on the equations themselves.
+    """
+
+    root: FloatArray = field(repr=False)
+    targets: int
+    equations: float
+    solver: str
+
+    @property
+    def size(self) -> int:
+        """Columns of Phi."""
+        return int(self.root.shape[1]) - self.targets
+
+    @property
+    def regressor(self) -> FloatArray:
+        """R's columns of Phi, without the zeros below."""
+        return self.root[: self.size, : self.size]
+
+    @property
+    def target(self) -> FloatArray:
+        """R's columns of y, all rows."""
+        return self.root[:, self.size :]
+
+    def keep(self, columns: Columns) -> Triangle:
+        """Return the triangle of some of Phi's columns, in this order, and all targets."""
+        kept = self.root[:, np.concatenate([columns, np.arange(self.size, self.root.shape[1])])]
+        return replace(self, root=np.asarray(np.linalg.qr(kept, mode="r")))
+
+
+def triangle(
+    stretches: Sequence[Stretch],
+    lagged: int,
+    causal_order: int,
+    noncausal_order: int,
+    columns: Columns | None = None,
+) -> Triangle:
+    """Reduce all equations of the stretches: by Cholesky where that can be trusted, else by reflections.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Channels: first the `lagged` ones, then the targets.
+    lagged, causal_order, noncausal_order : int
+    columns : shape (columns,), optional
+        Which columns of Phi to take, numbered as by `gram`, and in which order; None: all.
+    """
+    from scipy.linalg import lapack
+
+    span_list = list(spans(stretches, causal_order, noncausal_order))
+    equations = sum(span.total(causal_order) for span in span_list)
+    targets = stretches[0].channels - lagged
+    products = gram(stretches, lagged, causal_order, noncausal_order)
+    taken = None if columns is None else np.concatenate([columns, np.arange(len(products) - targets, len(products))])
+    if taken is not None:
+        products = (np.triu(products) + np.triu(products, 1).T)[np.ix_(taken, taken)]
+    # C order and upper is Fortran order and lower: LAPACK works in place
+    found, info = lapack.dpotrf(products.T, lower=1, clean=1, overwrite_a=1)
+    root, solver = found.T, "cholesky"
+    if info != 0 or not _trusted(root, targets):
+        root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
+    return Triangle(root=root, targets=targets, equations=equations, solver=solver)
+
+
+def _trusted(root: FloatArray, targets: int) -> bool:
+    """Tell whether a Cholesky factor has kept enough digits, both of the regressor and of what it leaves over."""
+    size = len(root) - targets
+    left = np.sqrt(np.sum(root[size:, size:] ** 2, axis=0))
+    if not np.all(left > _RESIDUAL_TRUSTED * np.sqrt(np.sum(root[:, size:] ** 2, axis=0))):
+        return False
+    return bool(_condition(np.asfortranarray(root[:size, :size].T)) < _CONDITION_TRUSTED)
+
+
+def _condition(lower: FloatArray) -> float:
+    """Return about the condition number of a lower triangle, rather too much: inverse iteration from a random vector.
+
+    By Dixon's theorem (1983) too small by more than a factor of 10 less than once in 10,000.
+    """
+    from scipy.linalg import lapack
+
+    vector = np.random.default_rng(0).standard_normal(len(lower))
+    vector /= np.linalg.norm(vector)
+    growth = 1.0
+    for _ in range(_STEPS):
+        half, _ = lapack.dtrtrs(lower, vector, lower=1)
+        vector, _ = lapack.dtrtrs(lower, half, lower=1, trans=1)
+        norm = float(np.linalg.norm(vector))
+        growth *= norm ** (1.0 / _STEPS)
+        vector /= norm
+    return float(np.linalg.norm(lower) * np.sqrt(growth))
+
+
+def _reflected(
+    stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal_order: int, taken: Columns | None
+) -> FloatArray:
+    """Return R by Householder reflections, a block of equations after the other: memory doesn't grow with them."""
+    lags = causal_order + noncausal_order + 1
+    size = lags * lagged + stretches[0].channels - lagged if taken is None else len(taken)
+    root = np.zeros((size, size), order="F")
+    step = max(size, ROWS)
+    for span in spans(stretches, causal_order, noncausal_order):
+        for start in range(0, span.equations, step):
+            block = rows(span, start, min(start + step, span.equations), lagged, lags, causal_order)
+            root = absorb(root, block if taken is None else block[:, taken])
+    return np.ascontiguousarray(root)
+
+
+def absorb(root: FloatArray, block: FloatArray) -> FloatArray:
+    """Return R of the equations behind `root` and those of `block` together, shape as `root`, in Fortran order."""
+    from scipy.linalg import lapack
+
+    found, _, _, _ = lapack.dtpqrt(0, min(_PANEL, len(root)), root, block, overwrite_a=1)
+    return np.asarray(found)
