@@ -24,6 +24,7 @@ from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
@@ -54,6 +55,7 @@ __all__ = [
     "RankWarning",
     "RateSaturation",
     "Record",
+    "RecursiveIdentification",
     "Residual",
     "Saturation",
     "Scenario",

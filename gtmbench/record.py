@@ -126,6 +126,14 @@ class Record:
         columns.setflags(write=False)
         return columns
 
+    def check_period(self, sample_period_s: float, whose: str) -> None:
+        """Raise an InputError where this record has another sample period than, say, 'the operator'."""
+        if abs(self.sample_period_s - sample_period_s) > 1e-6 * sample_period_s:
+            raise InputError(
+                f"the record is sampled every {self.sample_period_s:g} s, {whose} every {sample_period_s:g} s; "
+                "resample the record"
+            )
+
     def select(self, channels: Sequence[str]) -> Record:
         """Return a record of the named channels only, in that order."""
         return self._with(self.matrix(channels), tuple(channels), self.start_s)

@@ -70,11 +70,14 @@ def identify(
     """
     method = LeastSquares() if estimator is None else estimator
     found = (records,) if isinstance(records, Record) else tuple(records)
-    problem = _problem(found, _names(inputs), _names(outputs), causal_order, noncausal_order, method, weights)
-    estimate = method.estimate(problem)
-    if estimate.rank < problem.parameters and method == LeastSquares():
-        _warn_of_rank(problem, estimate)
-    return _operator(problem, estimate, found[0].sample_period_s, repr(method))
+    problem = _problem(found, names_of(inputs), names_of(outputs), causal_order, noncausal_order, method, weights)
+    return operator_of(
+        problem,
+        method.estimate(problem),
+        samples=problem.equations,
+        sample_period_s=found[0].sample_period_s,
+        estimator=method,
+    )
 
 
 def _problem(
@@ -87,7 +90,8 @@ def _problem(
     weights: Weights,
 ) -> Problem:
     """Check everything and return what the estimator works on."""
-    _check_names(records, inputs, outputs)
+    check_names(inputs, outputs)
+    _check_periods(records)
     instruments = estimator.instruments
     channels = (*instruments, *inputs, *outputs)
     parts, centre, rms = stretches(records, channels, _weights(records, weights))
@@ -101,12 +105,16 @@ def _problem(
         centre=centre,
         scale=rms,
     )
-    _check_length(problem)
+    check_length(problem, sum(map(len, parts)), problem.equations, len(parts))
     return problem
 
 
-def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, estimator: str) -> Transmissibility:
-    """Return the operator in the channels' units."""
+def operator_of(
+    problem: Problem, estimate: Estimate, *, samples: int, sample_period_s: float, estimator: Estimator
+) -> Transmissibility:
+    """Return the operator in the channels' units; warn where the data don't determine it."""
+    if estimate.rank < problem.parameters and estimator == LeastSquares():
+        _warn_of_rank(problem, estimate, samples)
     skipped, split = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
     rms, output_rms = problem.scale[skipped:split], problem.scale[split:]
     scaled = estimate.coefficients.reshape(problem.lags, len(rms), len(output_rms))[::-1]
@@ -122,23 +130,25 @@ def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, esti
         output_means=frozen(problem.centre[split:]),
         input_rms=frozen(rms),
         rank=estimate.rank,
-        samples=problem.equations,
+        samples=samples,
         rms_residual=frozen(estimate.rms_residual * output_rms),
         noise_variance=frozen(estimate.noise_variance * output_rms**2),
         root=root,
         sample_period_s=sample_period_s,
-        estimator=estimator,
+        estimator=repr(estimator),
         solver=estimate.solver,
         noise_model=estimate.noise_model,
         sensor_noise=estimate.sensor_noise,
     )
 
 
-def _names(names: Sequence[str]) -> tuple[str, ...]:
+def names_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return one name or several as a tuple."""
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _check_names(records: tuple[Record, ...], inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
+def check_names(inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
+    """Refuse an operator without inputs or outputs, or with a channel named twice."""
     if not inputs or not outputs:
         raise InputError("an operator needs at least one pseudo input and one pseudo output")
     twice = [name for names in (inputs, outputs) for name in names if names.count(name) > 1]
@@ -147,6 +157,9 @@ def _check_names(records: tuple[Record, ...], inputs: tuple[str, ...], outputs: 
     both = [name for name in outputs if name in inputs]
     if both:
         raise InputError(f"'{both[0]}' is both pseudo input and pseudo output; it would predict itself")
+
+
+def _check_periods(records: tuple[Record, ...]) -> None:
     if not records:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in records}
@@ -176,18 +189,16 @@ def _weights(records: tuple[Record, ...], weights: Weights) -> list[FloatArray |
     return found
 
 
-def _check_length(problem: Problem) -> None:
+def check_length(problem: Problem, samples: int, equations: int, stretches: int = 1) -> None:
+    """Refuse more Markov parameters than there are equations for, or than can be solved for."""
     parameters = problem.parameters
     if parameters > _MOST_PARAMETERS:
         raise InputError(
             f"{problem.lags} lags of {len(problem.inputs)} inputs are {parameters} Markov parameters an output; at "
-            "most "
-            f"{_MOST_PARAMETERS} are solved for; lower the orders"
+            f"most {_MOST_PARAMETERS} are solved for, so lower the orders"
         )
-    equations = problem.equations
     if equations < parameters:
-        samples, count = sum(map(len, problem.stretches)), len(problem.stretches)
-        pieces = f" in {count} stretches" if count > 1 else ""
+        pieces = f" in {stretches} stretches" if stretches > 1 else ""
         raise InputError(
             f"{samples} samples of {', '.join(problem.inputs)}{pieces} give {equations} equations for {parameters} "
             f"Markov parameters of '{problem.outputs[0]}'; record at least {parameters + problem.lags - 1} samples or "
@@ -195,10 +206,10 @@ def _check_length(problem: Problem) -> None:
         )
 
 
-def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
+def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:
     """Name the channels that leave the parameters undetermined."""
     root, count = estimate.root[0], len(problem.inputs)
-    tolerance = np.finfo(float).eps * max(problem.equations, len(root)) * np.linalg.norm(root, 2)
+    tolerance = np.finfo(float).eps * max(equations, len(root)) * np.linalg.norm(root, 2)
 
     def rank(channels: Sequence[int]) -> int:
         return int(
@@ -221,5 +232,5 @@ def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
         f"the record determines {estimate.rank} of the {problem.parameters} Markov parameters of an output: {cause}; "
         "the smallest ones that fit were taken. Predictions on like records hold; don't read the parameters",
         RankWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

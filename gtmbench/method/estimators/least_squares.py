@@ -50,7 +50,10 @@ class LeastSquares:
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the least-squares estimate."""
-        equations = problem.triangle()
+        return self.reduced(problem, problem.triangle())
+
+    def reduced(self, problem: Problem, equations: Triangle) -> Estimate:
+        """Return the estimate from equations that are reduced already."""
         if self.truncate is not None:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.equations)
