@@ -19,6 +19,7 @@ from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarnin
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility, identify
 from gtmbench.record import Record
 from gtmbench.study.run import run, run_study
@@ -30,6 +31,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CHANNELS",
+    "AlarmStream",
     "Alarms",
     "Baseline",
     "Channel",
@@ -41,10 +43,12 @@ __all__ = [
     "InputError",
     "Jam",
     "Mode",
+    "NormStream",
     "RankWarning",
     "RateSaturation",
     "Record",
     "Residual",
+    "ResidualStream",
     "Saturation",
     "Scenario",
     "Study",

@@ -100,12 +100,12 @@ class Record:
 
     def __getitem__(self, channel: str) -> FloatArray:
         """Return one channel, shape (samples,), read-only."""
-        return self.matrix([channel])[:, 0]
+        return self.values[:, self._columns([channel])[0]]
 
     @property
     def time_s(self) -> FloatArray:
         """Time of every sample in seconds, rounded to the nanosecond."""
-        return self.start_s + np.round(np.arange(len(self)) * self.sample_period_s, 9)
+        return even_times_s(self.start_s, self.sample_period_s, range(len(self)))
 
     @property
     def end_s(self) -> float:
@@ -114,11 +114,7 @@ class Record:
 
     def matrix(self, channels: Sequence[str]) -> FloatArray:
         """Return the named channels as columns, shape (samples, len(channels)), read-only."""
-        missing = [name for name in channels if name not in self.channels]
-        if missing:
-            names = ", ".join(f"'{name}'" for name in missing)
-            raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}")
-        columns = self.values[:, [self.channels.index(name) for name in channels]]
+        columns = self.values[:, self._columns(channels)]
         columns.setflags(write=False)
         return columns
 
@@ -128,12 +124,12 @@ class Record:
 
     def replace(self, channel: str, values: ArrayLike) -> Record:
         """Return a record in which one channel has other values."""
-        self.matrix([channel])
+        place = self._columns([channel])[0]
         column = frozen(values)
         if column.shape != (len(self),):
             raise InputError(f"values of shape {column.shape} don't replace a channel of {len(self)} samples")
         changed = self.values.copy()
-        changed[:, self.channels.index(channel)] = column
+        changed[:, place] = column
         return self._with(changed, self.channels, self.start_s)
 
     def sample_range(self, start_s: float, end_s: float) -> range:
@@ -210,6 +206,13 @@ class Record:
         start_s = float(time_s[0]) if time_s is not None and len(time_s) else 0.0
         return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start_s)
 
+    def _columns(self, channels: Sequence[str]) -> list[int]:
+        missing = [name for name in channels if name not in self.channels]
+        if missing:
+            names = ", ".join(f"'{name}'" for name in missing)
+            raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}")
+        return [self.channels.index(name) for name in channels]
+
     def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
         return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s)
 
@@ -222,6 +225,19 @@ def _numbers(name: str, column: ArrayLike) -> FloatArray:
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"column '{name}' must hold numbers: {error}") from error
+
+
+def even_times_s(start_s: float, sample_period_s: float, samples: range) -> FloatArray:
+    """Return the times of some samples in seconds, rounded to the nanosecond.
+
+    >>> even_times_s(25.0, 0.01, range(100, 102))
+    array([26.  , 26.01])
+    """
+    time_s = np.arange(samples.start, samples.stop, dtype=np.float64)
+    time_s *= sample_period_s
+    np.round(time_s, 9, out=time_s)
+    time_s += start_s
+    return time_s
 
 
 def even_period_s(time_s: FloatArray) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError, RankWarning
+from gtmbench.method.convolution import filtered
 from gtmbench.method.least_squares import solve
 from gtmbench.record import FloatArray, Record, frozen
 
@@ -88,14 +89,12 @@ class Transmissibility:
             Where the record lacks an input or has another sample period.
         """
         self._check(record)
-        u = record.matrix(self.inputs) - self.input_means
+        channels = [record[name] for name in self.inputs]
         r, d = self.causal_order, self.noncausal_order
         predicted = np.full((len(record), len(self.outputs)), np.nan)
-        if len(record) > r + d:
-            for o in range(len(self.outputs)):
-                # np.convolve's 'valid' part starts at sample r + d with lag 0 on H_-d: row r of the prediction
-                total = sum(np.convolve(u[:, i], self.markov[:, o, i], mode="valid") for i in range(len(self.inputs)))
-                predicted[r : len(record) - d, o] = total + self.output_means[o]
+        # the first complete window, samples 0..r+d, predicts sample r: there lag -d is the newest
+        filtered(channels, self.markov, self.input_means, out=predicted[r : max(len(record) - d, r)])
+        predicted += self.output_means
         return predicted
 
     def _check(self, record: Record) -> None:
