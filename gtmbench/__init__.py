@@ -26,6 +26,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.study.run import run, run_study
@@ -37,6 +38,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CHANNELS",
+    "AlarmStream",
     "Alarms",
     "Baseline",
     "Channel",
@@ -51,12 +53,14 @@ __all__ = [
     "LeastSquares",
     "Mode",
     "NoiseModel",
+    "NormStream",
     "PredictionError",
     "RankWarning",
     "RateSaturation",
     "Record",
     "RecursiveIdentification",
     "Residual",
+    "ResidualStream",
     "Saturation",
     "Scenario",
     "Study",

@@ -162,7 +162,7 @@ def test_a_push_that_is_refused_changes_nothing():
     online.push(part(record, 0, 300))
     with pytest.raises(InputError, match="no channel 'beta'"):
         online.push(part(record, 300, 400).select(["p", "q", "r"]))
-    with pytest.raises(InputError, match=r"sampled every 0\.02 s, the records before every 0\.01 s"):
+    with pytest.raises(InputError, match=r"sampled every 0\.02 s, those before every 0\.01 s"):
         online.push(gb.Record(record.values, channels=NAMES, sample_period_s=0.02, start_s=3.0))
     online.push(part(record, 300, 600))
     assert_same(online.operator(), gb.identify(record, **orders()))

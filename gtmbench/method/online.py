@@ -96,7 +96,7 @@ class RecursiveIdentification:
         values = record.matrix((*self.inputs, *self.outputs))
         if self._end is not None:
             expected_s, period_s = self._end
-            record.check_period(period_s, "the records before")
+            record.check_period(period_s, "those before every")
             if abs(record.start_s - expected_s) > 1e-3 * period_s:
                 self._flush()
                 self._recent = self._recent[:0]

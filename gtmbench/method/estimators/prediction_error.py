@@ -112,11 +112,12 @@ def _residuals(problem: Problem, found: FloatArray) -> tuple[Stretch, ...]:
     """Return the one-step residual as stretches of one channel, twice: to be lagged, and as the target."""
     r, d = problem.causal_order, problem.noncausal_order
     markov = found.reshape(problem.lags, 1, len(problem.inputs))[::-1]
+    no_means = np.zeros(len(problem.inputs))
     parts = []
     for part in problem.stretches:
         if len(part) > r + d:
             block = part.read(0, len(part))
-            left = block[-1, r : len(part) - d] - filtered(block[:-1].T, markov)[:, 0]
+            left = block[-1, r : len(part) - d] - filtered(block[:-1], markov, no_means)[:, 0]
             parts.append(part.replace(np.vstack([left, left]), skipped=r))
     return tuple(parts)
 
