@@ -36,12 +36,19 @@ def _identify(record: gb.Record, taps: int) -> Work:
 
 def _grown(works: Mapping[int, Work], rounds: int) -> dict:
     works[min(works)]()  # warm up
-    memory = [peak_memory(work) / 1e6 for work in works.values()]
+    memory, refused = [], []
+    for size, work in works.items():
+        try:
+            memory.append(peak_memory(work) / 1e6)
+        except gb.InputError:  # its regressor would be too large
+            refused.append(size)
+    works = {size: work for size, work in works.items() if size not in refused}
     times = interleaved({str(size): work for size, work in works.items()}, rounds)
     medians = np.array([statistics.median(values) for values in times.values()])
     slope, _ = np.polyfit(np.log(list(works)[-FITTED:]), np.log(medians[-FITTED:]), 1)
     return {
         "sizes": list(works),
+        "refused": refused,
         "time_ratios": (medians / medians[0]).tolist(),
         "memory_mb": memory,
         "exponent": float(slope),

@@ -48,6 +48,7 @@ def tables(results: dict) -> Iterator[Table]:
         yield Table("Peers", columns, [_peer(name, row) for name, row in _fastest_first(results["peers"])])
     for over, grown in results.get("growth", {}).items():
         title = {"samples": "Growth over samples, 101 taps", "taps": "Growth over taps, 20,000 samples"}[over]
+        title += "".join(f"; {size:,} is refused" for size in grown["refused"])
         sizes = tuple(f"{size:,}" for size in grown["sizes"])
         time = ("time over the first's", *map(_number, grown["time_ratios"]), _number(grown["exponent"]))
         memory = ("peak memory (MB)", *map(_number, grown["memory_mb"]), "")
