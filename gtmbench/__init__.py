@@ -18,6 +18,7 @@ from gtmbench.channels import CHANNELS, Channel
 from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.decimation import decimate
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
@@ -72,6 +73,7 @@ __all__ = [
     "Verdict",
     "WindowedNorm",
     "alarms",
+    "decimate",
     "fly",
     "identify",
     "inject",

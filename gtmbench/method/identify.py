@@ -113,7 +113,7 @@ def operator_of(
     problem: Problem, estimate: Estimate, *, samples: int, sample_period_s: float, estimator: Estimator
 ) -> Transmissibility:
     """Return the operator in the channels' units; warn where the data don't determine it."""
-    if estimate.rank < problem.parameters and estimator == LeastSquares():
+    if estimate.rank < problem.parameters and not estimate.rank_chosen:
         _warn_of_rank(problem, estimate, samples)
     skipped, split = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
     rms, output_rms = problem.scale[skipped:split], problem.scale[split:]
@@ -228,8 +228,9 @@ def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:
         last = next(i for i in range(1, count) if rank(range(i + 1)) < (i + 1) * problem.lags)
         before = [problem.inputs[i] for i in range(last) if rank([i, last]) < 2 * problem.lags] or problem.inputs[:last]
         cause = f"'{problem.inputs[last]}' follows from {', '.join(before)}"
+    source = f"instruments {', '.join(problem.instruments)} determine" if problem.instruments else "record determines"
     warnings.warn(
-        f"the record determines {estimate.rank} of the {problem.parameters} Markov parameters of an output: {cause}; "
+        f"the {source} {estimate.rank} of the {problem.parameters} Markov parameters of an output: {cause}; "
         "the smallest ones that fit were taken. Predictions on like records hold; don't read the parameters",
         RankWarning,
         stacklevel=4,

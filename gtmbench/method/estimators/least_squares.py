@@ -58,7 +58,7 @@ class LeastSquares:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.equations)
             found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
-            return summary(problem, equations, found / levels[:, np.newaxis], rank)
+            return replace(summary(problem, equations, found / levels[:, np.newaxis], rank), rank_chosen=True)
         if self.ridge is not None:
             levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)
             rows = np.sqrt(equations.equations) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]

@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.checks import number, whole
 from gtmbench.method.convolution import filtered
 from gtmbench.method.estimators.least_squares import solve, summary
-from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.estimators.problem import Estimate, Problem, require_equations
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import triangle
@@ -76,6 +76,10 @@ class PredictionError:
         )
 
     def _of_one_output(self, problem: Problem) -> tuple[Estimate, NoiseModel]:
+        unknowns = problem.parameters + self.noise_order
+        require_equations(
+            problem.stretches, problem.lags + self.noise_order, unknowns, "parameters with those of the noise"
+        )
         equations = problem.triangle()
         found, rank = solve(equations)
         path: list[float] = []

@@ -76,6 +76,7 @@ class TotalLeastSquares:
             least,
             noise_variance=np.full(equations.targets, np.nan),
             rank=min(ranks),
+            rank_chosen=True,
             sensor_noise=np.sqrt(np.diag(covariance)) * problem.scale,
         )
 
