@@ -12,6 +12,7 @@ from gtmbench.checks import whole
 from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.problem import Estimate, Estimator, Problem
+from gtmbench.method.rank import cause
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen
@@ -207,31 +208,11 @@ def check_length(problem: Problem, samples: int, equations: int, stretches: int 
 
 
 def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:
-    """Name the channels that leave the parameters undetermined."""
-    root, count = estimate.root[0], len(problem.inputs)
-    tolerance = np.finfo(float).eps * max(equations, len(root)) * np.linalg.norm(root, 2)
-
-    def rank(channels: Sequence[int]) -> int:
-        return int(
-            np.linalg.matrix_rank(root.reshape(len(root), -1, count)[:, :, channels].reshape(len(root), -1), tolerance)
-        )
-
-    alone = [rank([i]) for i in range(count)]
-    poor = [
-        f"'{name}' ({found} of its {problem.lags} lags)"
-        for name, found in zip(problem.inputs, alone, strict=True)
-        if found < problem.lags
-    ]
-    if poor:
-        cause = f"{', '.join(poor)} moves at too few frequencies"
-    else:
-        last = next(i for i in range(1, count) if rank(range(i + 1)) < (i + 1) * problem.lags)
-        before = [problem.inputs[i] for i in range(last) if rank([i, last]) < 2 * problem.lags] or problem.inputs[:last]
-        cause = f"'{problem.inputs[last]}' follows from {', '.join(before)}"
     source = f"instruments {', '.join(problem.instruments)} determine" if problem.instruments else "record determines"
     warnings.warn(
-        f"the {source} {estimate.rank} of the {problem.parameters} Markov parameters of an output: {cause}; "
-        "the smallest ones that fit were taken. Predictions on like records hold; don't read the parameters",
+        f"the {source} {estimate.rank} of the {problem.parameters} Markov parameters of an output: "
+        f"{cause(estimate.root[0], problem.inputs, equations)}; the smallest ones that fit were taken. Predictions on "
+        "like records hold; don't read the parameters",
         RankWarning,
         stacklevel=4,
     )
