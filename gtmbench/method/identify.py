@@ -70,6 +70,8 @@ def identify(
     array([1., 2., 0.])
     """
     method = LeastSquares() if estimator is None else estimator
+    if not callable(getattr(method, "estimate", None)):
+        raise InputError(f"estimator is {method!r}; give an object such as gtmbench.LeastSquares(), not its name")
     found = (records,) if isinstance(records, Record) else tuple(records)
     problem = _problem(found, names_of(inputs), names_of(outputs), causal_order, noncausal_order, method, weights)
     return operator_of(
