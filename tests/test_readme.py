@@ -53,9 +53,12 @@ def test_every_gtmbench_command_runs_in_order(tmp_path, monkeypatch, capsys):
 
 
 def test_the_python_runs(capsys):
-    (code,) = blocks("python")
-    exec(code, {})
-    assert "[p q beta] -> r (101, 1, 3)" in capsys.readouterr().out
+    exec("\n".join(blocks("python")), {})
+    printed = capsys.readouterr().out
+    assert "[p q beta] -> r (101, 1, 3)" in printed
+    alarms = re.findall(r"^\[(\d+\.\d+)", printed, flags=re.MULTILINE) + re.findall(r"alarm at \[(\d+\.\d+)", printed)
+    assert len(alarms) > 1
+    assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
 
 
 def test_every_file_that_is_named_exists():
