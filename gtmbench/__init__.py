@@ -25,6 +25,9 @@ from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
+from gtmbench.method.selection.inputs import InputChoice, select_inputs
+from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.study.run import run, run_study
@@ -42,14 +45,17 @@ __all__ = [
     "Deadzone",
     "Drift",
     "EnvelopeError",
+    "ExcitationCount",
     "Fault",
     "GtmbenchError",
+    "InputChoice",
     "InputError",
     "InstrumentalVariables",
     "Jam",
     "LeastSquares",
     "Mode",
     "NoiseModel",
+    "OrderChoice",
     "PredictionError",
     "RankWarning",
     "RateSaturation",
@@ -66,6 +72,7 @@ __all__ = [
     "Verdict",
     "WindowedNorm",
     "alarms",
+    "count_excitations",
     "fly",
     "identify",
     "inject",
@@ -77,6 +84,8 @@ __all__ = [
     "run",
     "run_study",
     "score",
+    "select_inputs",
+    "select_orders",
     "threshold",
     "trim",
     "windowed_norm",

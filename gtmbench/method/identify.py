@@ -6,23 +6,17 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gtmbench.checks import whole
-from gtmbench.errors import InputError, RankWarning
+from gtmbench.errors import RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.problem import Estimate, Estimator, Problem
-from gtmbench.method.regression.stretches import stretches
+from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen
-
-_MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
-
-Weights = ArrayLike | Sequence[ArrayLike | None] | None
+from gtmbench.record import frozen
 
 
 def identify(
-    records: Record | Sequence[Record],
+    records: Records,
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],
@@ -62,6 +56,7 @@ def identify(
 
     Examples
     --------
+    >>> from gtmbench.record import Record
     >>> u = np.random.default_rng(1).standard_normal(500)
     >>> y = 2.0 * u + np.roll(u, -1)  # y(k) = 2 u(k) + u(k+1)
     >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
@@ -69,40 +64,13 @@ def identify(
     array([1., 2., 0.])
     """
     method = LeastSquares() if estimator is None else estimator
-    found = (records,) if isinstance(records, Record) else tuple(records)
-    problem = _problem(found, _names(inputs), _names(outputs), causal_order, noncausal_order, method, weights)
+    u, y = operator_names(inputs, outputs)
+    found = as_records(records)
+    problem = pose(found, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
     estimate = method.estimate(problem)
     if estimate.rank < problem.parameters and method == LeastSquares():
         _warn_of_rank(problem, estimate)
     return _operator(problem, estimate, found[0].sample_period_s, repr(method))
-
-
-def _problem(
-    records: tuple[Record, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    causal_order: int,
-    noncausal_order: int,
-    estimator: Estimator,
-    weights: Weights,
-) -> Problem:
-    """Check everything and return what the estimator works on."""
-    _check_names(records, inputs, outputs)
-    instruments = estimator.instruments
-    channels = (*instruments, *inputs, *outputs)
-    parts, centre, rms = stretches(records, channels, _weights(records, weights))
-    problem = Problem(
-        stretches=parts,
-        instruments=instruments,
-        inputs=inputs,
-        outputs=outputs,
-        causal_order=whole("causal_order", causal_order),
-        noncausal_order=whole("noncausal_order", noncausal_order),
-        centre=centre,
-        scale=rms,
-    )
-    _check_length(problem)
-    return problem
 
 
 def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, estimator: str) -> Transmissibility:
@@ -132,67 +100,6 @@ def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, esti
         noise_model=estimate.noise_model,
         sensor_noise=estimate.sensor_noise,
     )
-
-
-def _names(names: Sequence[str]) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else tuple(names)
-
-
-def _check_names(records: tuple[Record, ...], inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
-    if not inputs or not outputs:
-        raise InputError("an operator needs at least one pseudo input and one pseudo output")
-    twice = [name for names in (inputs, outputs) for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"'{twice[0]}' is given twice; name every pseudo input and pseudo output once")
-    both = [name for name in outputs if name in inputs]
-    if both:
-        raise InputError(f"'{both[0]}' is both pseudo input and pseudo output; it would predict itself")
-    if not records:
-        raise InputError("no record given; give one Record or several")
-    periods = {record.sample_period_s for record in records}
-    if max(periods) - min(periods) > 1e-6 * min(periods):
-        raise InputError(
-            f"the records are sampled every {', '.join(f'{period:g}' for period in sorted(periods))} s; one operator "
-            "has one sample period, so resample them"
-        )
-
-
-def _weights(records: tuple[Record, ...], weights: Weights) -> list[FloatArray | None]:
-    """Return one array of weights a record, or None for all 1."""
-    if weights is None:
-        return [None] * len(records)
-    given = list(weights) if isinstance(weights, list | tuple) and len(records) > 1 else [weights]
-    if len(given) != len(records):
-        raise InputError(f"weights for {len(given)} records, but {len(records)} records; give one array a record")
-    found: list[FloatArray | None] = []
-    for record, one in zip(records, given, strict=True):
-        array = None if one is None else np.asarray(one, dtype=float)
-        if array is not None:
-            if array.shape != (len(record),):
-                raise InputError(f"weights of shape {array.shape} for {len(record)} samples; give one a sample")
-            if not np.all((array >= 0) & np.isfinite(array)):
-                raise InputError("weights must be finite numbers, 0 or more")
-        found.append(array)
-    return found
-
-
-def _check_length(problem: Problem) -> None:
-    parameters = problem.parameters
-    if parameters > _MOST_PARAMETERS:
-        raise InputError(
-            f"{problem.lags} lags of {len(problem.inputs)} inputs are {parameters} Markov parameters an output; at "
-            "most "
-            f"{_MOST_PARAMETERS} are solved for; lower the orders"
-        )
-    equations = problem.equations
-    if equations < parameters:
-        samples, count = sum(map(len, problem.stretches)), len(problem.stretches)
-        pieces = f" in {count} stretches" if count > 1 else ""
-        raise InputError(
-            f"{samples} samples of {', '.join(problem.inputs)}{pieces} give {equations} equations for {parameters} "
-            f"Markov parameters of '{problem.outputs[0]}'; record at least {parameters + problem.lags - 1} samples or "
-            "lower the orders"
-        )
 
 
 def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:

@@ -125,9 +125,14 @@ def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int)
 
 
 def stretches(
-    records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]
+    records: Sequence[Record],
+    channels: Sequence[str],
+    weights: Sequence[FloatArray | None],
+    moments: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[tuple[Stretch, ...], FloatArray, FloatArray]:
-    """Return the stretches of samples that count, and the (weighted) means and RMS values that they are free of.
+    """Return the stretches of samples that count, and the means and RMS values that they are freed of.
+
+    These are the samples' own (weighted), unless others' `moments` are given.
 
     Raises
     ------
@@ -141,6 +146,8 @@ def stretches(
         centre, rms = _moments(parts)
     if not np.all(np.isfinite(rms)):
         _refuse_missing(records, channels, weights)
+    if moments is not None:
+        return tuple(_scaled(part, *moments) for part in parts), *moments
     for name, spread, middle in zip(channels, rms, centre, strict=True):
         if not spread > 4e-16 * abs(middle):
             raise InputError(

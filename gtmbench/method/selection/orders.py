@@ -1,0 +1,256 @@
+"""Choosing r and d: nested models are blocks of one triangle, so a whole surface costs about its largest member.
+
+Columns of the triangle run from lag r to -d. A smaller d takes fewer leading columns: what they leave of the outputs is
+what stands below them. A smaller r drops leading columns, whose rows are absorbed into the triangle below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.checks import whole
+from gtmbench.errors import InputError
+from gtmbench.method.estimators.least_squares import solve
+from gtmbench.method.estimators.problem import Problem
+from gtmbench.method.pose import Records, as_records, operator_names, pose
+from gtmbench.method.regression.stretches import stretches
+from gtmbench.method.regression.triangle import Triangle
+from gtmbench.method.selection.criteria import information
+from gtmbench.record import FloatArray, Record
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)
+_ALLOWANCE = 1.01  # times the least held-out RMS: what lies within is as good
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Member:
+    """One model of the grid; squares summed over equations, scaled outputs, shape (outputs,)."""
+
+    causal_order: int
+    noncausal_order: int
+    size: int
+    rank: int
+    squares: FloatArray
+    held: FloatArray | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrderChoice:
+    """A recommended r and d, and what it was chosen from.
+
+    Attributes
+    ----------
+    causal_order, noncausal_order : int
+        r and d, as recommended.
+    reason : str
+        Why, with the figures.
+    table : DataFrame
+        One row a member: causal_order, noncausal_order, parameters (of an output) and rank, for every output
+        ``rms_OUTPUT`` and (with validation) ``heldout_OUTPUT`` in its unit, aic, bic, and (with validation) heldout,
+        the root mean square over the outputs of the held-out residuals, each over its output's RMS.
+    """
+
+    causal_order: int
+    noncausal_order: int
+    reason: str
+    table: pd.DataFrame = field(repr=False)
+
+    def surface(self, name: str) -> pd.DataFrame:
+        """Return a column of the table over r (rows) and d (columns).
+
+        Raises
+        ------
+        InputError
+            Where the table has no such column.
+        """
+        if name not in self.table.columns[2:]:
+            raise InputError(f"the table has no column '{name}'; it has {', '.join(self.table.columns[2:])}")
+        return self.table.pivot_table(index="causal_order", columns="noncausal_order", values=name)
+
+
+def select_orders(
+    records: Records,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    causal_orders: Iterable[int] = ORDERS,
+    noncausal_orders: Iterable[int] = ORDERS,
+    validation: Records | None = None,
+) -> OrderChoice:
+    """Identify every r and d of a grid by least squares and recommend one.
+
+    All members fit the same equations (4.8), those of the largest: k = r_max..l-d_max, means removed as by `identify`.
+    With `validation`, the recommendation is the member of fewest parameters whose held-out residual is within 1 % of
+    the least: what lies so close is told apart by the draw of the noise. Without, it is the least BIC.
+
+    AIC and BIC take the residuals as white, Gaussian and independent from output to output: sums over the outputs of
+    n log(residual power / output power), plus 2 or log(n) for each parameter that the data determine. Sensor noise on
+    the pseudo inputs makes the residual coloured, and both then ask for too much: hold out data if there are any.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        Healthy measurements to identify on.
+    inputs, outputs : sequence of str
+        Pseudo inputs and pseudo outputs.
+    causal_orders, noncausal_orders : iterable of int
+        Grid of r and d, in samples; 0 to 50 unless told.
+    validation : Record or sequence of Record, optional
+        Healthy measurements that nothing was identified on.
+
+    Raises
+    ------
+    InputError
+        Where no order is given, or the largest can't be identified on the records.
+
+    Notes
+    -----
+    One Gram matrix and one for validation. Data that don't determine the largest member (noise-free sinusoids don't)
+    are solved member by member for the smallest parameters that fit, as `identify` does. That takes longer.
+
+    Examples
+    --------
+    >>> from gtmbench.record import Record
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(2000)
+    >>> y = np.roll(u, 2) - 0.5 * np.roll(u, -1) + 0.1 * rng.standard_normal(2000)  # lags 2 and -1
+    >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> choice = select_orders(record, inputs=["u"], outputs=["y"], causal_orders=range(6), noncausal_orders=range(6))
+    >>> choice.causal_order, choice.noncausal_order
+    (2, 1)
+    >>> choice.surface("rms_y").loc[2, [0, 1]].round(1).tolist()
+    [0.5, 0.1]
+    """
+    causal, noncausal = _orders("causal_orders", causal_orders), _orders("noncausal_orders", noncausal_orders)
+    u, y = operator_names(inputs, outputs)
+    found = as_records(records)
+    problem = pose(found, u, y, causal[-1], noncausal[-1])
+    held = None if validation is None else _held_out(problem, found, validation)
+    equations = problem.triangle()
+    table = _table(list(_members(equations, held, problem, causal, noncausal)), problem, equations, held)
+    return _choice(table, held is not None)
+
+
+def _orders(name: str, orders: Iterable[int]) -> list[int]:
+    found = sorted({whole(name, order) for order in orders})
+    if not found:
+        raise InputError(f"{name} holds no order; give at least one, for example range(20)")
+    return found
+
+
+def _held_out(problem: Problem, records: tuple[Record, ...], validation: Records) -> Triangle:
+    """Return the triangle of the validation records, in the means and RMS values of identification."""
+    others = as_records(validation)
+    as_records((*records, *others))  # of one sample period
+    parts, _, _ = stretches(others, problem.channels, [None] * len(others), (problem.centre, problem.scale))
+    held = replace(problem, stretches=parts)
+    if held.equations < 1:
+        raise InputError(
+            f"{sum(map(len, parts))} samples for validation give no equation with {problem.lags} lags; give more, or "
+            "lower the orders"
+        )
+    return held.triangle()
+
+
+def _members(
+    equations: Triangle, held: Triangle | None, problem: Problem, causal: Sequence[int], noncausal: Sequence[int]
+) -> Iterator[_Member]:
+    """Yield all models of the grid, r from the largest down: each triangle is made from the one before."""
+    count, dropped = len(problem.inputs), 0
+    nested = equations.full_rank  # then all members are: what they leave out only raises the least singular value
+    for r in reversed(causal):
+        equations = equations.drop((problem.causal_order - r) * count - dropped)
+        dropped = (problem.causal_order - r) * count
+        sizes = [(r + d + 1) * count for d in noncausal]
+        other = None if held is None else held.root[:, dropped:]
+        row = _leading(equations, other, sizes) if nested else _one_by_one(equations, other, sizes)
+        for d, size, (rank, squares, left) in zip(noncausal, sizes, row, strict=True):
+            yield _Member(causal_order=r, noncausal_order=d, size=size, rank=rank, squares=squares, held=left)
+
+
+Fit = tuple[int, FloatArray, FloatArray | None]  # rank, squares, held-out squares
+
+
+def _leading(equations: Triangle, held: FloatArray | None, sizes: Sequence[int]) -> Iterator[Fit]:
+    """Yield fits of the first columns, for sizes that rise, without solving for any: R^-1 has nested blocks, too.
+
+    A member of j columns predicts the held-out outputs by V[:, :j] R[:j, :j]^-1 q[:j] = (V R^-1)[:, :j] q[:j].
+    """
+    below = np.cumsum(equations.target[::-1] ** 2, axis=0)[::-1]
+    if held is None:
+        yield from ((size, below[size], None) for size in sizes)
+        return
+    from scipy.linalg import solve_triangular
+
+    width, start = equations.size, 0
+    turned = solve_triangular(equations.regressor.T, held[:, :width].T, lower=True).T
+    left = held[:, width:]
+    for size in sizes:
+        left = left - turned[:, start:size] @ equations.target[start:size]
+        start = size
+        yield size, below[size], np.sum(left**2, axis=0)
+
+
+def _one_by_one(equations: Triangle, held: FloatArray | None, sizes: Sequence[int]) -> Iterator[Fit]:
+    """Yield fits of the first columns, each solved for by singular values: some lack rank."""
+    width = equations.size
+    for size in sizes:
+        columns = [*range(size), *range(width, equations.root.shape[1])]
+        found, rank = solve(replace(equations, root=equations.root[:, columns]))
+        squares, left = (
+            np.sum((root[:, width:] - root[:, :size] @ found) ** 2, axis=0)
+            for root in (equations.root, equations.root if held is None else held)
+        )
+        yield rank, squares, None if held is None else left
+
+
+def _table(members: Sequence[_Member], problem: Problem, equations: Triangle, held: Triangle | None) -> pd.DataFrame:
+    """Return one row a member, r and d rising."""
+    import pandas as pd
+
+    scale = problem.scale[len(problem.inputs) :]
+    nil = equations.tolerance**2  # mean squares below are rounding: one such model is as good as another
+    rows = []
+    for member in sorted(members, key=lambda one: (one.causal_order, one.noncausal_order)):
+        power = np.maximum(member.squares / equations.equations, nil)
+        aic, bic = information(power * equations.equations, equations.equations, member.rank)
+        row: dict[str, float] = {
+            "causal_order": member.causal_order,
+            "noncausal_order": member.noncausal_order,
+            "parameters": member.size,
+            "rank": member.rank,
+            **{f"rms_{name}": rms for name, rms in zip(problem.outputs, np.sqrt(power) * scale, strict=True)},
+        }
+        if held is not None and member.held is not None:
+            left = np.maximum(member.held / held.equations, nil)
+            row |= {f"heldout_{name}": rms for name, rms in zip(problem.outputs, np.sqrt(left) * scale, strict=True)}
+            row["heldout"] = float(np.sqrt(left.mean()))
+        rows.append({**row, "aic": aic, "bic": bic})
+    return pd.DataFrame(rows)
+
+
+def _choice(table: pd.DataFrame, validated: bool) -> OrderChoice:
+    """Return the recommendation."""
+    by = "heldout" if validated else "bic"
+    least = table.loc[table[by].idxmin()]
+    good = table[table[by] <= (_ALLOWANCE * least[by] if validated else least[by])]
+    best = good.sort_values(["parameters", by]).iloc[0]
+    r, d = int(best["causal_order"]), int(best["noncausal_order"])
+    said = f"r = {r}, d = {d} ({best['parameters']:.0f} parameters an output)"
+    if not validated:
+        reason = f"{said} has the least BIC of {len(table)} models, {best['bic']:.6g}; no data were held out"
+    elif best.equals(least):
+        reason = f"{said} has the least held-out residual of {len(table)} models, {best[by]:.4g} of the outputs' RMS"
+    else:
+        reason = (
+            f"{said} leaves {best[by]:.4g} of the outputs' RMS in held-out data, within 1 % of the least of "
+            f"{len(table)} models, {least[by]:.4g}, which takes {least['parameters']:.0f} parameters"
+        )
+    return OrderChoice(causal_order=r, noncausal_order=d, reason=reason, table=table)
