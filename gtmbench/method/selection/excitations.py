@@ -69,7 +69,7 @@ def count_excitations(
     records : Record or sequence of Record
         Healthy measurements.
     channels : sequence of str
-        Two to ten sensors; at least two more than the excitations that are looked for.
+        Two to ten sensors; better two more than excitations, for with m = p - 1 only one output is left, the easiest.
     causal_order, noncausal_order : int
         r and d: long enough for the filters between sensors.
     gain : float
@@ -87,7 +87,8 @@ def count_excitations(
     Only independent excitations at many frequencies are counted. Sinusoids at f frequencies make 2 f numbers a sample,
     which 2 f lags of *one* sensor hold: one input then suffices, however many surfaces move (and noise decides what is
     seen). The same holds without noise for a few lightly damped modes that ring freely (the plate of section 4.5).
-    A sensor that is mostly noise counts as an excitation of its own.
+    A sensor that is mostly noise counts as an excitation of its own. Where filters between sensors are much longer than
+    r + d samples (slow modes at a high rate) the curve falls slowly and no count means much: look at `by_m`.
 
     Examples
     --------
@@ -129,7 +130,7 @@ def _check_channels(channels: tuple[str, ...]) -> None:
     if twice:
         raise InputError(f"'{twice[0]}' is given twice; name every channel once")
     if len(channels) < 2:
-        raise InputError(f"{len(channels)} channels can't predict one another; give at least 2, better 4 or more")
+        raise InputError(f"channels names {len(channels)}; it takes 2 to predict one another, better 4 or more")
     if len(channels) > _MOST_CHANNELS:
         raise InputError(
             f"{len(channels)} channels are {2 ** len(channels) - 2} choices of inputs; give at most {_MOST_CHANNELS}, "

@@ -91,39 +91,44 @@ def select_inputs(
 def _choice(problem: Problem, equations: Triangle, steps: int) -> InputChoice:
     import pandas as pd
 
-    n, lags, scale = equations.equations, problem.lags, problem.scale[len(problem.inputs) :]
-    nil = equations.tolerance**2 * n
+    added, power = _path(problem, equations, steps)
+    lags, scale = problem.lags, problem.scale[len(problem.inputs) :]
+    _, bic = information(power, equations.equations, np.arange(steps + 1) * lags)
+    table = pd.DataFrame(
+        {
+            "step": np.arange(1, steps + 1),
+            "input": added,
+            **{f"rms_{name}": rms for name, rms in zip(problem.outputs, (np.sqrt(power[1:]) * scale).T, strict=True)},
+            "gain": np.exp(-np.diff(np.log(power), axis=0).mean(axis=1) / 2.0),
+            "bic": bic[1:],
+        }
+    )
+    inputs = tuple(added[: int(np.argmin(bic))])
+    return InputChoice(inputs=inputs, reason=_reason(inputs, bic.tolist(), problem), table=table)
+
+
+def _path(problem: Problem, equations: Triangle, steps: int) -> tuple[list[str], FloatArray]:
+    """Return the inputs as they are added, and what is left of the outputs' power before and after each."""
+    lags, targets = problem.lags, equations.target
     blocks = equations.root[:, : equations.size].reshape(len(equations.root), lags, -1)
     left = dict(zip(problem.inputs, blocks.transpose(2, 0, 1), strict=True))
-    targets = equations.target
-    squares = np.sum(targets**2, axis=0)
-    bics = [information(squares, n, 0)[1]]
-    rows = []
-    for step in range(1, steps + 1):
-        trials = {name: without(np.hstack([block, targets]), lags, equations.floor) for name, block in left.items()}
-        best = min(trials, key=lambda name: _size(trials[name], nil))
-        rest = without(np.hstack([left.pop(best), *left.values(), targets]), lags, equations.floor)
+
+    def powers(rest: FloatArray) -> FloatArray:
+        # below the tolerance is rounding: one such choice is as good as another
+        return np.asarray(np.maximum(np.sum(rest**2, axis=0) / equations.equations, equations.tolerance**2))
+
+    def after(name: str) -> float:
+        rest = without(np.hstack([left[name], targets]), lags, equations.floor)
+        return float(np.sum(np.log(powers(rest))))
+
+    added, path = [], [powers(targets)]
+    for _ in range(steps):
+        added.append(min(left, key=after))
+        rest = without(np.hstack([left.pop(added[-1]), *left.values(), targets]), lags, equations.floor)
         left = {name: rest[:, i * lags : (i + 1) * lags] for i, name in enumerate(left)}
         targets = rest[:, len(left) * lags :]
-        before, squares = squares, np.maximum(np.sum(targets**2, axis=0), nil)
-        bics.append(information(squares, n, step * lags)[1])
-        rows.append(
-            {
-                "step": step,
-                "input": best,
-                **{f"rms_{o}": rms for o, rms in zip(problem.outputs, np.sqrt(squares / n) * scale, strict=True)},
-                "gain": float(np.exp(np.mean(np.log(before / squares)) / 2.0)),
-                "bic": bics[-1],
-            }
-        )
-    kept = int(np.argmin(bics))
-    inputs = tuple(str(row["input"]) for row in rows[:kept])
-    return InputChoice(inputs=inputs, reason=_reason(inputs, bics, problem), table=pd.DataFrame(rows))
-
-
-def _size(left: FloatArray, nil: float) -> float:
-    """Return the logarithm of the product of the residuals' squares."""
-    return float(np.sum(np.log(np.maximum(np.sum(left**2, axis=0), nil))))
+        path.append(powers(targets))
+    return added, np.array(path)
 
 
 def _reason(inputs: tuple[str, ...], bics: Sequence[float], problem: Problem) -> str:

@@ -28,17 +28,7 @@ if TYPE_CHECKING:
 ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)
 _ALLOWANCE = 1.01  # times the least held-out RMS: what lies within is as good
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Member:
-    """One model of the grid; squares summed over equations, scaled outputs, shape (outputs,)."""
-
-    causal_order: int
-    noncausal_order: int
-    size: int
-    rank: int
-    squares: FloatArray
-    held: FloatArray | None
+Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape (outputs,): of fit, of held-out data
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,8 +124,7 @@ def select_orders(
     problem = pose(found, u, y, causal[-1], noncausal[-1])
     held = None if validation is None else _held_out(problem, found, validation)
     equations = problem.triangle()
-    table = _table(list(_members(equations, held, problem, causal, noncausal)), problem, equations, held)
-    return _choice(table, held is not None)
+    return _choice(_table(problem, equations, held, causal, noncausal), held is not None)
 
 
 def _orders(name: str, orders: Iterable[int]) -> list[int]:
@@ -159,43 +148,70 @@ def _held_out(problem: Problem, records: tuple[Record, ...], validation: Records
     return held.triangle()
 
 
-def _members(
-    equations: Triangle, held: Triangle | None, problem: Problem, causal: Sequence[int], noncausal: Sequence[int]
-) -> Iterator[_Member]:
-    """Yield all models of the grid, r from the largest down: each triangle is made from the one before."""
-    count, dropped = len(problem.inputs), 0
+def _table(
+    problem: Problem, equations: Triangle, held: Triangle | None, causal: Sequence[int], noncausal: Sequence[int]
+) -> pd.DataFrame:
+    """Return one row a model."""
+    import pandas as pd
+
+    fits = [fit for row in _rows(equations, held, len(problem.inputs), causal, noncausal) for fit in row]
+    rank = np.array([fit[0] for fit in fits])
+    nil = equations.tolerance**2  # mean squares below are rounding: one such model is as good as another
+    power = np.maximum(np.array([fit[1] for fit in fits]) / equations.equations, nil)
+    r, d = np.repeat(causal, len(noncausal)), np.tile(noncausal, len(causal))
+    scale = problem.scale[len(problem.inputs) :]
+    columns = {
+        "causal_order": r,
+        "noncausal_order": d,
+        "parameters": (r + d + 1) * len(problem.inputs),
+        "rank": rank,
+        **_by_output("rms", problem.outputs, np.sqrt(power) * scale),
+    }
+    columns["aic"], columns["bic"] = information(power, equations.equations, rank)
+    if held is not None:
+        left = np.maximum(np.array([fit[2] for fit in fits]) / held.equations, nil)
+        columns |= _by_output("heldout", problem.outputs, np.sqrt(left) * scale)
+        columns["heldout"] = np.sqrt(left.mean(axis=1))
+    return pd.DataFrame(columns)
+
+
+def _by_output(what: str, outputs: Sequence[str], values: FloatArray) -> dict[str, FloatArray]:
+    return {f"{what}_{name}": column for name, column in zip(outputs, values.T, strict=True)}
+
+
+def _rows(
+    equations: Triangle, held: Triangle | None, count: int, causal: Sequence[int], noncausal: Sequence[int]
+) -> list[list[Fit]]:
+    """Return the fits of all models of `count` inputs, a list for each r; each triangle is made from that before."""
     nested = equations.full_rank  # then all members are: what they leave out only raises the least singular value
+    rows, dropped = [], 0
     for r in reversed(causal):
-        equations = equations.drop((problem.causal_order - r) * count - dropped)
-        dropped = (problem.causal_order - r) * count
+        equations = equations.drop((causal[-1] - r) * count - dropped)
+        dropped = (causal[-1] - r) * count
         sizes = [(r + d + 1) * count for d in noncausal]
         other = None if held is None else held.root[:, dropped:]
-        row = _leading(equations, other, sizes) if nested else _one_by_one(equations, other, sizes)
-        for d, size, (rank, squares, left) in zip(noncausal, sizes, row, strict=True):
-            yield _Member(causal_order=r, noncausal_order=d, size=size, rank=rank, squares=squares, held=left)
-
-
-Fit = tuple[int, FloatArray, FloatArray | None]  # rank, squares, held-out squares
+        rows.append(list((_leading if nested else _one_by_one)(equations, other, sizes)))
+    return rows[::-1]
 
 
 def _leading(equations: Triangle, held: FloatArray | None, sizes: Sequence[int]) -> Iterator[Fit]:
-    """Yield fits of the first columns, for sizes that rise, without solving for any: R^-1 has nested blocks, too.
+    """Yield fits of the first columns: what stands below them is left over.
 
-    A member of j columns predicts the held-out outputs by V[:, :j] R[:j, :j]^-1 q[:j] = (V R^-1)[:, :j] q[:j].
+    Parameters are needed for held-out data only: those of j columns are R^-1 q with zeros in q from row j on, so all
+    sizes are one triangular solve.
     """
     below = np.cumsum(equations.target[::-1] ** 2, axis=0)[::-1]
     if held is None:
         yield from ((size, below[size], None) for size in sizes)
         return
-    from scipy.linalg import solve_triangular
+    from scipy.linalg import lapack
 
-    width, start = equations.size, 0
-    turned = solve_triangular(equations.regressor.T, held[:, :width].T, lower=True).T
-    left = held[:, width:]
-    for size in sizes:
-        left = left - turned[:, start:size] @ equations.target[start:size]
-        start = size
-        yield size, below[size], np.sum(left**2, axis=0)
+    width = equations.size
+    known = np.hstack([equations.target[:width] * (np.arange(width) < size)[:, np.newaxis] for size in sizes])
+    found, _ = lapack.dtrtrs(equations.regressor.T, known, lower=1, trans=1)
+    left = np.tile(held[:, width:], len(sizes)) - held[:, :width] @ found
+    squares = np.sum(left**2, axis=0).reshape(len(sizes), -1)
+    yield from ((size, below[size], one) for size, one in zip(sizes, squares, strict=True))
 
 
 def _one_by_one(equations: Triangle, held: FloatArray | None, sizes: Sequence[int]) -> Iterator[Fit]:
@@ -209,31 +225,6 @@ def _one_by_one(equations: Triangle, held: FloatArray | None, sizes: Sequence[in
             for root in (equations.root, equations.root if held is None else held)
         )
         yield rank, squares, None if held is None else left
-
-
-def _table(members: Sequence[_Member], problem: Problem, equations: Triangle, held: Triangle | None) -> pd.DataFrame:
-    """Return one row a member, r and d rising."""
-    import pandas as pd
-
-    scale = problem.scale[len(problem.inputs) :]
-    nil = equations.tolerance**2  # mean squares below are rounding: one such model is as good as another
-    rows = []
-    for member in sorted(members, key=lambda one: (one.causal_order, one.noncausal_order)):
-        power = np.maximum(member.squares / equations.equations, nil)
-        aic, bic = information(power * equations.equations, equations.equations, member.rank)
-        row: dict[str, float] = {
-            "causal_order": member.causal_order,
-            "noncausal_order": member.noncausal_order,
-            "parameters": member.size,
-            "rank": member.rank,
-            **{f"rms_{name}": rms for name, rms in zip(problem.outputs, np.sqrt(power) * scale, strict=True)},
-        }
-        if held is not None and member.held is not None:
-            left = np.maximum(member.held / held.equations, nil)
-            row |= {f"heldout_{name}": rms for name, rms in zip(problem.outputs, np.sqrt(left) * scale, strict=True)}
-            row["heldout"] = float(np.sqrt(left.mean()))
-        rows.append({**row, "aic": aic, "bic": bic})
-    return pd.DataFrame(rows)
 
 
 def _choice(table: pd.DataFrame, validated: bool) -> OrderChoice:
