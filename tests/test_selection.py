@@ -1,4 +1,4 @@
-"""Orders, excitations, inputs: what made the data is chosen, and every figure is what a separate identification finds."""
+"""Orders, excitations, inputs: what made the data is chosen, and every figure is what a separate one finds."""
 
 import numpy as np
 import pandas as pd
@@ -110,6 +110,17 @@ def test_units_offsets_and_the_order_of_names_dont_change_the_choice():
         np.testing.assert_allclose(other.table[name], one.table[name], rtol=1e-9)
 
 
+def test_one_order_is_a_grid_too():
+    choice = orders(fir(1), causal_orders=3, noncausal_orders=np.arange(2, 3))
+    assert (choice.causal_order, choice.noncausal_order, len(choice.table)) == (3, 2, 1)
+
+
+def test_a_choice_on_the_edge_of_the_grid_says_so():
+    assert "try larger" not in orders(fir(1), causal_orders=range(5), noncausal_orders=range(5)).reason
+    cut = orders(fir(1), causal_orders=range(3), noncausal_orders=range(5)).reason
+    assert cut.endswith("; the causal order is the largest tried, so try larger ones")
+
+
 def test_several_records_count_as_one():
     one, two = fir(1, rest=20), fir(2, rest=20)
     gap = orders([one, two])
@@ -160,6 +171,7 @@ def test_a_surface_is_looked_up_by_its_orders():
         ({"causal_orders": []}, "causal_orders holds no order; give at least one"),
         ({"noncausal_orders": [1, -1]}, "noncausal_orders is -1; it must be a whole number, 0 or more"),
         ({"causal_orders": [1.5]}, "causal_orders is 1.5"),
+        ({"causal_orders": None}, "causal_orders is None"),
         ({"causal_orders": [400]}, "600 samples of u1, u2 give 195 equations for 812 Markov parameters of 'y1'"),
         ({"inputs": ["u1", "alpha"]}, "no channel 'alpha'"),
         ({"inputs": ["u1", "y1"]}, "'y1' is both pseudo input and pseudo output"),
@@ -188,7 +200,7 @@ def zeros_and_poles(rng, count):
 
 
 def driven(seed, excitations, snr, *, sensors=5, samples=4000):
-    """Return sensors that broadband excitations drive: one set of stable poles, zeros in and outside the unit circle."""
+    """Return sensors that broadband excitations drive: one set of stable poles, zeros on both sides of the circle."""
     rng = np.random.default_rng([seed, excitations, snr])
     u = rng.standard_normal((samples + 200, excitations))
     poles = zeros_and_poles(rng, 2)

@@ -70,8 +70,8 @@ def select_orders(
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],
-    causal_orders: Iterable[int] = ORDERS,
-    noncausal_orders: Iterable[int] = ORDERS,
+    causal_orders: Iterable[int] | int = ORDERS,
+    noncausal_orders: Iterable[int] | int = ORDERS,
     validation: Records | None = None,
 ) -> OrderChoice:
     """Identify every r and d of a grid by least squares and recommend one.
@@ -90,7 +90,7 @@ def select_orders(
         Healthy measurements to identify on.
     inputs, outputs : sequence of str
         Pseudo inputs and pseudo outputs.
-    causal_orders, noncausal_orders : iterable of int
+    causal_orders, noncausal_orders : iterable of int, or int
         Grid of r and d, in samples; 0 to 50 unless told.
     validation : Record or sequence of Record, optional
         Healthy measurements that nothing was identified on.
@@ -127,8 +127,8 @@ def select_orders(
     return _choice(_table(problem, equations, held, causal, noncausal), held is not None)
 
 
-def _orders(name: str, orders: Iterable[int]) -> list[int]:
-    found = sorted({whole(name, order) for order in orders})
+def _orders(name: str, orders: Iterable[int] | int) -> list[int]:
+    found = sorted({whole(name, order) for order in (orders if isinstance(orders, Iterable) else (orders,))})
     if not found:
         raise InputError(f"{name} holds no order; give at least one, for example range(20)")
     return found
@@ -244,4 +244,7 @@ def _choice(table: pd.DataFrame, validated: bool) -> OrderChoice:
             f"{said} leaves {best[by]:.4g} of the outputs' RMS in held-out data, within 1 % of the least of "
             f"{len(table)} models, {least[by]:.4g}, which takes {least['parameters']:.0f} parameters"
         )
+    largest = [what for what, order in (("causal", r), ("noncausal", d)) if order == table[f"{what}_order"].max() > 0]
+    if largest:
+        reason += f"; the {' and the '.join(largest)} order is the largest tried, so try larger ones"
     return OrderChoice(causal_order=r, noncausal_order=d, reason=reason, table=table)
