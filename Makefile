@@ -16,8 +16,8 @@ lint: .venv/ready ## style, types, layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/ready ## ratios, measured in one process on one thread
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks.py
+bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and README.md
+	$(BIN)/python -m tests.benchmarks
 
 .venv/ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("gtmbench needs Python >= 3.11; try: make PYTHON=python3.12 run" if sys.version_info < (3, 11) else 0)'
@@ -25,5 +25,9 @@ bench: .venv/ready ## ratios, measured in one process on one thread
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
+.venv/bench: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && touch $@ \
+	  || echo "peers are missing; the table names them"
+
 clean:
-	rm -rf .venv out build dist
+	rm -rf .venv .venv-bench-* out build dist

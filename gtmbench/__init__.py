@@ -18,16 +18,19 @@ from gtmbench.channels import CHANNELS, Channel
 from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.decimation import decimate
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
 from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
+from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.study.run import run, run_study
@@ -39,6 +42,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CHANNELS",
+    "AlarmStream",
     "Alarms",
     "Baseline",
     "Channel",
@@ -55,12 +59,15 @@ __all__ = [
     "LeastSquares",
     "Mode",
     "NoiseModel",
+    "NormStream",
     "OrderChoice",
     "PredictionError",
     "RankWarning",
     "RateSaturation",
     "Record",
+    "RecursiveIdentification",
     "Residual",
+    "ResidualStream",
     "Saturation",
     "Scenario",
     "Study",
@@ -73,6 +80,7 @@ __all__ = [
     "WindowedNorm",
     "alarms",
     "count_excitations",
+    "decimate",
     "fly",
     "identify",
     "inject",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
 
-def frozen(values: ArrayLike) -> FloatArray:
-    """Return a read-only copy as float64."""
-    array = np.array(values, dtype=np.float64)
+def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
+    """Return a read-only copy as float64; with order F, its columns lie together in memory."""
+    array = np.array(values, dtype=np.float64, order=order)
     array.setflags(write=False)
     return array
 
@@ -68,7 +68,7 @@ class Record:
         start_s: float = 0.0,
     ) -> None:
         try:
-            array = frozen(values)
+            array = frozen(values, order="F")  # a channel is read far more often than a row
         except (TypeError, ValueError) as error:
             raise InputError(f"a record's values must be numbers in rows of equal length: {error}") from error
         names = (channels,) if isinstance(channels, str) else tuple(channels)
@@ -100,12 +100,12 @@ class Record:
 
     def __getitem__(self, channel: str) -> FloatArray:
         """Return one channel, shape (samples,), read-only."""
-        return self.matrix([channel])[:, 0]
+        return self.values[:, self.columns([channel])[0]]
 
     @property
     def time_s(self) -> FloatArray:
         """Time of every sample in seconds, rounded to the nanosecond."""
-        return self.start_s + np.round(np.arange(len(self)) * self.sample_period_s, 9)
+        return even_times_s(self.start_s, self.sample_period_s, range(len(self)))
 
     @property
     def end_s(self) -> float:
@@ -126,18 +126,26 @@ class Record:
         columns.setflags(write=False)
         return columns
 
+    def check_period(self, sample_period_s: float, other: str) -> None:
+        """Raise an InputError where this record has another sample period; `other` says what has the one given."""
+        if abs(self.sample_period_s - sample_period_s) > 1e-6 * sample_period_s:
+            raise InputError(
+                f"the record is sampled every {self.sample_period_s:g} s, {other} {sample_period_s:g} s; resample it "
+                "or identify anew"
+            )
+
     def select(self, channels: Sequence[str]) -> Record:
         """Return a record of the named channels only, in that order."""
         return self._with(self.matrix(channels), tuple(channels), self.start_s)
 
     def replace(self, channel: str, values: ArrayLike) -> Record:
         """Return a record in which one channel has other values."""
-        self.matrix([channel])
+        place = self.columns([channel])[0]
         column = frozen(values)
         if column.shape != (len(self),):
             raise InputError(f"values of shape {column.shape} don't replace a channel of {len(self)} samples")
-        changed = self.values.copy()
-        changed[:, self.channels.index(channel)] = column
+        changed = self.values.copy(order="F")
+        changed[:, place] = column
         return self._with(changed, self.channels, self.start_s)
 
     def sample_range(self, start_s: float, end_s: float) -> range:
@@ -226,6 +234,19 @@ def _numbers(name: str, column: ArrayLike) -> FloatArray:
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"column '{name}' must hold numbers: {error}") from error
+
+
+def even_times_s(start_s: float, sample_period_s: float, samples: range) -> FloatArray:
+    """Return the times of some samples in seconds, rounded to the nanosecond.
+
+    >>> even_times_s(25.0, 0.01, range(100, 102))
+    array([26.  , 26.01])
+    """
+    time_s = np.arange(samples.start, samples.stop, dtype=np.float64)
+    time_s *= sample_period_s
+    np.round(time_s, 9, out=time_s)
+    time_s += start_s
+    return time_s
 
 
 def even_period_s(time_s: FloatArray) -> float:

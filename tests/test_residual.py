@@ -1,5 +1,7 @@
 """The residual (4.11) and its windowed norm (4.12) against their definitions, written out as loops."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,7 +71,7 @@ def made_up(values):
     values = np.asarray(values, dtype=float)
     values = values.reshape(len(values), -1)
     time_s = 25.0 + np.arange(len(values)) * TS
-    names = OUTPUTS[: values.shape[1]]
+    names = tuple(f"y{o}" for o in range(values.shape[1]))
     return Residual(values=values, time_s=time_s, outputs=names, look_ahead_s=0.02, sample_period_s=TS)
 
 
@@ -127,6 +129,33 @@ def test_a_missing_output_spoils_its_own_residual_only(m):
     np.testing.assert_array_equal(e, clean)
 
 
+@pytest.mark.parametrize("spike", [1e6, -1e6, np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(("channel", "m"), [("q", 0), ("q", 7700), ("q", 19_999), ("r", 7700), ("beta", 12_345)])
+def test_a_spike_changes_the_rows_that_need_it_and_not_a_bit_of_the_others(channel, m, spike):
+    model, record = operator(50, 50, input_means=[1.0, -2.0]), flight(20_000)
+    before, after = (residual(model, each).values for each in (record, with_value(record, channel, m, spike)))
+    k = np.arange(20_000)
+    rows = (k == m) if channel in OUTPUTS else np.abs(k - m) <= 50
+    columns = [OUTPUTS.index(channel)] if channel in OUTPUTS else [0, 1]
+    needs_it = np.zeros(before.shape, dtype=bool)
+    needs_it[np.ix_(rows, columns)] = True
+    np.testing.assert_array_equal(after[~needs_it], before[~needs_it])
+    known = needs_it & ~np.isnan(before)
+    assert (np.abs(after[known]) > 1e2).all() if abs(spike) == 1e6 else not np.isfinite(after[known]).any()
+
+
+def test_a_residual_needs_no_memory_that_grows_with_the_record_beyond_its_own():
+    def temporary(samples):
+        model, record = operator(50, 50), flight(samples)
+        tracemalloc.start()
+        e = residual(model, record)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak - e.values.nbytes - e.time_s.nbytes
+
+    assert temporary(200_000) <= temporary(20_000) < 2e6
+
+
 @pytest.mark.parametrize("period", [0.02, 0.0100001, 0.005])
 def test_another_sample_period_is_refused(period):
     record = Record(np.zeros((60, 4)), channels=[*INPUTS, *OUTPUTS], sample_period_s=period)
@@ -173,7 +202,7 @@ def test_several_outputs_add_the_squares_of_each():
 
 @pytest.mark.parametrize("w", [0, 4, 6, 100])
 @pytest.mark.parametrize("m", [0, 13, 199, 299])
-@pytest.mark.parametrize("spike", [1e6, 1e150, np.nan], ids=str)
+@pytest.mark.parametrize("spike", [1e6, 1e150, 1e200, np.inf, np.nan], ids=str)
 def test_a_spike_leaves_no_trace_in_windows_that_dont_hold_it(w, m, spike):
     clean = np.random.default_rng(4).standard_normal(300)
     spiked = clean.copy()
@@ -193,6 +222,15 @@ def test_a_spike_on_a_sensor_passes_with_its_taps_and_window():
     )
     far = np.array([not k - R <= m <= k + window + D for k in range(300)])
     np.testing.assert_allclose(spiked[far], clean[far], rtol=1e-12, atol=0)
+
+
+@given(w=st.integers(0, 30), samples=st.integers(1, 100), outputs=st.integers(1, 3), scale=st.floats(1e-3, 1e3))
+def test_the_norm_is_proportional_to_the_residual_and_grows_with_it(w, samples, outputs, scale):
+    e = np.random.default_rng(samples).standard_normal((samples, outputs))
+    one, scaled, grown = (windowed_norm(made_up(part), window=w).values for part in (e, -scale * e, 1.5 * np.abs(e)))
+    np.testing.assert_allclose(scaled, scale * one, rtol=1e-12)
+    known = ~np.isnan(one)
+    assert (grown[known] >= one[known]).all()
 
 
 def test_a_norm_is_known_when_its_last_sample_is():

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtmbench.errors import RankWarning
+from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.problem import Estimate, Estimator, Problem
 from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
+from gtmbench.method.rank import cause
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import frozen
 
@@ -64,17 +65,26 @@ def identify(
     array([1., 2., 0.])
     """
     method = LeastSquares() if estimator is None else estimator
+    if not callable(getattr(method, "estimate", None)):
+        raise InputError(f"estimator is {method!r}; give an object such as gtmbench.LeastSquares(), not its name")
     u, y = operator_names(inputs, outputs)
     found = as_records(records)
     problem = pose(found, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
-    estimate = method.estimate(problem)
-    if estimate.rank < problem.parameters and method == LeastSquares():
-        _warn_of_rank(problem, estimate)
-    return _operator(problem, estimate, found[0].sample_period_s, repr(method))
+    return operator_of(
+        problem,
+        method.estimate(problem),
+        samples=problem.equations,
+        sample_period_s=found[0].sample_period_s,
+        estimator=method,
+    )
 
 
-def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, estimator: str) -> Transmissibility:
-    """Return the operator in the channels' units."""
+def operator_of(
+    problem: Problem, estimate: Estimate, *, samples: int, sample_period_s: float, estimator: Estimator
+) -> Transmissibility:
+    """Return the operator in the channels' units; warn where the data don't determine it."""
+    if estimate.rank < problem.parameters and not estimate.rank_chosen:
+        _warn_of_rank(problem, estimate, samples)
     skipped, split = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
     rms, output_rms = problem.scale[skipped:split], problem.scale[split:]
     scaled = estimate.coefficients.reshape(problem.lags, len(rms), len(output_rms))[::-1]
@@ -90,43 +100,24 @@ def _operator(problem: Problem, estimate: Estimate, sample_period_s: float, esti
         output_means=frozen(problem.centre[split:]),
         input_rms=frozen(rms),
         rank=estimate.rank,
-        samples=problem.equations,
+        samples=samples,
         rms_residual=frozen(estimate.rms_residual * output_rms),
         noise_variance=frozen(estimate.noise_variance * output_rms**2),
         root=root,
         sample_period_s=sample_period_s,
-        estimator=estimator,
+        estimator=repr(estimator),
         solver=estimate.solver,
         noise_model=estimate.noise_model,
         sensor_noise=estimate.sensor_noise,
     )
 
 
-def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
-    """Name the channels that leave the parameters undetermined."""
-    root, count = estimate.root[0], len(problem.inputs)
-    tolerance = np.finfo(float).eps * max(problem.equations, len(root)) * np.linalg.norm(root, 2)
-
-    def rank(channels: Sequence[int]) -> int:
-        return int(
-            np.linalg.matrix_rank(root.reshape(len(root), -1, count)[:, :, channels].reshape(len(root), -1), tolerance)
-        )
-
-    alone = [rank([i]) for i in range(count)]
-    poor = [
-        f"'{name}' ({found} of its {problem.lags} lags)"
-        for name, found in zip(problem.inputs, alone, strict=True)
-        if found < problem.lags
-    ]
-    if poor:
-        cause = f"{', '.join(poor)} moves at too few frequencies"
-    else:
-        last = next(i for i in range(1, count) if rank(range(i + 1)) < (i + 1) * problem.lags)
-        before = [problem.inputs[i] for i in range(last) if rank([i, last]) < 2 * problem.lags] or problem.inputs[:last]
-        cause = f"'{problem.inputs[last]}' follows from {', '.join(before)}"
+def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:
+    source = f"instruments {', '.join(problem.instruments)} determine" if problem.instruments else "record determines"
     warnings.warn(
-        f"the record determines {estimate.rank} of the {problem.parameters} Markov parameters of an output: {cause}; "
-        "the smallest ones that fit were taken. Predictions on like records hold; don't read the parameters",
+        f"the {source} {estimate.rank} of the {problem.parameters} Markov parameters of an output: "
+        f"{cause(estimate.root[0], problem.inputs, equations)}; the smallest ones that fit were taken. Predictions on "
+        "like records hold; don't read the parameters",
         RankWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

@@ -80,7 +80,7 @@ def pose(
         centre=centre,
         scale=rms,
     )
-    _check_length(problem)
+    check_length(problem, sum(map(len, parts)), problem.equations, len(parts))
     return problem
 
 
@@ -103,17 +103,16 @@ def _weights(records: tuple[Record, ...], weights: Weights) -> list[FloatArray |
     return found
 
 
-def _check_length(problem: Problem) -> None:
+def check_length(problem: Problem, samples: int, equations: int, stretches: int = 1) -> None:
+    """Refuse more Markov parameters than there are equations for, or than can be solved for."""
     parameters = problem.parameters
     if parameters > _MOST_PARAMETERS:
         raise InputError(
             f"{problem.lags} lags of {len(problem.inputs)} inputs are {parameters} Markov parameters an output; at "
-            f"most {_MOST_PARAMETERS} are solved for; lower the orders"
+            f"most {_MOST_PARAMETERS} are solved for, so lower the orders"
         )
-    equations = problem.equations
     if equations < parameters:
-        samples, count = sum(map(len, problem.stretches)), len(problem.stretches)
-        pieces = f" in {count} stretches" if count > 1 else ""
+        pieces = f" in {stretches} stretches" if stretches > 1 else ""
         target = f" of '{problem.outputs[0]}'" if problem.outputs else ""
         raise InputError(
             f"{samples} samples of {', '.join(problem.inputs)}{pieces} give {equations} equations for {parameters} "

@@ -82,9 +82,12 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     array([[0.5],
            [0.5]])
     """
-    values = record.matrix(operator.outputs) - operator.predict(record)
+    values = operator.predict(record)
+    for o, name in enumerate(operator.outputs):
+        np.subtract(record[name], values[:, o], out=values[:, o])
+    values.setflags(write=False)
     return Residual(
-        values=frozen(values),
+        values=values,
         time_s=record.time_s,
         outputs=operator.outputs,
         look_ahead_s=operator.look_ahead_s,
@@ -117,9 +120,8 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     array([ 5.,  4., nan])
     """
     window = whole("window", window)
-    squares = np.sum(residual.values**2, axis=1)
     return WindowedNorm(
-        values=frozen(np.sqrt(_moving_sum(squares, window + 1))),
+        values=frozen(np.sqrt(_moving_sum(squares(residual), window + 1))),
         time_s=residual.time_s,
         window=window,
         look_ahead_s=residual.look_ahead_s,
@@ -127,18 +129,30 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     )
 
 
+@np.errstate(over="ignore")  # a residual of 1e200 has a square of inf: above every threshold
+def squares(residual: Residual) -> FloatArray:
+    """Return ||e(k)||^2, shape (samples,): outputs are added in order, so that a row gives the same in any company."""
+    columns = residual.values.T
+    total: FloatArray = np.square(columns[0])
+    for column in columns[1:]:
+        total += np.square(column)
+    return total
+
+
+@np.errstate(over="ignore")
 def _moving_sum(values: FloatArray, length: int) -> FloatArray:
     """Return sums of `length` values from each index on, NaN where they would run over the end."""
-    count = len(values)
+    count, complete = len(values), len(values) - length + 1
     sums = np.full(count, np.nan)
-    if length > count:
+    if complete < 1:
         return sums
-    padded = np.zeros(-(-count // length) * length)
-    padded[:count] = values
-    blocks = padded.reshape(-1, length)
-    prefix = np.cumsum(blocks, axis=1).ravel()
-    suffix = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
-    starts = np.arange(count - length + 1)
-    # a window that fills a block is its suffix; any other is a suffix and the prefix of the next block
-    sums[starts] = suffix[starts] + np.where(starts % length == 0, 0.0, prefix[starts + length - 1])
+    blocks = np.zeros((-(-count // length), length))
+    blocks.ravel()[:count] = values
+    suffix = np.empty_like(blocks)
+    np.cumsum(blocks[:, ::-1], axis=1, out=suffix[:, ::-1])
+    prefix = np.cumsum(blocks, axis=1, out=blocks).ravel()
+    suffix = suffix.ravel()[:complete]
+    # a window is the end of one block and the beginning of the next, or a whole block
+    np.add(suffix, prefix[length - 1 : count], out=sums[:complete])
+    sums[:complete:length] = suffix[::length]
     return sums

@@ -148,17 +148,11 @@ class Transmissibility:
         InputError
             Where the record lacks an input or has another sample period.
         """
-        self._check(record)
-        u = record.matrix(self.inputs) - self.input_means
+        record.check_period(self.sample_period_s, f"the operator {self.name} was identified at")
+        channels = [record[name] for name in self.inputs]
         r, d = self.causal_order, self.noncausal_order
         predicted = np.full((len(record), len(self.outputs)), np.nan)
-        if len(record) > r + d:
-            predicted[r : len(record) - d] = filtered(u, self.markov) + self.output_means
+        # the first complete window, samples 0..r+d, predicts sample r: there lag -d is the newest
+        filtered(channels, self.markov, self.input_means, out=predicted[r : max(len(record) - d, r)])
+        predicted += self.output_means
         return predicted
-
-    def _check(self, record: Record) -> None:
-        if abs(record.sample_period_s - self.sample_period_s) > 1e-6 * self.sample_period_s:
-            raise InputError(
-                f"the record is sampled every {record.sample_period_s:g} s, the operator {self.name} was identified at "
-                f"{self.sample_period_s:g} s; resample the record or identify anew"
-            )

@@ -39,11 +39,14 @@ def _markov(baseline: Baseline) -> Figure:
     for o, output in enumerate(operator.outputs):
         for i, name in enumerate(operator.inputs):
             axis = axes[o][i]
-            axis.stem(operator.lags, operator.markov[:, o, i], linefmt=colour(name, i), markerfmt=".", basefmt="k-")
+            parameters, error = operator.markov[:, o, i], operator.standard_error[:, o, i]
+            band = parameters - 2.0 * error, parameters + 2.0 * error
+            axis.fill_between(operator.lags, *band, color=colour(name, i), alpha=0.25, linewidth=0)
+            axis.stem(operator.lags, parameters, linefmt=colour(name, i), markerfmt=".", basefmt="k-")
             axis.set_title(f"{name} to {output}")
             axis.set_xlabel("lag i (samples)")
             axis.set_ylabel(f"$H_i$ ({unit_of(output)} per {unit_of(name)})")
-    figure.suptitle(f"Markov parameters of {operator.name} (Fig. 4.1)")
+    figure.suptitle(f"Markov parameters of {operator.name} with ± 2 standard errors (Fig. 4.1)")
     return figure
 
 

@@ -52,6 +52,8 @@ def _operator(operator: Transmissibility) -> dict[str, Any]:
         "noncausal_order": operator.noncausal_order,
         "sample_period_s": operator.sample_period_s,
         "samples": operator.samples,
+        "estimator": operator.estimator,
+        "solver": operator.solver,
         "rank": operator.rank,
         "condition": operator.condition,
         "rms_residual": operator.rms_residual.tolist(),

@@ -10,7 +10,7 @@ import numpy as np
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve, summary
-from gtmbench.method.estimators.problem import Estimate, Problem, columns_of
+from gtmbench.method.estimators.problem import Estimate, Problem, columns_of, require_equations
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import Triangle, triangle
 
@@ -70,6 +70,7 @@ class InstrumentalVariables:
             )
         z = columns_of(range(instruments), kept, count=count, causal_order=causal)
         phi = columns_of(range(instruments, count), range(r, -d - 1, -1), count=count, causal_order=causal)
+        require_equations(problem.stretches, causal + noncausal + 1, len(z), "lags of the instruments")
         stretches = self._prefiltered(problem)
         equations = triangle(stretches, count, causal, noncausal, np.concatenate([z, phi]))
         return _estimate(problem, equations, len(z))

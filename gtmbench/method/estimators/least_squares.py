@@ -50,12 +50,15 @@ class LeastSquares:
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the least-squares estimate."""
-        equations = problem.triangle()
+        return self.reduced(problem, problem.triangle())
+
+    def reduced(self, problem: Problem, equations: Triangle) -> Estimate:
+        """Return the estimate from equations that are reduced already."""
         if self.truncate is not None:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.equations)
             found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
-            return summary(problem, equations, found / levels[:, np.newaxis], rank)
+            return replace(summary(problem, equations, found / levels[:, np.newaxis], rank), rank_chosen=True)
         if self.ridge is not None:
             levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)
             rows = np.sqrt(equations.equations) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]

@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.checks import number, whole
 from gtmbench.method.convolution import filtered
 from gtmbench.method.estimators.least_squares import solve, summary
-from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.estimators.problem import Estimate, Problem, require_equations
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import triangle
@@ -76,6 +76,10 @@ class PredictionError:
         )
 
     def _of_one_output(self, problem: Problem) -> tuple[Estimate, NoiseModel]:
+        unknowns = problem.parameters + self.noise_order
+        require_equations(
+            problem.stretches, problem.lags + self.noise_order, unknowns, "parameters with those of the noise"
+        )
         equations = problem.triangle()
         found, rank = solve(equations)
         path: list[float] = []
@@ -112,11 +116,12 @@ def _residuals(problem: Problem, found: FloatArray) -> tuple[Stretch, ...]:
     """Return the one-step residual as stretches of one channel, twice: to be lagged, and as the target."""
     r, d = problem.causal_order, problem.noncausal_order
     markov = found.reshape(problem.lags, 1, len(problem.inputs))[::-1]
+    no_means = np.zeros(len(problem.inputs))
     parts = []
     for part in problem.stretches:
         if len(part) > r + d:
             block = part.read(0, len(part))
-            left = block[-1, r : len(part) - d] - filtered(block[:-1].T, markov)[:, 0]
+            left = block[-1, r : len(part) - d] - filtered(block[:-1], markov, no_means)[:, 0]
             parts.append(part.replace(np.vstack([left, left]), skipped=r))
     return tuple(parts)
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from gtmbench.errors import InputError
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import Columns, Triangle, triangle
@@ -63,6 +64,16 @@ class Problem:
         return triangle(self.stretches, len(self.inputs), self.causal_order, self.noncausal_order)
 
 
+def require_equations(stretches: Sequence[Stretch], lags: int, unknowns: int, what: str) -> None:
+    """Refuse stretches that give fewer equations, with windows of `lags` samples, than there are unknowns."""
+    equations = sum(max(len(part) - lags + 1, 0) for part in stretches)
+    if equations < unknowns:
+        raise InputError(
+            f"the record gives {equations} equations for {unknowns} {what}; record at least "
+            f"{unknowns - equations} samples more, or take fewer"
+        )
+
+
 def columns_of(channels: Sequence[int], lags: Sequence[int], *, count: int, causal_order: int) -> Columns:
     """Return where `lags` of some of `count` lagged channels stand, lag by lag, with lag `causal_order` first."""
     positions = causal_order - np.array(lags, dtype=np.intp)
@@ -85,6 +96,8 @@ class Estimate:
         Of the one-step residual over the equations.
     rank : int
     solver : str
+    rank_chosen : bool
+        The rank was chosen, so that less than full is no surprise.
     noise_model : NoiseModel, optional
         Of an estimator that finds one, in the outputs' units.
     sensor_noise : shape (inputs + outputs,), optional
@@ -97,6 +110,7 @@ class Estimate:
     rms_residual: FloatArray
     rank: int
     solver: str
+    rank_chosen: bool = False
     noise_model: NoiseModel | None = None
     sensor_noise: FloatArray | None = None
 

@@ -22,11 +22,13 @@ _FLOOR_SEGMENT = 256  # samples a spectrum is taken over
 class TotalLeastSquares:
     """The operator that fits after the smallest change of all samples, measured by the sensors' noise.
 
-    White noise on the pseudo inputs pulls least squares towards zero. With C the noise covariance of a row
-    ``[phi(k)', y_o(k)]`` (every lag of a channel has the channel's), the singular values of
-    ``[Phi, y_o] C^-1/2 / sqrt(n)`` that noise alone explains, at most ``1 + sqrt(columns / n)``, span the directions
-    that are left out; theta is the smallest operator (measured by C) that these directions allow. At least one is
-    left out: total least squares.
+    White noise on the pseudo inputs pulls least squares towards zero. Here the singular directions of
+    ``[Phi, y_o] C^-1/2`` with the smallest values, those of noise, are taken for relations that hold exactly, w with
+    ``[Phi, y_o] w = 0``; theta is the smallest (measured by C) that follows. C is the noise covariance of a row
+    ``[phi(k)', y_o(k)]``: every lag of a channel has the channel's. At least one direction is left out: that is total
+    least squares. Data that excite fewer (sinusoids) leave more to noise: of all counts of directions that may stand
+    out of it, with singular values above ``sqrt(n) + sqrt(columns)``, the one is taken whose operator leaves the least
+    residual.
 
     Its theory holds for rows of independent noise; lagged rows share their samples, so no covariance is given.
 
@@ -37,7 +39,7 @@ class TotalLeastSquares:
         outputs; in the channels' units. None: estimated as the mean level of each channel's spectrum above half
         the Nyquist frequency, so what moves there must be noise.
     rank : int, optional
-        How many directions are kept, instead of counting them.
+        How many directions are kept, instead of finding out.
 
     Examples
     --------
@@ -68,7 +70,7 @@ class TotalLeastSquares:
         for o in range(equations.targets):
             both = covariance[np.ix_([*range(count), count + o], [*range(count), count + o])]
             root = np.asarray(np.linalg.cholesky(_row_covariance(both, problem)))
-            one = np.column_stack([equations.root[:, :size], equations.target[:, o]]) / np.sqrt(equations.equations)
+            one = np.column_stack([equations.root[:, :size], equations.target[:, o]])
             found[:, o], rank = _solve(one, root, self.rank, equations.equations)
             ranks.append(rank)
         least = summary(problem, equations, found, size)
@@ -76,6 +78,7 @@ class TotalLeastSquares:
             least,
             noise_variance=np.full(equations.targets, np.nan),
             rank=min(ranks),
+            rank_chosen=True,
             sensor_noise=np.sqrt(np.diag(covariance)) * problem.scale,
         )
 
@@ -113,15 +116,18 @@ def _row_covariance(both: FloatArray, problem: Problem) -> FloatArray:
 
 
 def _solve(rows: FloatArray, root: FloatArray, rank: int | None, equations: float) -> tuple[FloatArray, int]:
-    """Return theta from the directions w = C^-T/2 v that are left out: [Phi, y] w is nil but for noise."""
+    """Return theta and how many directions v were kept; w = C^-T/2 v of the others make it."""
     whitened = np.linalg.solve(root, rows.T).T
     _, singular, right = np.linalg.svd(whitened)
+    directions = np.linalg.solve(root.T, right.T)
+    # column k: theta when directions k, k+1, ... are left out
+    products = np.cumsum((directions[:-1] * directions[-1])[:, ::-1], axis=1)[:, ::-1]
+    candidates = -products / np.cumsum(directions[-1, ::-1] ** 2)[::-1]
     if rank is None:
-        edge = 1.0 + np.sqrt(len(singular) / equations)
-        rank = int(np.clip(np.sum(singular > edge), 1, len(singular) - 1))
-    left_out = np.linalg.solve(root.T, right[rank:].T)
-    y = left_out[-1]
-    return -left_out[:-1] @ y / (y @ y), rank
+        most = int(np.clip(np.sum(singular > np.sqrt(equations) + np.sqrt(len(singular))), 1, len(singular) - 1))
+        left = rows[:, -1:] - rows[:, :-1] @ candidates[:, 1 : most + 1]
+        rank = 1 + int(np.argmin(np.sum(left**2, axis=0)))
+    return candidates[:, rank], rank
 
 
 def _floor(stretches: Sequence[Stretch]) -> FloatArray:

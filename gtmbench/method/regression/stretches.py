@@ -146,15 +146,21 @@ def stretches(
         centre, rms = _moments(parts)
     if not np.all(np.isfinite(rms)):
         _refuse_missing(records, channels, weights)
-    if moments is not None:
-        return tuple(_scaled(part, *moments) for part in parts), *moments
+    if moments is None:
+        check_constant(channels, centre, rms)
+    else:
+        centre, rms = moments
+    return tuple(_scaled(part, centre, rms) for part in parts), centre, rms
+
+
+def check_constant(channels: Sequence[str], centre: FloatArray, rms: FloatArray) -> None:
+    """Refuse a channel that doesn't move."""
     for name, spread, middle in zip(channels, rms, centre, strict=True):
         if not spread > 4e-16 * abs(middle):
             raise InputError(
                 f"channel '{name}' is constant ({middle:g}) over the record: nothing can be identified from or for "
                 "it; leave it out or choose another stretch"
             )
-    return tuple(_scaled(part, centre, rms) for part in parts), centre, rms
 
 
 def _parts(record: Record, channels: Sequence[str], weights: FloatArray | None) -> Iterator[Stretch]:

@@ -1,0 +1,231 @@
+"""Residual, E(k) and alarms as the samples come in: chunk for chunk what the batch functions give for all at once.
+
+Each stream takes and returns the values of its batch function: `residual`, `windowed_norm` or `alarms`. Laid end to
+end, what it returned is what the whole record gives, as far as it is known. It remembers its taps or one window, never
+the flight, so that a sample costs the same at any time. A chunk that is refused changes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.checks import number, whole
+from gtmbench.errors import InputError
+from gtmbench.method.alarms import Alarms, alarms
+from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record, even_times_s, frozen
+
+
+class ResidualStream:
+    """The residual (4.11) of a record that comes in chunks: e(k) is returned with sample k + d.
+
+    Parameters
+    ----------
+    operator : Transmissibility
+
+    Examples
+    --------
+    >>> from gtmbench.method.identify import identify
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> record = Record(np.column_stack([u, np.roll(u, -1)]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = identify(record, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=1)
+    >>> stream = ResidualStream(operator)
+    >>> [stream.push(record.between(start, end)).time_s.tolist() for start, end in [(0.0, 0.02), (0.03, 0.03)]]
+    [[0.0, 0.01], [0.02]]
+    """
+
+    def __init__(self, operator: Transmissibility) -> None:
+        self._operator = operator
+        self._channels = (*operator.inputs, *operator.outputs)
+        self._clock: _Clock | None = None
+        self._tail = np.zeros((0, len(self._channels)))  # the last r + d samples
+
+    def push(self, record: Record) -> Residual:
+        """Return the rows that a chunk's samples make known, rows k < r (NaN) included.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
+        """
+        clock = _advanced(self._clock, _Clock.of(record.time_s, record.sample_period_s, "the operator"))
+        values = np.concatenate([self._tail, record.matrix(self._channels)])
+        joined = Record(values, channels=self._channels, sample_period_s=clock.sample_period_s)
+        found = residual(self._operator, joined)
+        known = clock.known(len(record), self._operator.noncausal_order)
+        row_0 = clock.count - len(joined)  # which sample that is
+        self._tail = values[max(len(values) - len(self._operator.markov) + 1, 0) :].copy()  # a view would hold it all
+        self._clock = clock
+        return replace(
+            found, values=found.values[known.start - row_0 : known.stop - row_0], time_s=clock.times_s(known)
+        )
+
+
+class NormStream:
+    """E(k), equation (4.12), of a residual that comes in chunks: E(k) is returned with row k + w, bit for bit.
+
+    The scheme of `windowed_norm`, blocks of w + 1 rows counted from the first: a window is the end of the block before
+    and the beginning of this one.
+
+    Parameters
+    ----------
+    window : int
+        w; w + 1 squares are summed.
+
+    Raises
+    ------
+    InputError
+        Where the window is negative.
+
+    Examples
+    --------
+    >>> e = Residual(values=np.array([[3.0], [4.0]]), time_s=np.arange(2.0), outputs=("y",), look_ahead_s=0.0,
+    ...              sample_period_s=1.0)
+    >>> stream = NormStream(window=1)
+    >>> stream.push(e).values, stream.push(replace(e, time_s=np.arange(2.0, 4.0))).values
+    (array([5.]), array([5., 5.]))
+    """
+
+    def __init__(self, *, window: int) -> None:
+        self._window = whole("window", window)
+        self._clock: _Clock | None = None
+        self._ends = np.full(self._window + 2, np.nan)  # sums from each row of the block before to its end
+        self._ends[-1] = 0.0
+        self._block = np.zeros(self._window + 1)  # squares of this block,
+        self._filled = 0  # so many of them,
+        self._sum = 0.0  # and their sum
+
+    def push(self, residual: Residual) -> WindowedNorm:
+        """Return E(k) of the windows that a chunk's rows complete.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before.
+        """
+        source = f"outputs {', '.join(residual.outputs)} with a look-ahead of {residual.look_ahead_s} s"
+        clock = _advanced(self._clock, _Clock.of(residual.time_s, residual.sample_period_s, source))
+        rows, length = len(residual.time_s), self._window + 1
+        parts = np.split(squares(residual), range(length - self._filled, rows, length))
+        sums = np.concatenate([self._take(part) for part in parts])
+        known = clock.known(rows, self._window)
+        self._clock = clock
+        return WindowedNorm(
+            values=frozen(np.sqrt(sums[rows - len(known) :])),
+            time_s=clock.times_s(known),
+            window=self._window,
+            look_ahead_s=residual.look_ahead_s,
+            sample_period_s=clock.sample_period_s,
+        )
+
+    @np.errstate(over="ignore")
+    def _take(self, part: FloatArray) -> FloatArray:
+        """Take squares of this block; return the sums of the windows that they end."""
+        begin, end = self._filled, self._filled + len(part)
+        self._block[begin:end] = part
+        beginnings = np.cumsum(np.append(self._sum, part))
+        sums: FloatArray = self._ends[begin + 1 : end + 1] + beginnings[1:]
+        self._filled, self._sum = end, beginnings[-1]
+        if end == len(self._block):
+            self._ends[:-1] = np.cumsum(self._block[::-1])[::-1]
+            sums[-1] = self._ends[0]  # a whole block, added as `windowed_norm` adds it
+            self._filled, self._sum = 0, 0.0
+        return sums
+
+
+class AlarmStream:
+    """The alarms of a norm that comes in chunks.
+
+    Parameters
+    ----------
+    threshold : float
+        In the norm's unit.
+    start_s : float
+        Windows that begin before this time aren't watched.
+
+    Raises
+    ------
+    InputError
+        Where the threshold isn't a positive number.
+
+    Examples
+    --------
+    >>> norm = WindowedNorm(values=np.array([0.0, 2.0]), time_s=np.arange(2.0), window=0, look_ahead_s=0.5,
+    ...                     sample_period_s=1.0)
+    >>> stream = AlarmStream(1.0)
+    >>> stream.push(norm).time_s, stream.push(replace(norm, time_s=np.arange(2.0, 4.0))).time_s
+    (array([1.5]), array([3.5]))
+    """
+
+    def __init__(self, threshold: float, *, start_s: float = -np.inf) -> None:
+        self._threshold = number("threshold", threshold, 0.0, above=True)
+        self._start_s = start_s
+        self._clock: _Clock | None = None
+        self._last = np.zeros((2, 0))  # time and value of the last window without missing samples
+        self._armed_s = float("nan")
+
+    def push(self, norm: WindowedNorm) -> Alarms:
+        """Return the alarms that a chunk raises; `armed_s` is NaN until the norm has come down.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before.
+        """
+        source = f"windows of {norm.window + 1} samples with a look-ahead of {norm.look_ahead_s} s"
+        clock = _advanced(self._clock, _Clock.of(norm.time_s, norm.sample_period_s, source))
+        time_s, values = seen = np.hstack([self._last, [norm.time_s, norm.values]])
+        found = alarms(replace(norm, time_s=time_s, values=values), self._threshold, start_s=self._start_s)
+        self._last = seen[:, np.flatnonzero(~np.isnan(values))[-1:]]
+        self._armed_s = found.armed_s if np.isnan(self._armed_s) else self._armed_s
+        self._clock = clock
+        return replace(found, armed_s=self._armed_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Clock:
+    """Where a stream stands: after `count` rows of one source, evenly spaced from `start_s` on."""
+
+    start_s: float
+    sample_period_s: float
+    source: str
+    count: int
+
+    @classmethod
+    def of(cls, time_s: FloatArray, sample_period_s: float, source: str) -> _Clock:
+        """Return the clock of a chunk that stands alone."""
+        start_s = float(time_s[0]) if len(time_s) else float("nan")
+        return cls(start_s=start_s, sample_period_s=sample_period_s, source=source, count=len(time_s))
+
+    def known(self, rows: int, behind: int) -> range:
+        """Return the results that the last `rows` rows made known, each of them `behind` rows after its own."""
+        return range(max(self.count - rows - behind, 0), max(self.count - behind, 0))
+
+    def times_s(self, rows: range) -> FloatArray:
+        """Return times as the whole record has them."""
+        return even_times_s(self.start_s, self.sample_period_s, rows)
+
+
+def _advanced(clock: _Clock | None, chunk: _Clock) -> _Clock:
+    """Return the clock after a chunk, or refuse a chunk that doesn't continue what was before."""
+    if clock is None or clock.count == 0:
+        return chunk
+    if chunk.source != clock.source:
+        raise InputError(f"a chunk of {chunk.source} came after {clock.source}; give each a stream of its own")
+    if abs(chunk.sample_period_s - clock.sample_period_s) > 1e-6 * clock.sample_period_s:
+        raise InputError(
+            f"the chunk is sampled every {chunk.sample_period_s:.10g} s, those before every "
+            f"{clock.sample_period_s:.10g} s; resample it or begin a new stream"
+        )
+    due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
+    late_s = chunk.start_s - due_s if chunk.count else 0.0
+    if not abs(late_s) < 0.1 * clock.sample_period_s:  # times are rounded; a gap is at least a sample
+        raise InputError(
+            f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; "
+            + ("fill the gap with NaN" if late_s > 0 else "leave out what came before")
+            + " or begin a new stream"
+        )
+    return replace(clock, count=clock.count + chunk.count)

@@ -1,0 +1,41 @@
+"""Where the figures go: ``bench.json`` and the README's block, each written aside and moved into place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gtmbench.files import written_aside
+
+from .table import block
+
+ROOT = Path(__file__).parents[2]
+BENCH, README = ROOT / "bench.json", ROOT / "README.md"
+BEGIN, END = "<!-- make bench writes this -->\n", "<!-- up to here -->"
+
+
+def rounded(value: Any) -> Any:
+    """Round every float to three digits, so that a rerun reviews well."""
+    if isinstance(value, float):
+        return float(f"{value:.3g}")
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    return [rounded(item) for item in value] if isinstance(value, list) else value
+
+
+def readme_block() -> str:
+    """Return what stands between the README's two marks."""
+    return README.read_text().split(BEGIN)[1].split(END)[0].rstrip()
+
+
+def write(results: dict) -> None:
+    """Write both files; `results` are rounded."""
+    before, rest = README.read_text().split(BEGIN)
+    texts = {
+        BENCH: json.dumps(results, indent=2, sort_keys=True, allow_nan=False) + "\n",
+        README: before + BEGIN + block(results) + "\n" + END + rest.split(END, 1)[1],
+    }
+    for path, text in texts.items():
+        with written_aside(path) as aside:
+            aside.write_text(text)

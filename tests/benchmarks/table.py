@@ -1,0 +1,96 @@
+"""The figures as tables: for the screen, and as the README's block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+TARGETS = {  # figure of bench.json: (at least or at most, bound)
+    ("identification", "ratio"): (">=", 100.0),
+    ("identification", "memory_ratio"): (">=", 8.0),
+    ("identification", "markov_rel_diff"): ("<=", 1e-9),
+    ("residual", "ratio"): (">=", 10.0),
+    ("norm", "ratio"): (">=", 10.0),
+    ("flight", "ratio"): ("<=", 1.35),
+}
+ROWS = (  # what is measured, section, and its keys of time, memory and difference
+    ("numpy lstsq over `gb.identify`", "identification", "ratio", "memory_ratio", "markov_rel_diff"),
+    ("the same, building lstsq's regressor counted", "identification", "ratio_with_regressor", "", ""),
+    ("copying the regressor and multiplying over `gb.residual`", "residual", "ratio", "memory_ratio", "rel_diff"),
+    ("`np.correlate` per channel over `gb.residual`", "residual", "correlate_ratio", "correlate_memory_ratio", ""),
+    ("summing `sliding_window_view` over `gb.windowed_norm`", "norm", "ratio", "memory_ratio", "rel_diff"),
+    ("the flight loop over JSBSim's bare `run()` loop", "flight", "ratio", "", ""),
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, the columns' heads and the rows, as text."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+    def markdown(self) -> str:
+        """Write it as the README has it."""
+        rule = ("---", *("---" if name == "note" else "---:" for name in self.columns[1:]))
+        lines = [f"| {' | '.join(cells)} |" for cells in (self.columns, rule, *self.rows)]
+        return "\n".join([f"{self.title}:", "", *lines])
+
+
+def tables(results: dict) -> Iterator[Table]:
+    """Make the tables of the sections that were measured."""
+    ours = [row for row in ROWS if row[1] in results]
+    if ours:
+        yield Table("Ratios", ("what", "time", "memory", "difference"), [_figures(results, *row) for row in ours])
+    if "peers" in results:
+        columns = ("over `gb.identify`", "time", "time over lstsq", "memory", "difference", "note")
+        yield Table("Peers", columns, [_peer(name, row) for name, row in _fastest_first(results["peers"])])
+    for over, grown in results.get("growth", {}).items():
+        title = {"samples": "Growth over samples, 101 taps", "taps": "Growth over taps, 20,000 samples"}[over]
+        sizes = tuple(f"{size:,}" for size in grown["sizes"])
+        time = ("time over the first's", *map(_number, grown["time_ratios"]), _number(grown["exponent"]))
+        memory = ("peak memory (MB)", *map(_number, grown["memory_mb"]), "")
+        yield Table(title, (over, *sizes, "exponent"), [time, memory])
+
+
+def block(results: dict) -> str:
+    """Write the README's block: the machine, then the tables."""
+    machine = results["machine"]
+    on = (
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['os']}; Python {machine['python']}, "
+        f"numpy {machine['numpy']} ({machine['blas']}), scipy {machine['scipy']}, JSBSim {machine['jsbsim']}"
+    )
+    return "\n\n".join([f"Measured on {on}, one thread.", *(table.markdown() for table in tables(results))])
+
+
+def _figures(results: dict, what: str, section: str, *keys: str) -> tuple[str, ...]:
+    return (what, *(_with_target(results, section, key) for key in keys))
+
+
+def _with_target(results: dict, section: str, key: str) -> str:
+    if not key:
+        return ""
+    text = _number(results[section][key])
+    if (section, key) in TARGETS:
+        sign, bound = TARGETS[section, key]
+        text += f" ({'at least' if sign == '>=' else 'at most'} {bound:g})"
+    return text
+
+
+def _fastest_first(peers: dict) -> list[tuple[str, dict]]:
+    return sorted(peers.items(), key=lambda item: item[1].get("ratio", float("inf")))
+
+
+def _peer(name: str, row: dict) -> tuple[str, ...]:
+    if "failed" in row:
+        return (name, "", "", "", "", row["failed"])
+    keys = ("ratio", "lstsq_ratio", "memory_ratio", "markov_rel_diff")
+    return (f"{name} {row['version']}", *(_number(row[key]) for key in keys), row["note"])
+
+
+def _number(value: float) -> str:
+    """Three digits, as ``0.012``, ``1.26``, ``14.5``, ``1,350`` or ``8.6e-13``."""
+    if value == 0 or abs(value) >= 100:
+        return f"{value:,.0f}"
+    return f"{value:.2g}" if abs(value) < 1e-3 else f"{value:.3g}"

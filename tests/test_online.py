@@ -1,0 +1,177 @@
+"""Recursive identification gives, at any time, what the batch gives for the samples so far."""
+
+import tracemalloc
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gtmbench as gb
+from gtmbench.errors import InputError, RankWarning
+
+NAMES = ["p", "q", "r", "beta"]
+TS = 0.01
+
+
+def flight(samples=600, seed=1, offset=0.0, start_s=0.0):
+    rng = np.random.default_rng(seed)
+    u = np.cumsum(rng.standard_normal((samples, 2)), axis=0) * 0.1 + rng.standard_normal((samples, 2))
+    y = np.roll(u, 1, axis=0) @ [[0.5, 1.0], [-2.0, 0.3]] + np.roll(u, -1, axis=0) + rng.standard_normal((samples, 2))
+    return gb.Record(np.column_stack([u, y]) + offset, channels=NAMES, sample_period_s=TS, start_s=start_s)
+
+
+def orders(r=3, d=2):
+    return {"inputs": NAMES[:2], "outputs": NAMES[2:], "causal_order": r, "noncausal_order": d}
+
+
+def part(record, start, stop):
+    start_s = record.start_s + start * record.sample_period_s
+    return gb.Record(record.values[start:stop], channels=NAMES, sample_period_s=TS, start_s=start_s)
+
+
+def running(pieces, r=3, d=2, **options):
+    online = gb.RecursiveIdentification(**orders(r, d), **options)
+    for piece in pieces:
+        online.push(piece)
+    return online.operator()
+
+
+def assert_same(one, other, rtol=1e-9):
+    scale = np.abs(other.markov).max()
+    np.testing.assert_allclose(one.markov, other.markov, rtol=0, atol=rtol * scale)
+    for name in ("input_means", "output_means", "input_rms", "rms_residual", "noise_variance", "standard_error"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-7, err_msg=name)
+    assert (one.samples, one.rank, one.inputs, one.outputs) == (other.samples, other.rank, other.inputs, other.outputs)
+    assert one.condition == pytest.approx(other.condition, rel=1e-6)
+
+
+@given(cuts=st.lists(st.integers(0, 600), max_size=8), r=st.integers(0, 4), d=st.integers(0, 4))
+def test_without_forgetting_it_is_the_batch_answer_however_the_record_is_cut(cuts, r, d):
+    record = flight(offset=1e6)
+    edges = [0, *sorted(cuts), 600]
+    pieces = [part(record, start, stop) for start, stop in pairwise(edges)]
+    assert_same(running(pieces, r, d), gb.identify(record, **orders(r, d)))
+
+
+def test_sample_by_sample_is_the_batch_answer_at_every_time_it_is_asked():
+    record = flight(250)
+    online = gb.RecursiveIdentification(**orders())
+    for k in range(250):
+        online.push(part(record, k, k + 1))
+        if k in (40, 63, 64, 65, 200, 249):
+            assert_same(online.operator(), gb.identify(part(record, 0, k + 1), **orders()))
+
+
+@pytest.mark.parametrize("forgetting", [0.999, 0.99, 0.95])
+def test_forgetting_is_a_weight_of_lambda_to_the_age(forgetting):
+    record = flight()
+    weights = forgetting ** np.arange(len(record) - 1, -1, -1)
+    pieces = [part(record, k, k + 37) for k in range(0, 600, 37)]
+    assert_same(running(pieces, forgetting=forgetting), gb.identify(record, weights=weights, **orders()), rtol=1e-8)
+
+
+def test_it_follows_an_operator_that_changes():
+    one, other = flight(2000, seed=1), flight(2000, seed=2)
+    changed = gb.Record(other.values * [1, 1, 3, 3], channels=NAMES, sample_period_s=TS, start_s=20.0)
+    now = running([one, changed], forgetting=0.99)
+    np.testing.assert_allclose(now.markov, gb.identify(changed, **orders()).markov, atol=1.0)
+    np.testing.assert_allclose(now.markov[1, 0], [3.0, 0.0], atol=1.0)  # lag -1: 3 times 1 and 0
+
+
+def test_a_gap_begins_a_new_stretch():
+    record = flight()
+    before, after = part(record, 0, 200), part(record, 260, 600)
+    assert_same(running([before, after]), gb.identify([before, after], **orders()))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_missing_sample_is_left_out_as_by_a_weight_of_0(bad):
+    record = flight()
+    values = record.values.copy()
+    values[[5, 100, 101, 350], [0, 1, 2, 3]] = bad
+    holed = gb.Record(values, channels=NAMES, sample_period_s=TS)
+    weights = np.isfinite(values).all(axis=1).astype(float)
+    assert_same(
+        running([part(holed, k, k + 23) for k in range(0, 600, 23)]), gb.identify(holed, weights=weights, **orders())
+    )
+
+
+def test_a_ridge_is_the_batch_ridge():
+    record = flight()
+    ridge = gb.LeastSquares(ridge={"p": 0.5, "q": 2.0})
+    one = running([part(record, 0, 300), part(record, 300, 600)], estimator=ridge)
+    np.testing.assert_allclose(one.markov, gb.identify(record, estimator=ridge, **orders()).markov, atol=1e-9)
+
+
+def test_asking_changes_nothing():
+    record = flight()
+    online = gb.RecursiveIdentification(**orders())
+    for k in range(0, 600, 10):
+        online.push(part(record, k, k + 10))
+        if k > 50:
+            online.operator()
+    assert_same(online.operator(), running([record]))
+
+
+def test_sinusoids_warn_as_in_the_batch():
+    angle = np.arange(600) * 0.1
+    waves = np.column_stack([np.sin(angle + phase) for phase in (0.0, 1.0, 2.0, 3.0)])
+    with pytest.warns(RankWarning, match=r"'p' \(3 of its 6 lags\)"):
+        running([gb.Record(waves, channels=NAMES, sample_period_s=TS)])
+
+
+def test_its_memory_and_the_cost_of_a_push_stay_what_they_were():
+    online = gb.RecursiveIdentification(**orders(20, 20))
+    record = flight(40_000)
+
+    def cost(start):
+        tracemalloc.start()
+        for k in range(start, start + 640):
+            online.push(part(record, k, k + 1))
+        now, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return now, peak
+
+    first = cost(0)
+    online.push(part(record, 640, 30_000))
+    later = cost(30_000)
+    assert later[0] <= first[0] + 20_000
+    assert later[1] <= first[1] * 1.1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"forgetting": 0.0}, "forgetting is 0.0"),
+        ({"forgetting": 1.01}, "forgetting is 1.01; it must be a finite number greater than 0, at most 1"),
+        ({"inputs": []}, "at least one pseudo input"),
+        ({"outputs": ["p"]}, "'p' is both"),
+        ({"causal_order": -1}, "causal_order is -1"),
+    ],
+)
+def test_what_cant_be_meant_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        gb.RecursiveIdentification(**{**orders(), **options})
+
+
+def test_a_push_that_is_refused_changes_nothing():
+    record = flight()
+    online = gb.RecursiveIdentification(**orders())
+    online.push(part(record, 0, 300))
+    with pytest.raises(InputError, match="no channel 'beta'"):
+        online.push(part(record, 300, 400).select(["p", "q", "r"]))
+    with pytest.raises(InputError, match=r"sampled every 0\.02 s, those before every 0\.01 s"):
+        online.push(gb.Record(record.values, channels=NAMES, sample_period_s=0.02, start_s=3.0))
+    online.push(part(record, 300, 600))
+    assert_same(online.operator(), gb.identify(record, **orders()))
+
+
+def test_too_few_samples_are_refused_with_their_number():
+    online = gb.RecursiveIdentification(**orders())
+    with pytest.raises(InputError, match="0 samples of p, q give 0 equations for 12 Markov parameters"):
+        online.operator()
+    online.push(flight(16))
+    with pytest.raises(InputError, match="16 samples of p, q give 11 equations for 12 Markov parameters"):
+        online.operator()
