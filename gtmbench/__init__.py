@@ -27,6 +27,9 @@ from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
+from gtmbench.method.selection.inputs import InputChoice, select_inputs
+from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
@@ -46,8 +49,10 @@ __all__ = [
     "Deadzone",
     "Drift",
     "EnvelopeError",
+    "ExcitationCount",
     "Fault",
     "GtmbenchError",
+    "InputChoice",
     "InputError",
     "InstrumentalVariables",
     "Jam",
@@ -55,6 +60,7 @@ __all__ = [
     "Mode",
     "NoiseModel",
     "NormStream",
+    "OrderChoice",
     "PredictionError",
     "RankWarning",
     "RateSaturation",
@@ -73,6 +79,7 @@ __all__ = [
     "Verdict",
     "WindowedNorm",
     "alarms",
+    "count_excitations",
     "decimate",
     "fly",
     "identify",
@@ -85,6 +92,8 @@ __all__ = [
     "run",
     "run_study",
     "score",
+    "select_inputs",
+    "select_orders",
     "threshold",
     "trim",
     "windowed_norm",

@@ -6,24 +6,18 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gtmbench.checks import whole
 from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.problem import Estimate, Estimator, Problem
+from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
 from gtmbench.method.rank import cause
-from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen
-
-_MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
-
-Weights = ArrayLike | Sequence[ArrayLike | None] | None
+from gtmbench.record import frozen
 
 
 def identify(
-    records: Record | Sequence[Record],
+    records: Records,
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],
@@ -63,6 +57,7 @@ def identify(
 
     Examples
     --------
+    >>> from gtmbench.record import Record
     >>> u = np.random.default_rng(1).standard_normal(500)
     >>> y = 2.0 * u + np.roll(u, -1)  # y(k) = 2 u(k) + u(k+1)
     >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
@@ -72,8 +67,9 @@ def identify(
     method = LeastSquares() if estimator is None else estimator
     if not callable(getattr(method, "estimate", None)):
         raise InputError(f"estimator is {method!r}; give an object such as gtmbench.LeastSquares(), not its name")
-    found = (records,) if isinstance(records, Record) else tuple(records)
-    problem = _problem(found, names_of(inputs), names_of(outputs), causal_order, noncausal_order, method, weights)
+    u, y = operator_names(inputs, outputs)
+    found = as_records(records)
+    problem = pose(found, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
     return operator_of(
         problem,
         method.estimate(problem),
@@ -81,35 +77,6 @@ def identify(
         sample_period_s=found[0].sample_period_s,
         estimator=method,
     )
-
-
-def _problem(
-    records: tuple[Record, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    causal_order: int,
-    noncausal_order: int,
-    estimator: Estimator,
-    weights: Weights,
-) -> Problem:
-    """Check everything and return what the estimator works on."""
-    check_names(inputs, outputs)
-    _check_periods(records)
-    instruments = estimator.instruments
-    channels = (*instruments, *inputs, *outputs)
-    parts, centre, rms = stretches(records, channels, _weights(records, weights))
-    problem = Problem(
-        stretches=parts,
-        instruments=instruments,
-        inputs=inputs,
-        outputs=outputs,
-        causal_order=whole("causal_order", causal_order),
-        noncausal_order=whole("noncausal_order", noncausal_order),
-        centre=centre,
-        scale=rms,
-    )
-    check_length(problem, sum(map(len, parts)), problem.equations, len(parts))
-    return problem
 
 
 def operator_of(
@@ -143,70 +110,6 @@ def operator_of(
         noise_model=estimate.noise_model,
         sensor_noise=estimate.sensor_noise,
     )
-
-
-def names_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Return one name or several as a tuple."""
-    return (names,) if isinstance(names, str) else tuple(names)
-
-
-def check_names(inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
-    """Refuse an operator without inputs or outputs, or with a channel named twice."""
-    if not inputs or not outputs:
-        raise InputError("an operator needs at least one pseudo input and one pseudo output")
-    twice = [name for names in (inputs, outputs) for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"'{twice[0]}' is given twice; name every pseudo input and pseudo output once")
-    both = [name for name in outputs if name in inputs]
-    if both:
-        raise InputError(f"'{both[0]}' is both pseudo input and pseudo output; it would predict itself")
-
-
-def _check_periods(records: tuple[Record, ...]) -> None:
-    if not records:
-        raise InputError("no record given; give one Record or several")
-    periods = {record.sample_period_s for record in records}
-    if max(periods) - min(periods) > 1e-6 * min(periods):
-        raise InputError(
-            f"the records are sampled every {', '.join(f'{period:g}' for period in sorted(periods))} s; one operator "
-            "has one sample period, so resample them"
-        )
-
-
-def _weights(records: tuple[Record, ...], weights: Weights) -> list[FloatArray | None]:
-    """Return one array of weights a record, or None for all 1."""
-    if weights is None:
-        return [None] * len(records)
-    given = list(weights) if isinstance(weights, list | tuple) and len(records) > 1 else [weights]
-    if len(given) != len(records):
-        raise InputError(f"weights for {len(given)} records, but {len(records)} records; give one array a record")
-    found: list[FloatArray | None] = []
-    for record, one in zip(records, given, strict=True):
-        array = None if one is None else np.asarray(one, dtype=float)
-        if array is not None:
-            if array.shape != (len(record),):
-                raise InputError(f"weights of shape {array.shape} for {len(record)} samples; give one a sample")
-            if not np.all((array >= 0) & np.isfinite(array)):
-                raise InputError("weights must be finite numbers, 0 or more")
-        found.append(array)
-    return found
-
-
-def check_length(problem: Problem, samples: int, equations: int, stretches: int = 1) -> None:
-    """Refuse more Markov parameters than there are equations for, or than can be solved for."""
-    parameters = problem.parameters
-    if parameters > _MOST_PARAMETERS:
-        raise InputError(
-            f"{problem.lags} lags of {len(problem.inputs)} inputs are {parameters} Markov parameters an output; at "
-            f"most {_MOST_PARAMETERS} are solved for, so lower the orders"
-        )
-    if equations < parameters:
-        pieces = f" in {stretches} stretches" if stretches > 1 else ""
-        raise InputError(
-            f"{samples} samples of {', '.join(problem.inputs)}{pieces} give {equations} equations for {parameters} "
-            f"Markov parameters of '{problem.outputs[0]}'; record at least {parameters + problem.lags - 1} samples or "
-            "lower the orders"
-        )
 
 
 def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from gtmbench.checks import number, whole
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.problem import Problem
-from gtmbench.method.identify import check_length, check_names, names_of, operator_of
+from gtmbench.method.identify import operator_of
+from gtmbench.method.pose import check_length, operator_names
 from gtmbench.method.regression.stretches import check_constant
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
@@ -65,8 +66,7 @@ class RecursiveIdentification:
         forgetting: float = 1.0,
         estimator: LeastSquares | None = None,
     ) -> None:
-        self.inputs, self.outputs = names_of(inputs), names_of(outputs)
-        check_names(self.inputs, self.outputs)
+        self.inputs, self.outputs = operator_names(inputs, outputs)
         self.causal_order = whole("causal_order", causal_order)
         self.noncausal_order = whole("noncausal_order", noncausal_order)
         self.forgetting = number("forgetting", forgetting, 0.0, 1.0, above=True)

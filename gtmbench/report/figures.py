@@ -35,7 +35,7 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
 def _markov(baseline: Baseline) -> Figure:
     operator = baseline.operator
     rows, columns = len(operator.outputs), len(operator.inputs)
-    figure, axes = _panels(rows, columns, (3.6 * columns, 1.0 + 2.4 * rows))
+    figure, axes = panels(rows, columns, (3.6 * columns, 1.0 + 2.4 * rows))
     for o, output in enumerate(operator.outputs):
         for i, name in enumerate(operator.inputs):
             axis = axes[o][i]
@@ -56,7 +56,7 @@ def _prediction(baseline: Baseline) -> Figure:
     span = record.sample_range(start_s, min(start_s + 5.0, record.end_s))
     shown = slice(span.start, span.stop)
     predicted = operator.predict(record)
-    figure, axes = _panels(len(operator.outputs), 1, (9.0, 1.0 + 3.0 * len(operator.outputs)))
+    figure, axes = panels(len(operator.outputs), 1, (9.0, 1.0 + 3.0 * len(operator.outputs)))
     for o, output in enumerate(operator.outputs):
         axis = axes[o][0]
         axis.plot(record.time_s[shown], record[output][shown], ".", color=COLOURS["healthy"], ms=3, label="measured")
@@ -74,7 +74,7 @@ _SOURCES = {"drift": " (Fig. 4.3)", "deadzone": " (Fig. 4.4)"}
 def _norm(scenario: str, trials: list[Trial]) -> Figure:
     baseline = trials[0].baseline
     unit = unit_of(baseline.operator.outputs[0])
-    figure, axes = _panels(1, 1, (9.0, 4.5))
+    figure, axes = panels(1, 1, (9.0, 4.5))
     axis = axes[0][0]
     watched = baseline.norm.time_s >= baseline.setup.alarm.watch_from_s
     axis.plot(
@@ -106,7 +106,8 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     return figure
 
 
-def _panels(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[list[Axes]]]:
+def panels(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of rows x columns panels, in inches."""
     from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
 
     figure = Figure(figsize=size, layout="constrained")

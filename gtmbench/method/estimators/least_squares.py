@@ -89,8 +89,7 @@ def solve(equations: Triangle) -> tuple[FloatArray, int]:
     size = len(equations.regressor)
     if equations.solver == "cholesky":
         return np.asarray(lapack.dtrtrs(equations.regressor.T, equations.target[:size], lower=1, trans=1)[0]), size
-    tolerance = np.finfo(float).eps * max(equations.equations, size)
-    return smallest(equations.regressor, equations.target[:size], tolerance=tolerance)
+    return smallest(equations.regressor, equations.target[:size], tolerance=equations.tolerance)
 
 
 def smallest(

@@ -125,9 +125,14 @@ def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int)
 
 
 def stretches(
-    records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]
+    records: Sequence[Record],
+    channels: Sequence[str],
+    weights: Sequence[FloatArray | None],
+    moments: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[tuple[Stretch, ...], FloatArray, FloatArray]:
-    """Return the stretches of samples that count, and the (weighted) means and RMS values that they are free of.
+    """Return the stretches of samples that count, and the means and RMS values that they are freed of.
+
+    These are the samples' own (weighted), unless others' `moments` are given.
 
     Raises
     ------
@@ -141,7 +146,10 @@ def stretches(
         centre, rms = _moments(parts)
     if not np.all(np.isfinite(rms)):
         _refuse_missing(records, channels, weights)
-    check_constant(channels, centre, rms)
+    if moments is None:
+        check_constant(channels, centre, rms)
+    else:
+        centre, rms = moments
     return tuple(_scaled(part, centre, rms) for part in parts), centre, rms
 
 

@@ -58,6 +58,29 @@ class Triangle:
         """R's columns of y, all rows."""
         return self.root[:, self.size :]
 
+    @property
+    def tolerance(self) -> float:
+        """What rounding leaves of a singular value that is nil, as a share of the greatest."""
+        return float(np.finfo(float).eps) * max(self.equations, self.size)
+
+    @property
+    def full_rank(self) -> bool:
+        """Whether Phi's columns, and so any of them, are independent beyond rounding."""
+        if self.solver == "cholesky":
+            return True
+        singular = np.linalg.svd(self.regressor, compute_uv=False)
+        return bool(singular[-1] > self.tolerance * singular[0])
+
+    @property
+    def floor(self) -> float:
+        """The same as a length, rather too much: of a column, or of what is left of one."""
+        return self.tolerance * float(np.linalg.norm(self.root))
+
+    def drop(self, count: int) -> Triangle:
+        """Return the triangle without Phi's first columns: their rows are absorbed into those below."""
+        below = np.array(self.root[count:, count:], order="F")  # absorbing writes into it
+        return replace(self, root=np.ascontiguousarray(absorb(below, self.root[:count, count:])))
+
     def keep(self, columns: Columns) -> Triangle:
         """Return the triangle of some of Phi's columns, in this order, and all targets."""
         kept = self.root[:, np.concatenate([columns, np.arange(self.size, self.root.shape[1])])]
@@ -147,3 +170,16 @@ def absorb(root: FloatArray, block: FloatArray) -> FloatArray:
 
     found, _, _, _ = lapack.dtpqrt(0, min(_PANEL, len(root)), root, block, overwrite_a=1)
     return np.asarray(found)
+
+
+def without(columns: FloatArray, count: int, floor: float) -> FloatArray:
+    """Return what is left of the other columns once the span of the first `count` is projected out of them.
+
+    Directions no longer than `floor` are rounding: they span nothing.
+    """
+    import scipy.linalg
+
+    basis, kept, _ = scipy.linalg.qr(columns[:, :count], mode="economic", pivoting=True)
+    basis = basis[:, : int(np.sum(np.abs(np.diag(kept)) > floor))]
+    others = columns[:, count:]
+    return np.asarray(others - basis @ (basis.T @ others))

@@ -1,0 +1,1 @@
+"""Choosing orders, the number of excitations, and inputs: each from one triangle."""
