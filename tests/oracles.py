@@ -1,10 +1,15 @@
-"""Independent answers for the tests: equations written out lag by lag, nothing of the package's arithmetic."""
+"""Independent answers for the tests: equations written out lag by lag, nothing of the package's arithmetic; and measures."""
 
 from fractions import Fraction
 
 import numpy as np
+from scipy import stats
 
+from gtmbench.method.identify import identify
 from gtmbench.record import Record
+
+MARKOV = np.array([0.5, -1.0, 2.0, 0.3, -0.7])  # lags -2..2
+RARE = 1e-5  # a right estimator fails a test of this level once in 100,000 seeds
 
 
 def record(**channels):
@@ -36,9 +41,7 @@ def dense(records, inputs, outputs, r, d, weights=None):
         values = one.matrix([*inputs, *outputs]) - centre
         whole = lagged((w > 0)[:, np.newaxis], r, d).all(axis=1)
         now = slice(r, len(one) - d)
-        parts.append(
-            (lagged(values[:, : len(inputs)], r, d)[whole], values[now, len(inputs) :][whole], w[now][whole])
-        )
+        parts.append((lagged(values[:, : len(inputs)], r, d)[whole], values[now, len(inputs) :][whole], w[now][whole]))
     phi, y, w = (np.concatenate(part) for part in zip(*parts, strict=True))
     return phi, y, w
 
@@ -82,3 +85,26 @@ def _solved(rows):
                 rows[j] = [(rows[i][i] * a - factor * b) // before for a, b in zip(rows[j], rows[i], strict=True)]
         before = rows[i][i]
     return [float(Fraction(row[-1], row[i])) for i, row in enumerate(rows)]
+
+
+def siso(records, estimator=None, r=2, d=2, inputs=("u",), outputs=("y",), weights=None):
+    """Return an operator, of one input and one output unless told."""
+    names = {"inputs": list(inputs), "outputs": list(outputs)}
+    return identify(records, **names, causal_order=r, noncausal_order=d, estimator=estimator, weights=weights)
+
+
+def distances(operators, output="y", truth=MARKOV):
+    """Return the squared errors in the metric of the covariance that each operator states: chi-square variates."""
+    return np.array(
+        [
+            (one.markov[:, 0, 0] - truth)
+            @ np.linalg.solve(one.covariance(output)[:, 0, :, 0], one.markov[:, 0, 0] - truth)
+            for one in operators
+        ]
+    )
+
+
+def is_chi_square(values, freedom):
+    """Tell whether the sum and the distribution of some values fit a chi-square variate."""
+    low, high = stats.chi2.ppf([RARE / 2, 1 - RARE / 2], freedom * len(values))
+    return low < np.sum(values) < high and stats.kstest(values, stats.chi2(freedom).cdf).pvalue > RARE

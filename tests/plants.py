@@ -62,7 +62,11 @@ class Plant:
 
         c and v have shape (samples, inputs), or (samples, inputs, loops) for many loops at once.
         """
-        x, u, y = np.zeros((len(self.A), *c.shape[2:])), np.empty(c.shape), np.empty((len(c), len(self.C), *c.shape[2:]))
+        x, u, y = (
+            np.zeros((len(self.A), *c.shape[2:])),
+            np.empty(c.shape),
+            np.empty((len(c), len(self.C), *c.shape[2:])),
+        )
         for k, now in enumerate(c):
             u[k] = now - K @ x
             entering = u[k] if v is None else u[k] + v[k]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from oracles import lagged, means, record
+from oracles import means, record
 from plants import companion, example_3_2
 from scipy import signal, stats
 
@@ -158,8 +158,10 @@ def written_out(records, estimator, r, d, inputs, weights):
         root = np.sqrt(w[list(rows)])[:, None]
         parts.append(
             (
-                np.array([[z[k - i] for i in range(-noncausal, causal + 1)] for k in rows]).reshape(len(rows), -1) * root,
-                np.array([[values[k - i, count:-1] for i in range(-d, r + 1)] for k in rows]).reshape(len(rows), -1) * root,
+                np.array([[z[k - i] for i in range(-noncausal, causal + 1)] for k in rows]).reshape(len(rows), -1)
+                * root,
+                np.array([[values[k - i, count:-1] for i in range(-d, r + 1)] for k in rows]).reshape(len(rows), -1)
+                * root,
                 values[list(rows), -1:] * root,
             )
         )
@@ -201,9 +203,14 @@ def test_instruments_solve_their_equations_written_out(case, several):
     basis = scipy.linalg.orth(z / np.linalg.norm(z, axis=0))
     scale = np.linalg.norm(phi, axis=0)
     expected = np.linalg.lstsq(basis.T @ phi / scale, basis.T @ y, rcond=None)[0] / scale[:, None]
-    np.testing.assert_allclose(theta * scale[:, None], expected * scale[:, None], rtol=0, atol=1e-9 * np.abs(expected * scale[:, None]).max())
+    np.testing.assert_allclose(
+        theta * scale[:, None], expected * scale[:, None], rtol=0, atol=1e-9 * np.abs(expected * scale[:, None]).max()
+    )
     projected = basis.T @ phi
-    total = sum(np.sum(w[3 + estimator.delay + estimator.past : len(w) - max(2, 2 - estimator.delay + estimator.future)]) for w in weights)
+    total = sum(
+        np.sum(w[3 + estimator.delay + estimator.past : len(w) - max(2, 2 - estimator.delay + estimator.future)])
+        for w in weights
+    )
     variance = np.sum(left**2) / (total - phi.shape[1])
     expected_covariance = variance * np.linalg.inv(projected.T @ projected / np.outer(scale, scale))
     stated = operator.covariance("y").reshape(phi.shape[1], -1) * np.outer(scale, scale)
@@ -220,22 +227,37 @@ def test_inputs_as_their_own_instruments_are_least_squares():
 def test_a_constant_factor_in_the_prefilter_and_the_instruments_unit_change_nothing():
     one = loops(SMALL, 600, 1)[0]
     plain = found(one, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
-    other = found(one.replace("c", 1e9 * one["c"] - 4.0), InstrumentalVariables(instruments=("c",), delay=1, prefilter=([7.0], [2.0])), 5, 5)
+    other = found(
+        one.replace("c", 1e9 * one["c"] - 4.0),
+        InstrumentalVariables(instruments=("c",), delay=1, prefilter=([7.0], [2.0])),
+        5,
+        5,
+    )
     np.testing.assert_allclose(other.markov, plain, rtol=0, atol=1e-9)
 
 
-@pytest.mark.xfail(reason="Z isn't checked for rank: what it lacks is filled by directions made of rounding errors")
+@pytest.mark.xfail(
+    reason="Z isn't checked for rank: what it lacks is filled by directions made of rounding errors",
+    raises=AssertionError,
+)
 def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     rng = np.random.default_rng(0)
     c = np.sin(2 * np.pi * np.arange(2000) / 50)
     u = c + rng.standard_normal(2000)
-    operator = found(record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000)), InstrumentalVariables(instruments=("c",)), 5, 5)
+    operator = found(
+        record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000)), InstrumentalVariables(instruments=("c",)), 5, 5
+    )
     assert operator.rank == 2
 
 
-@pytest.mark.xfail(reason="only r + d + 1 samples a window are asked for; the extra lags or the noise order aren't counted")
+@pytest.mark.xfail(
+    reason="only r + d + 1 samples a window are asked for, not the extra lags or the noise order",
+    raises=(IndexError, RuntimeWarning),
+)
 @pytest.mark.parametrize(
-    "estimator", [InstrumentalVariables(instruments=("c",), past=60), PredictionError(noise_order=60)], ids=["IV", "PEM"]
+    "estimator",
+    [InstrumentalVariables(instruments=("c",), past=60), PredictionError(noise_order=60)],
+    ids=["IV", "PEM"],
 )
 def test_too_short_a_record_for_the_extra_lags_is_refused(estimator):
     with pytest.raises(ValueError, match="samples"):
