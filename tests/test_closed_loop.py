@@ -236,10 +236,6 @@ def test_a_constant_factor_in_the_prefilter_and_the_instruments_unit_change_noth
     np.testing.assert_allclose(other.markov, plain, rtol=0, atol=1e-9)
 
 
-@pytest.mark.xfail(
-    reason="Z isn't checked for rank: what it lacks is filled by directions made of rounding errors",
-    raises=AssertionError,
-)
 def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     rng = np.random.default_rng(0)
     c = np.sin(2 * np.pi * np.arange(2000) / 50)
@@ -250,10 +246,6 @@ def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     assert operator.rank == 2
 
 
-@pytest.mark.xfail(
-    reason="only r + d + 1 samples a window are asked for, not the extra lags or the noise order",
-    raises=(IndexError, RuntimeWarning),
-)
 @pytest.mark.parametrize(
     "estimator",
     [InstrumentalVariables(instruments=("c",), past=60), PredictionError(noise_order=60)],

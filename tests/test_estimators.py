@@ -138,9 +138,6 @@ def test_at_the_end_neither_the_parameters_nor_the_noise_model_can_be_improved()
     assert operator.rms_residual[0] == pytest.approx(np.sqrt(np.mean(e**2)), rel=1e-9)
 
 
-@pytest.mark.xfail(
-    reason="one output's criterion is divided by its first value, as if there were several", raises=AssertionError
-)
 def test_the_criterion_of_one_output_is_the_mean_square_of_its_innovations():
     model = siso(coloured(0, 400), PredictionError(noise_order=2)).noise_model
     assert model.criterion[-1] == pytest.approx(model.innovation_std[0] ** 2, rel=1e-9)

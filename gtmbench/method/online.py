@@ -78,7 +78,7 @@ class RecursiveIdentification:
         self._origin: FloatArray | None = None
         self._recent = np.zeros((0, channels))  # the last r + d samples
         self._pending: list[FloatArray] = []
-        self._equations = 0.0
+        self._weight = 0.0
         self._counts = [0, 0]  # samples taken in, equations
         self._end: tuple[float, float] | None = None  # time of the next sample, sample period
 
@@ -149,7 +149,9 @@ class RecursiveIdentification:
         scales = np.concatenate([np.tile(problem.scale[:count], problem.lags), problem.scale[count:]])
         centred = (np.delete(self._root, size, axis=1) - np.outer(self._root[:, size], shifts)) / scales
         root = np.asarray(np.linalg.qr(centred, mode="r"))
-        return Triangle(root=root, targets=len(self.outputs), equations=self._equations, solver="householder")
+        return Triangle(
+            root=root, targets=len(self.outputs), equations=self._counts[1], weight=self._weight, solver="householder"
+        )
 
     def _flush(self) -> None:
         """Take the pending samples in, run by run of those without a missing value."""
@@ -171,7 +173,7 @@ class RecursiveIdentification:
         factor = self.forgetting**samples
         self._root *= np.sqrt(factor)
         self._sums *= factor
-        self._equations *= factor
+        self._weight *= factor
 
     def _take(self, values: FloatArray) -> None:
         """Take consecutive complete samples in."""
@@ -191,6 +193,6 @@ class RecursiveIdentification:
             rows = np.hstack([windows.transpose(0, 2, 1).reshape(count, -1), np.ones((count, 1)), target])
             weights = self.forgetting ** (np.arange(count - 1, -1, -1) + self.noncausal_order)
             self._root = absorb(self._root, np.sqrt(weights)[:, np.newaxis] * rows)
-            self._equations += float(weights.sum())
+            self._weight += float(weights.sum())
             self._counts[1] += count
         self._recent = joined[max(len(joined) - ends, 0) :]

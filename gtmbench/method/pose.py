@@ -88,7 +88,9 @@ def _weights(records: tuple[Record, ...], weights: Weights) -> list[FloatArray |
     """Return one array of weights a record, or None for all 1."""
     if weights is None:
         return [None] * len(records)
-    given = list(weights) if isinstance(weights, list | tuple) and len(records) > 1 else [weights]
+    given: list[ArrayLike | None] = [weights]  # type: ignore[list-item]
+    if isinstance(weights, list | tuple) and (len(records) > 1 or not np.isscalar(weights[0])):
+        given = list(weights)
     if len(given) != len(records):
         raise InputError(f"weights for {len(given)} records, but {len(records)} records; give one array a record")
     found: list[FloatArray | None] = []

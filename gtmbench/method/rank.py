@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtmbench.method.regression.triangle import rounding
 from gtmbench.record import FloatArray
 
 
@@ -29,7 +30,7 @@ def cause(root: FloatArray, channels: Sequence[str], equations: int) -> str:
     size, count = len(root), len(channels)
     lags = size // count
     by_channel = root.reshape(size, lags, count)
-    tolerance = np.finfo(float).eps * max(equations, size) * float(np.linalg.norm(root, 2))
+    tolerance = rounding(equations, size) * float(np.linalg.norm(root, 2))
 
     def rank(numbers: Sequence[int]) -> int:
         return int(np.linalg.matrix_rank(by_channel[:, :, numbers].reshape(size, -1), tolerance))

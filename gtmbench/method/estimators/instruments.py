@@ -104,8 +104,7 @@ def _check_stable(numerator: Sequence[float], denominator: Sequence[float]) -> N
 
 def _estimate(problem: Problem, equations: Triangle, instruments: int) -> Estimate:
     """Solve on what the instruments see of the equations: the rows of R that belong to them."""
-    seen = np.asarray(np.linalg.qr(equations.root[:instruments, instruments:], mode="r"))
-    projected = replace(equations, root=seen, solver="householder")
+    projected = equations.seen_by(instruments)
     found, rank = solve(projected)
     own = replace(equations, root=equations.root[:, instruments:])  # all rows: what is left of y counts them
     return replace(summary(problem, own, found, rank), root=projected.regressor[np.newaxis])

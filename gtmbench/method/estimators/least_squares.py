@@ -56,12 +56,12 @@ class LeastSquares:
         """Return the estimate from equations that are reduced already."""
         if self.truncate is not None:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
-            floor = np.sqrt(equations.equations)
+            floor = np.sqrt(equations.weight)
             found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
             return replace(summary(problem, equations, found / levels[:, np.newaxis], rank), rank_chosen=True)
         if self.ridge is not None:
             levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)
-            rows = np.sqrt(equations.equations) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]
+            rows = np.sqrt(equations.weight) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]
             held = replace(equations, root=absorb(np.asfortranarray(equations.root), rows), solver="householder")
             found, rank = solve(held)
             return replace(summary(problem, equations, found, rank), root=held.regressor[np.newaxis])
@@ -105,12 +105,12 @@ def summary(problem: Problem, equations: Triangle, found: FloatArray, rank: int)
     """Return the estimate with what its residual tells; `equations` may have more rows than columns."""
     size = problem.parameters
     squares = np.sum((equations.target - equations.root[:, :size] @ found) ** 2, axis=0)
-    free = equations.equations - size
+    free = equations.weight - size
     return Estimate(
         coefficients=found,
         root=equations.regressor[np.newaxis],
         noise_variance=squares / free if free > 0 else np.full(len(squares), np.nan),
-        rms_residual=np.sqrt(squares / equations.equations),
+        rms_residual=np.sqrt(squares / equations.weight),
         rank=rank,
         solver=equations.solver,
     )

@@ -58,7 +58,7 @@ class PredictionError:
         first = len(problem.channels) - len(problem.outputs)
         alone = [self._of_one_output(_with_output(problem, first + o)) for o in range(len(problem.outputs))]
         models = [model for _, model in alone]
-        paths = [model.criterion for model in models]
+        paths = [model.criterion / (model.criterion[0] if len(models) > 1 else 1.0) for model in models]
         length = max(map(len, paths))
         return Estimate(
             coefficients=np.hstack([estimate.coefficients for estimate, _ in alone]),
@@ -71,7 +71,7 @@ class PredictionError:
                 autoregressive=np.vstack([model.autoregressive for model in models]),
                 innovation_std=np.concatenate([model.innovation_std for model in models]),
                 converged=all(model.converged for model in models),
-                criterion=np.mean([np.pad(path / path[0], (0, length - len(path)), mode="edge") for path in paths], 0),
+                criterion=np.mean([np.pad(path, (0, length - len(path)), mode="edge") for path in paths], 0),
             ),
         )
 

@@ -71,7 +71,7 @@ class TotalLeastSquares:
             both = covariance[np.ix_([*range(count), count + o], [*range(count), count + o])]
             root = np.asarray(np.linalg.cholesky(_row_covariance(both, problem)))
             one = np.column_stack([equations.root[:, :size], equations.target[:, o]])
-            found[:, o], rank = _solve(one, root, self.rank, equations.equations)
+            found[:, o], rank = _solve(one, root, self.rank, equations.weight)
             ranks.append(rank)
         least = summary(problem, equations, found, size)
         return replace(

@@ -32,15 +32,17 @@ class Triangle:
         R, upper triangular (more rows do no harm).
     targets : int
         How many of its last columns are y.
-    equations : float
-        How many, each counted with its weight.
+    equations : int
+    weight : float
+        Sum of the equations' weights.
     solver : str
         "cholesky" of the Gram matrix, or "householder": orthogonal, on the equations themselves.
     """
 
     root: FloatArray = field(repr=False)
     targets: int
-    equations: float
+    equations: int
+    weight: float
     solver: str
 
     @property
@@ -61,7 +63,7 @@ class Triangle:
     @property
     def tolerance(self) -> float:
         """What rounding leaves of a singular value that is nil, as a share of the greatest."""
-        return float(np.finfo(float).eps) * max(self.equations, self.size)
+        return rounding(self.equations, self.size)
 
     @property
     def full_rank(self) -> bool:
@@ -81,10 +83,16 @@ class Triangle:
         below = np.array(self.root[count:, count:], order="F")  # absorbing writes into it
         return replace(self, root=np.ascontiguousarray(absorb(below, self.root[:count, count:])))
 
-    def keep(self, columns: Columns) -> Triangle:
-        """Return the triangle of some of Phi's columns, in this order, and all targets."""
-        kept = self.root[:, np.concatenate([columns, np.arange(self.size, self.root.shape[1])])]
-        return replace(self, root=np.asarray(np.linalg.qr(kept, mode="r")))
+    def seen_by(self, count: int) -> Triangle:
+        """Return the equations that Phi's first columns, instruments, see of the others: projected onto their span."""
+        if self.solver == "cholesky":
+            rows = self.root[:count, count:]
+        else:  # directions that the instruments lack are made of rounding
+            left, singular, _ = np.linalg.svd(self.root[:count, :count])
+            rows = left[:, singular > self.tolerance * singular[0]].T @ self.root[:count, count:]
+        short = max(self.root.shape[1] - count - len(rows), 0)
+        root = np.linalg.qr(np.pad(rows, ((0, short), (0, 0))), mode="r")
+        return replace(self, root=np.asarray(root), solver="householder")
 
 
 def triangle(
@@ -107,7 +115,7 @@ def triangle(
     from scipy.linalg import lapack
 
     span_list = list(spans(stretches, causal_order, noncausal_order))
-    equations = sum(span.total(causal_order) for span in span_list)
+    weight = sum(span.total(causal_order) for span in span_list)
     targets = stretches[0].channels - lagged
     products = gram(stretches, lagged, causal_order, noncausal_order)
     taken = None if columns is None else np.concatenate([columns, np.arange(len(products) - targets, len(products))])
@@ -118,7 +126,13 @@ def triangle(
     root, solver = found.T, "cholesky"
     if info != 0 or not _trusted(root, targets):
         root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
-    return Triangle(root=root, targets=targets, equations=equations, solver=solver)
+    equations = sum(span.equations for span in span_list)
+    return Triangle(root=root, targets=targets, equations=equations, weight=weight, solver=solver)
+
+
+def rounding(equations: int, columns: int) -> float:
+    """Return what rounding leaves of a singular value that is nil, as a share of the greatest."""
+    return float(np.finfo(float).eps) * max(equations, columns)
 
 
 def _trusted(root: FloatArray, targets: int) -> bool:
