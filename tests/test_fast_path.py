@@ -91,7 +91,7 @@ def test_gram_is_the_product_of_the_written_out_equations(drawn):
         assert not products.any()
         return
     norm = sum(np.sum(scaled(part) ** 2) * (1.0 if part.weights is None else part.weights.max()) for part in parts)
-    np.testing.assert_allclose(products, np.triu(equations.T @ equations), rtol=0, atol=100 * EPS * norm)
+    np.testing.assert_allclose(np.triu(products), np.triu(equations.T @ equations), rtol=0, atol=100 * EPS * norm)
 
 
 @settings(max_examples=60)
@@ -119,7 +119,8 @@ def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, r
         for p in parts
         if len(p) > r + d
     )
-    assert triangle.equations == pytest.approx(total)
+    assert triangle.weight == pytest.approx(total)
+    assert triangle.equations == len(equations)
 
 
 def test_chunks_dont_change_what_is_found(monkeypatch):

@@ -88,7 +88,9 @@ def solve(equations: Triangle) -> tuple[FloatArray, int]:
 
     size = len(equations.regressor)
     if equations.solver == "cholesky":
-        return np.asarray(lapack.dtrtrs(equations.regressor.T, equations.target[:size], lower=1, trans=1)[0]), size
+        # of the whole triangle, in place: LAPACK would copy a part of it
+        right = np.where(np.arange(len(equations.root))[:, np.newaxis] < size, equations.target, 0.0)
+        return np.asarray(lapack.dtrtrs(equations.root.T, right, lower=1, trans=1)[0])[:size], size
     return smallest(equations.regressor, equations.target[:size], tolerance=equations.tolerance)
 
 

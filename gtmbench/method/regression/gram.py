@@ -13,6 +13,7 @@ leaves and the sample after its last one enters:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
     Returns
     -------
     shape (L lagged + targets,) twice
-        Columns of z: position by position, channel by channel within. Only the upper triangle is filled in.
+        Columns of z: position by position, channel by channel within. Only the upper triangle counts.
     """
     lags = causal_order + noncausal_order + 1
     alike: list[Span] = []
@@ -65,54 +66,48 @@ def _from_correlations(parts: Sequence[Span], lagged: int, targets: int, lags: i
 
     The recursion is linear, so it runs once for all of them.
     """
-    size, ends = lags * lagged, lags - 1
-    row = np.zeros((lagged + targets, lagged, lags))
-    edges: list[FloatArray] = []
-    total = np.zeros((size + targets, size + targets))
-    for span in parts:
+    size, width = lags * lagged, lags * lagged + max(targets, 1)  # the recursion needs a column behind z
+    row, power = np.zeros((lagged + targets, lagged, lags)), np.zeros((targets, targets))
+    entering, leaving = np.zeros((2, len(parts), width))  # each sample at the position that it steps to
+    for number, span in enumerate(parts):
         weight = span.weight or 0.0
         for start in range(0, span.equations, CHUNK):
             stop = min(start + CHUNK, span.equations)
-            block = span.stretch.read(span.first + start, span.first + stop + ends)
+            block = span.stretch.read(span.first + start, span.first + stop + lags - 1)
             now = block[lagged:, causal_order : causal_order + stop - start]
-            row += weight * _correlations([block[:lagged, : stop - start], now], block[:lagged], lags)
-            total[size:, size:] += weight * (now @ now.T)
-        edges += [
-            np.sqrt(weight) * span.stretch.read(first, first + ends)[:lagged].T.ravel()
-            for first in (span.first + span.equations, span.first)  # what enters, what leaves
-        ]
-    if edges:
-        ends_of_all = np.stack(edges, axis=1)
-        steps = (ends_of_all * np.resize([1.0, -1.0], len(edges))) @ ends_of_all.T
-        products = row.transpose(0, 2, 1).reshape(len(row), size)
-        total[:size, size:] = products[lagged:].T
-        total[:lagged, :size] = products[:lagged]
-        for i in range(lagged, size, lagged):
-            before, above = slice(i - lagged, i), slice(i - lagged, size - lagged)
-            np.add(total[before, above], steps[before, above], out=total[i : i + lagged, i:size])
+            row += weight * _correlations(block[:lagged], now, lags)
+            power += weight * (now @ now.T)
+        for edge, first in ((entering, span.first + span.equations), (leaving, span.first)):
+            edge[number, lagged:size] = np.sqrt(weight) * span.stretch.read(first, first + lags - 1)[:lagged].T.ravel()
+    total = np.vstack([entering, -leaving]).T @ np.vstack([entering, leaving])
+    products = row.transpose(0, 2, 1).reshape(len(row), size)
+    total[:lagged, :size] = products[:lagged]
+    # A block down and to the right is equally far from everywhere; past a row's end begins the next one's lower part.
+    for before, after in pairwise(total.reshape(-1)[: size * (width + 1)].reshape(lags, -1)):
+        after += before
+    total = np.ascontiguousarray(total[: size + targets, : size + targets])  # no copy unless there is no target
+    total[:size, size:] = products[lagged:].T
+    total[size:, size:] = power
     return total
 
 
-def _correlations(heads: Sequence[FloatArray], signals: FloatArray, lags: int) -> FloatArray:
-    """Return sum over t of heads[a, t] signals[b, t+s], s = 0..lags-1, shape (heads, signals, lags).
+def _correlations(signals: FloatArray, targets: FloatArray, lags: int) -> FloatArray:
+    """Return sum over t of h[a, t] signals[b, t+s], s = 0..lags-1, shape (signals + targets, signals, lags).
 
-    Segment by segment: a head of ``length - lags + 1`` samples against the `length` samples that it meets.
+    h: signals, then targets, at as many t as there are targets' samples. Segment by segment: a head of
+    ``length - lags + 1`` samples, reversed, is convolved with the `length` samples that it meets.
     """
-    import scipy.fft
-
     length = max(1 << 10, 1 << (8 * lags - 1).bit_length())
-    hop = length - lags + 1
-    segments = -(-heads[0].shape[1] // hop)
-    edges = np.cumsum([0, *map(len, heads)])
-    pieces, met = np.zeros((edges[-1], segments * hop)), np.zeros((len(signals), segments * hop + lags - 1))
-    for head, first, last in zip(heads, edges, edges[1:], strict=False):
-        pieces[first:last, : head.shape[1]] = head
-    met[:, : signals.shape[1]] = signals
-    windows = np.lib.stride_tricks.sliding_window_view(met, length, axis=1)[:, ::hop]
-    one = scipy.fft.rfft(pieces.reshape(edges[-1], segments, hop), length)
-    other = scipy.fft.rfft(windows)
-    np.conjugate(one, out=one)
-    products = np.empty((len(one), len(other), one.shape[-1]), dtype=complex)
-    for a, b in np.ndindex(products.shape[:2]):
-        np.sum(one[a] * other[b], axis=0, out=products[a, b])
-    return np.asarray(scipy.fft.irfft(products, length)[..., :lags])
+    hop, count = length - lags + 1, targets.shape[1]
+    segments = -(-count // hop)
+    padded = np.zeros((len(signals) + len(targets), segments * hop + lags - 1))
+    padded[: len(signals), : signals.shape[1]] = signals
+    padded[len(signals) :, :count] = targets
+    channel, sample = padded.strides
+    windows = np.ndarray((len(padded), segments, length), buffer=padded, strides=(channel, hop * sample, sample))
+    heads = np.zeros(windows.shape)
+    heads[:, :, :hop] = windows[:, :, hop - 1 :: -1]
+    heads[:, -1, : segments * hop - count] = 0.0
+    met = np.fft.rfft(windows[: len(signals)])
+    products = [[np.add.reduce(head * signal) for signal in met] for head in np.fft.rfft(heads)]
+    return np.asarray(np.fft.irfft(products, length)[..., hop - 1 :])

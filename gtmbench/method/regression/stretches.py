@@ -10,7 +10,7 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-CHUNK = 1 << 16  # samples that are scaled at a time
+CHUNK = 1 << 15  # samples that are scaled at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ class Scaling:
         """Return the rows, centred and scaled."""
         found = block[self.rows]
         found -= self.centre[:, np.newaxis]
-        found /= self.rms[:, np.newaxis]
+        found *= 1.0 / self.rms[:, np.newaxis]
         return found
 
     def select(self, channels: Sequence[int]) -> Scaling:
@@ -170,7 +170,7 @@ def _parts(record: Record, channels: Sequence[str], weights: FloatArray | None) 
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         values = record.values[start:stop].T
         yield Stretch(
-            values=np.stack([values[row] for row in rows]) if stop - start <= CHUNK else values,
+            values=values[rows] if stop - start <= CHUNK else values,
             weights=None if weights is None else weights[start:stop],
             scaling=None
             if stop - start <= CHUNK
@@ -183,7 +183,7 @@ def _scaled(part: Stretch, centre: FloatArray, rms: FloatArray) -> Stretch:
     if part.scaling is not None:
         return replace(part, scaling=replace(part.scaling, centre=centre, rms=rms))
     np.subtract(part.values, centre[:, np.newaxis], out=part.values)
-    np.divide(part.values, rms[:, np.newaxis], out=part.values)
+    np.multiply(part.values, 1.0 / rms[:, np.newaxis], out=part.values)
     return part
 
 
@@ -200,11 +200,10 @@ def _moments(parts: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
     for part in parts:
         for start in range(0, len(part), CHUNK):
             block = part.read(start, start + CHUNK) - guess[:, np.newaxis]
-            now = np.ones(block.shape[1]) if part.weights is None else part.weights[start : start + CHUNK]
-            sums += block @ now
-            np.square(block, out=block)
-            squares += block @ now
-            count += float(now.sum())
+            weighted = block if part.weights is None else block * part.weights[start : start + CHUNK]
+            sums += weighted.sum(axis=1)
+            squares += np.vecdot(weighted, block)
+        count += len(part) if part.weights is None else float(part.weights.sum())
     off = sums / count
     return guess + off, np.sqrt(np.maximum(squares / count - off**2, 0.0))
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
 from gtmbench.method.regression.gram import ROWS, gram, rows
 from gtmbench.method.regression.stretches import Stretch, spans
-from gtmbench.record import FloatArray
+from gtmbench.record import FloatArray, frozen
 
 _CONDITION_TRUSTED = 3e4  # of Phi: its square, 1e9 of double precision's 1e16, is what Cholesky may lose
 _RESIDUAL_TRUSTED = 1e-5  # of the target: below, its square is lost in the rounding of the Gram matrix
@@ -121,10 +122,11 @@ def triangle(
     taken = None if columns is None else np.concatenate([columns, np.arange(len(products) - targets, len(products))])
     if taken is not None:
         products = (np.triu(products) + np.triu(products, 1).T)[np.ix_(taken, taken)]
+    squares = products.diagonal().copy()
     # C order and upper is Fortran order and lower: LAPACK works in place
     found, info = lapack.dpotrf(products.T, lower=1, clean=1, overwrite_a=1)
     root, solver = found.T, "cholesky"
-    if info != 0 or not _trusted(root, targets):
+    if info != 0 or not _trusted(root, targets, squares):
         root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
     equations = sum(span.equations for span in span_list)
     return Triangle(root=root, targets=targets, equations=equations, weight=weight, solver=solver)
@@ -135,32 +137,42 @@ def rounding(equations: int, columns: int) -> float:
     return float(np.finfo(float).eps) * max(equations, columns)
 
 
-def _trusted(root: FloatArray, targets: int) -> bool:
-    """Tell whether a Cholesky factor has kept enough digits, both of the regressor and of what it leaves over."""
+def _trusted(root: FloatArray, targets: int, squares: FloatArray) -> bool:
+    """Tell whether a Cholesky factor has kept enough digits, both of the regressor and of what it leaves over.
+
+    squares : shape (columns,)
+        Of the equations' columns, summed.
+    """
     size = len(root) - targets
-    left = np.sqrt(np.sum(root[size:, size:] ** 2, axis=0))
-    if not np.all(left > _RESIDUAL_TRUSTED * np.sqrt(np.sum(root[:, size:] ** 2, axis=0))):
+    left = np.sum(root[size:, size:] ** 2, axis=0)
+    if not np.all(left > _RESIDUAL_TRUSTED**2 * squares[size:]):
         return False
-    return bool(_condition(np.asfortranarray(root[:size, :size].T)) < _CONDITION_TRUSTED)
+    return bool(np.sqrt(squares[:size].sum()) * _inverse_norm(root, size) < _CONDITION_TRUSTED)
 
 
-def _condition(lower: FloatArray) -> float:
-    """Return about the condition number of a lower triangle, rather too much: inverse iteration from a random vector.
+def _inverse_norm(root: FloatArray, size: int) -> float:
+    """Return about the norm of the inverse of R's first columns: inverse iteration from a random vector.
 
     By Dixon's theorem (1983) too small by more than a factor of 10 less than once in 10,000.
     """
     from scipy.linalg import lapack
 
-    vector = np.random.default_rng(0).standard_normal(len(lower))
-    vector /= np.linalg.norm(vector)
-    growth = 1.0
+    vector, growth = _random_direction(size, len(root)), 1.0
     for _ in range(_STEPS):
-        half, _ = lapack.dtrtrs(lower, vector, lower=1)
-        vector, _ = lapack.dtrtrs(lower, half, lower=1, trans=1)
+        vector, _ = lapack.dtrtrs(root.T, vector, lower=1)
+        vector[size:] = 0.0  # the last columns take no part
+        vector, _ = lapack.dtrtrs(root.T, vector, lower=1, trans=1)
         norm = float(np.linalg.norm(vector))
-        growth *= norm ** (1.0 / _STEPS)
+        growth *= norm ** (0.5 / _STEPS)
         vector /= norm
-    return float(np.linalg.norm(lower) * np.sqrt(growth))
+    return growth
+
+
+@cache
+def _random_direction(size: int, length: int) -> FloatArray:
+    """Return a vector of norm 1: `size` random components, then zeros."""
+    vector = np.random.default_rng(0).standard_normal(size)
+    return frozen(np.pad(vector / np.linalg.norm(vector), (0, length - size)))
 
 
 def _reflected(
