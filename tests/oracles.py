@@ -1,4 +1,4 @@
-"""Independent answers for the tests: equations written out lag by lag, with nothing of the package; and measures."""
+"""Independent answers for the tests: equations written out lag by lag, nothing of the package's arithmetic."""
 
 from fractions import Fraction
 

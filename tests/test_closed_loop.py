@@ -207,6 +207,8 @@ def test_instruments_solve_their_equations_written_out(case, several):
     np.testing.assert_allclose(
         theta * scale[:, None], expected * scale[:, None], rtol=0, atol=1e-9 * np.abs(expected * scale[:, None]).max()
     )
+    centre = means(records, [*inputs, "y"], weights)
+    np.testing.assert_allclose([*operator.input_means, *operator.output_means], centre, rtol=1e-9, atol=1e-15)
     projected = basis.T @ phi
     total = sum(
         np.sum(w[3 + estimator.delay + estimator.past : len(w) - max(2, 2 - estimator.delay + estimator.future)])

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from oracles import MARKOV, dense, distances, is_chi_square, lagged, least_squares, record, siso
 from scipy import signal
 
+from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.record import Record
 
 
@@ -117,3 +118,23 @@ def test_large_weights_leave_the_rank_as_it_is():
     one = record(u=slow, y=slow + 0.1 * e)
     assert siso(one, r=5, d=5).rank == 11
     assert siso(one, r=5, d=5, weights=np.full(2000, 1e8)).rank == 11
+
+
+def test_weighted_prediction_errors_solve_both_weighted_problems():
+    """At the end the operator is weighted least squares on data filtered by A, and A that on the residual."""
+    rng = np.random.default_rng(12)
+    u, e = rng.standard_normal((2, 1500))
+    y = signal.lfilter([1.0], [1.0, -1.2, 0.5], e) * np.linspace(0.2, 2.0, 1500)
+    y[2:-2] += lagged(u[:, None], 2, 2) @ MARKOV
+    w = rng.random(1500) + 0.1
+    one = record(u=u, y=y)
+    operator = siso(one, PredictionError(noise_order=3, tolerance=0.0, most_iterations=500), r=3, d=2, weights=w)
+    taps, h = operator.noise_model.autoregressive[0], operator.markov[:, 0, 0]
+    centred = one.values - np.average(one.values, axis=0, weights=w)
+    root = np.sqrt(w[6:-2])[:, None]  # lags of the operator, and of A on top of them
+    white = signal.lfilter(taps, 1.0, centred, axis=0)[3:]
+    phi = lagged(white[:, :1], 3, 2)
+    np.testing.assert_allclose(np.linalg.lstsq(phi * root, white[3:-2, 1] * root[:, 0], rcond=None)[0], h, atol=1e-6)
+    left = lagged((centred[3:-2, 1] - lagged(centred[:, :1], 3, 2) @ h)[:, None], 3, 0)
+    expected = np.linalg.lstsq(left[:, 1:] * root, -left[:, 0] * root[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(taps[1:], expected, atol=1e-6)

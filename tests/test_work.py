@@ -3,14 +3,16 @@
 import tracemalloc
 
 import numpy as np
+import pytest
 import scipy.fft
 
 from gtmbench.method.identify import identify
 from gtmbench.record import Record
 
 
-def found(one, orders):
-    return identify(one, inputs=list("pqb"), outputs=["r"], causal_order=orders, noncausal_order=orders)
+def found(one, orders, channels="pqb", weights=None):
+    names = {"inputs": list(channels), "outputs": ["r"]}
+    return identify(one, **names, causal_order=orders, noncausal_order=orders, weights=weights)
 
 
 def peak_of(function):
@@ -39,7 +41,18 @@ def test_memory_doesnt_grow_with_the_record():
     assert abs(long / short - 1.0) < 0.2
 
 
-def test_the_work_is_proportional_to_the_samples(monkeypatch):
+def test_nor_where_every_sample_has_its_weight_or_an_orthogonal_method_takes_over():
+    """Weights themselves are the record's; what is made beside them is less than the regressor's eighth."""
+    one = white(100_000)
+    weights = np.random.default_rng(9).random(len(one))
+    exact = one.replace("r", one["p"] - 2.0 * one["b"])
+    assert peak_of(lambda: found(one, 20, weights=weights)) < 100_000 * 123 * 8 / 8
+    assert found(exact, 20).solver == "householder"
+    assert peak_of(lambda: found(exact, 20)) < 100_000 * 123 * 8 / 8
+
+
+@pytest.mark.parametrize(("channels", "orders"), [("pqb", 50), ("p", 200)])
+def test_the_work_is_proportional_to_the_samples(monkeypatch, channels, orders):
     """FFT points, counted: a channel's twice and a target's once, in segments of at least 8 L of which L overlap."""
     points = []
 
@@ -51,5 +64,5 @@ def test_the_work_is_proportional_to_the_samples(monkeypatch):
     monkeypatch.setattr(scipy.fft, "rfft", counted)
     for samples in (100_000, 400_000):
         points.clear()
-        found(white(samples), 50)
-        assert sum(points) < 1.25 * 7 * samples
+        found(white(samples), orders, channels)
+        assert sum(points) < 1.25 * (2 * len(channels) + 1) * samples
