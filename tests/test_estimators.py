@@ -5,6 +5,7 @@ import pytest
 from oracles import MARKOV, RARE, distances, is_chi_square, lagged, record, siso
 from scipy import signal, stats
 
+from gtmbench.errors import RankWarning
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.residual import residual
 
@@ -186,3 +187,10 @@ def test_gaps_and_records_are_never_filtered_across():
     operator = siso(holed, PredictionError(noise_order=4), weights=weights)
     np.testing.assert_allclose(operator.markov, expected.markov, rtol=0, atol=1e-12)
     np.testing.assert_allclose(operator.standard_error, expected.standard_error, rtol=1e-9)
+
+
+def test_a_wave_of_one_frequency_warns_with_any_noise_model():
+    wave = np.sin(2 * np.pi * np.arange(2000) / 50)
+    one = record(u=wave, y=wave + np.random.default_rng(1).standard_normal(2000))
+    with pytest.warns(RankWarning, match="determines 2 of the 5"):
+        assert siso(one, PredictionError(noise_order=2)).rank == 2

@@ -43,7 +43,8 @@ def identify(
         `LeastSquares` unless told; `InstrumentalVariables`, `PredictionError`, `TotalLeastSquares`.
     weights : array_like, shape (samples,), optional
         Factors of the squares in the sum, one a sample, 0 or more (with several records a list, one array each, None
-        for all 1). A sample of weight 0 isn't used at all, so it may be missing; 2 counts as if it stood there twice.
+        for all 1). A sample of weight 0 isn't used at all, so it may be missing; 2 counts as if it stood there twice,
+        for standard errors too: scale weights of 1/variance to a mean of 1.
 
     Raises
     ------

@@ -29,9 +29,10 @@ class InstrumentalVariables:
         Channels of the record. (3.55) takes the lags -d..r of each.
     delay : int
         Shifts these lags to ``-d + delay .. r + delay``. With an unstable plant the lags of (3.55) are nearly useless
-        at the noncausal end: delay by the number of unstable poles, or give `past`.
+        at the noncausal end: delay by exactly the number of unstable poles, or better, give `past`.
     past, future : int
-        So many lags more on either side: over-determined.
+        So many lags more on either side: over-determined. A `past` of 5 or more needs no knowledge of the poles, and
+        on example 3.2 it halves the error that the right delay gives.
     prefilter : pair of sequences of float, optional
         Numerator and denominator of L(q^-1) in (3.63), by falling powers of q; asymptotically stable.
 

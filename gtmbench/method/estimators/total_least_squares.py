@@ -27,8 +27,8 @@ class TotalLeastSquares:
     ``[Phi, y_o] w = 0``; theta is the smallest (measured by C) that follows. C is the noise covariance of a row
     ``[phi(k)', y_o(k)]``: every lag of a channel has the channel's. At least one direction is left out: that is total
     least squares. Data that excite fewer (sinusoids) leave more to noise: of all counts of directions that may stand
-    out of it, with singular values above ``sqrt(n) + sqrt(columns)``, the one is taken whose operator leaves the least
-    residual.
+    out of it, with singular values above about ``sqrt(n) + sqrt(columns)``, the one is taken whose operator leaves the
+    least residual.
 
     Its theory holds for rows of independent noise; lagged rows share their samples, so no covariance is given.
 
