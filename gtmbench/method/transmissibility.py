@@ -113,8 +113,8 @@ class Transmissibility:
         """Return the covariance of one output's Markov parameters, shape (lags, inputs, lags, inputs).
 
         noise variance times (Phi' Phi)^-1 for least squares (Phi projected by the instruments, or filtered by the noise
-        model; a ridge counts as equations, as if what it assumes had been measured). It takes what is left over as white;
-        `PredictionError` makes it so.
+        model; a ridge counts as equations, as if what it assumes had been measured). It takes what is left over as
+        white; `PredictionError` makes it so.
 
         Raises
         ------
