@@ -33,10 +33,16 @@ def installed(wheel, tmp_path_factory):
     return commands
 
 
+def own_environment():
+    """Return the environment without what points to another Python's modules."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+
 def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     run = [installed / "gtmbench", "run", "--json"]
-    done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        run, cwd=tmp_path, env=own_environment(), capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert [trial["detected"] for trial in found["trials"]] == [True] * 15
@@ -52,7 +58,12 @@ def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anyw
         "print('_share' in str(share()), len(gb.run('faults/drift.toml')))"
     )
     done = subprocess.run(
-        [installed / "python", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+        [installed / "python", "-c", script],
+        cwd=tmp_path,
+        env=own_environment(),
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stdout.split() == ["True", "3"]
 
