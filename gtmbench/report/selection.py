@@ -12,6 +12,8 @@ from gtmbench.report.style import COLOURS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LABELS = {"heldout": "held-out residual over the outputs' RMS"}
+
 
 def order_figure(choice: OrderChoice, *, name: str | None = None) -> Figure:
     """Draw a column of the table over r and d, the recommendation marked.
@@ -30,7 +32,8 @@ def order_figure(choice: OrderChoice, *, name: str | None = None) -> Figure:
     residual = wanted.startswith(("heldout", "rms"))
     values = surface if residual else surface - surface.min(axis=None) + 1.0
     drawn = axis.imshow(values, origin="lower", cmap="viridis", aspect="auto", norm="log")
-    figure.colorbar(drawn, ax=axis, label=wanted if residual else f"{wanted} above its least, plus 1")
+    label = _LABELS.get(wanted, wanted) if residual else f"{wanted} above its least, plus 1"
+    figure.colorbar(drawn, ax=axis, label=label)
     axis.grid(visible=False)
     axis.set_xticks(range(surface.shape[1]), [str(d) for d in surface.columns])
     axis.set_yticks(range(surface.shape[0]), [str(r) for r in surface.index])

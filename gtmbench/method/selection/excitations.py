@@ -175,6 +175,7 @@ def _count(rows: Sequence[dict[str, object]], gain: float) -> ExcitationCount:
     else:
         reason = (
             f"{found}: the residual, {said} of the outputs' RMS for m = 1..{most}, drops by {drops[found - 1]:.3g} "
-            f"with input {found} and by at most {drops[found:].max():.3g} with a later one; a factor of {needed:.3g} is what counts"
+            f"with input {found} and by at most {drops[found:].max():.3g} with a later one; "
+            f"{needed:.3g} is a sizable drop"
         )
     return ExcitationCount(excitations=found, reason=reason, by_m=by_m, table=table)
