@@ -15,7 +15,7 @@ from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
-from gtmbench.errors import EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.decimation import decimate
@@ -46,6 +46,7 @@ __all__ = [
     "Alarms",
     "Baseline",
     "Channel",
+    "ConvergenceWarning",
     "Deadzone",
     "Drift",
     "EnvelopeError",

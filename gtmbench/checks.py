@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
@@ -30,6 +31,21 @@ def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
     if isinstance(value, Integral) and not isinstance(value, bool) and low <= int(value) <= high:
         return int(value)
     raise InputError(f"{name} is {_shown(value)}; it must be a whole number{_span(low, high, above=False)}")
+
+
+def names(what: str, given: Any) -> tuple[str, ...]:
+    """Return a tuple of names, each given once; one name may come as a string.
+
+    >>> names("inputs", "p")
+    ('p',)
+    """
+    found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+    for name in found:
+        if not isinstance(name, str):
+            raise InputError(f"{what} holds {_shown(name)}; give names of channels")
+        if found.count(name) > 1:
+            raise InputError(f"'{name}' is given twice in {what}; name every channel once")
+    return found
 
 
 def _shown(value: Any) -> str:

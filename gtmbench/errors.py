@@ -19,5 +19,9 @@ class EnvelopeError(GtmbenchError):
     """The aircraft left the range in which its model means anything."""
 
 
+class ConvergenceWarning(UserWarning):
+    """An iteration ended before it had settled."""
+
+
 class RankWarning(UserWarning):
     """The data don't determine the Markov parameters; the predictions may be good all the same."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
+SLACK = 0.1  # of a sample: how far from its place a chunk's first stamp may stand, for times are rounded
+
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
     """Return a read-only copy as float64; with order F, its columns lie together in memory."""

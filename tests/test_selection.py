@@ -179,7 +179,10 @@ def test_a_surface_is_looked_up_by_its_orders():
         ({"validation": fir(1).select(INPUTS)}, "no channel 'y1', 'y2' in this record"),
         ({"validation": []}, "no record given"),
         ({"validation": record_of(fir(1).values[:10], [*INPUTS, *OUTPUTS])}, "10 samples for validation give no equ"),
-        ({"validation": gb.Record(np.ones((50, 4)), channels=[*INPUTS, *OUTPUTS], sample_period_s=1)}, "resample them"),
+        (
+            {"validation": gb.Record(np.ones((50, 4)), channels=[*INPUTS, *OUTPUTS], sample_period_s=1)},
+            "those to identify on every 0.01 s; resample",
+        ),
         ({"validation": record_of(np.full((50, 4), np.nan), [*INPUTS, *OUTPUTS])}, "'u1' has 50 missing samples"),
     ],
     ids=str,

@@ -64,11 +64,6 @@ def flights(draw):
     return records, inputs, outputs, r, d, weights
 
 
-def several(weights):
-    """Return the weights as `identify` wants them: a list of one array isn't taken for one record."""
-    return weights[0] if len(weights) == 1 else weights
-
-
 def test_a_list_of_one_record_takes_a_list_of_one_array_of_weights():
     assert siso([uneven(0)[0]], weights=[np.ones(300)]).rank == 5
 
@@ -80,7 +75,7 @@ def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
     size = (r + d + 1) * len(inputs)
     phi, y, w = dense(records, inputs, outputs, r, d, weights)
     assume(len(phi) >= 2 * size and w.sum() > size)
-    operator = siso(records, None, r, d, inputs, outputs, several(weights))
+    operator = siso(records, None, r, d, inputs, outputs, weights)
     np.testing.assert_allclose(operator.markov, least_squares(*drawn), rtol=0, atol=1e-10)
     assert operator.samples == len(phi)
     left = y - phi @ operator.markov.transpose(0, 2, 1).reshape(size, -1)
@@ -99,7 +94,7 @@ def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
 def test_a_weight_of_two_is_the_record_given_twice(drawn):
     records, inputs, outputs, r, d, weights = drawn
     assume(len(dense(*drawn)[0]) >= 2 * (r + d + 1) * len(inputs))
-    one = siso(records, None, r, d, inputs, outputs, several([2.0 * w for w in weights]))
+    one = siso(records, None, r, d, inputs, outputs, [2.0 * w for w in weights])
     other = siso([*records, *records], None, r, d, inputs, outputs, [*weights, *weights])
     np.testing.assert_allclose(one.markov, other.markov, rtol=0, atol=1e-11)
     np.testing.assert_allclose(one.standard_error, other.standard_error, rtol=1e-9)

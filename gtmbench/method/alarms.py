@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -60,6 +61,12 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
     return float(factor * norm.values[inside].max())
 
 
+def check_start(start_s: float) -> None:
+    """Refuse a time to watch from that isn't one; -inf means from the first window on."""
+    if not isinstance(start_s, Real) or isinstance(start_s, bool) or not start_s < np.inf:
+        raise InputError(f"start_s is {start_s!r}; give seconds")
+
+
 def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) -> Alarms:
     """Return the alarms of windows that begin at or after `start_s`.
 
@@ -79,6 +86,7 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     array([1.5, 4.5])
     """
     threshold = number("threshold", threshold, 0.0, above=True)
+    check_start(start_s)
     watched = np.flatnonzero((norm.time_s >= start_s - 1e-9) & ~np.isnan(norm.values))
     above = norm.values[watched] > threshold
     rising = above & ~np.concatenate([[True], above])[:-1]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtmbench.errors import InputError, RankWarning
+from gtmbench.errors import ConvergenceWarning, InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
-from gtmbench.method.estimators.problem import Estimate, Estimator, Problem
-from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
+from gtmbench.method.pose import Records, Weights, operator_names, pose
+from gtmbench.method.problem import Estimate, Estimator, Problem
 from gtmbench.method.rank import cause
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import frozen
@@ -55,6 +55,8 @@ def identify(
     -----
     RankWarning
         Where the data don't determine the Markov parameters (noise-free sinusoids don't), naming the channels.
+    ConvergenceWarning
+        Where a noise model hasn't settled.
 
     Examples
     --------
@@ -66,30 +68,28 @@ def identify(
     array([1., 2., 0.])
     """
     method = LeastSquares() if estimator is None else estimator
-    if not callable(getattr(method, "estimate", None)):
-        raise InputError(f"estimator is {method!r}; give an object such as gtmbench.LeastSquares(), not its name")
+    if isinstance(method, type) or not callable(getattr(method, "estimate", None)):
+        raise InputError(f"estimator is {method!r}; give an object, such as gtmbench.LeastSquares()")
     u, y = operator_names(inputs, outputs)
-    found = as_records(records)
-    problem = pose(found, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
-    return operator_of(
-        problem,
-        method.estimate(problem),
-        samples=problem.equations,
-        sample_period_s=found[0].sample_period_s,
-        estimator=method,
-    )
+    problem = pose(records, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
+    return operator_of(problem, method.estimate(problem), method)
 
 
-def operator_of(
-    problem: Problem, estimate: Estimate, *, samples: int, sample_period_s: float, estimator: Estimator
-) -> Transmissibility:
-    """Return the operator in the channels' units; warn where the data don't determine it."""
+def operator_of(problem: Problem, estimate: Estimate, estimator: Estimator) -> Transmissibility:
+    """Return the operator in the channels' units; warn where it isn't determined or the search hasn't ended."""
     if estimate.rank < problem.parameters and not estimate.rank_chosen:
-        _warn_of_rank(problem, estimate, samples)
+        _warn_of_rank(problem, estimate)
+    if estimate.noise_model is not None and not estimate.noise_model.converged:
+        turns = len(estimate.noise_model.criterion)
+        warnings.warn(
+            f"the noise model hasn't settled after {turns} iterations; allow more, or lower its order",
+            ConvergenceWarning,
+            stacklevel=3,
+        )
     skipped, split = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
     rms, output_rms = problem.scale[skipped:split], problem.scale[split:]
     scaled = estimate.coefficients.reshape(problem.lags, len(rms), len(output_rms))[::-1]
-    root = estimate.root.view()
+    root = estimate.root.view()  # no copy: it is as large as the Gram matrix
     root.setflags(write=False)
     return Transmissibility(
         markov=frozen(scaled.transpose(0, 2, 1) * (output_rms[:, np.newaxis] / rms)),
@@ -101,11 +101,11 @@ def operator_of(
         output_means=frozen(problem.centre[split:]),
         input_rms=frozen(rms),
         rank=estimate.rank,
-        samples=samples,
+        samples=estimate.equations,
         rms_residual=frozen(estimate.rms_residual * output_rms),
         noise_variance=frozen(estimate.noise_variance * output_rms**2),
         root=root,
-        sample_period_s=sample_period_s,
+        sample_period_s=problem.sample_period_s,
         estimator=repr(estimator),
         solver=estimate.solver,
         noise_model=estimate.noise_model,
@@ -113,12 +113,14 @@ def operator_of(
     )
 
 
-def _warn_of_rank(problem: Problem, estimate: Estimate, equations: int) -> None:
-    source = f"instruments {', '.join(problem.instruments)} determine" if problem.instruments else "record determines"
+def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
+    what, seen = "record determines", ""
+    if problem.instruments:
+        what, seen = f"instruments {', '.join(problem.instruments)} determine", ", as far as they see it,"
     warnings.warn(
-        f"the {source} {estimate.rank} of the {problem.parameters} Markov parameters of an output: "
-        f"{cause(estimate.root[0], problem.inputs, equations)}; the smallest ones that fit were taken. Predictions on "
-        "like records hold; don't read the parameters",
+        f"the {what} {estimate.rank} of the {problem.parameters} Markov parameters of an output: "
+        f"{cause(estimate.root[0], problem.inputs, estimate.equations)}{seen}; the smallest ones that fit were taken. "
+        "Predictions on like records hold; don't read the parameters",
         RankWarning,
         stacklevel=4,
     )

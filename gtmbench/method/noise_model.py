@@ -21,8 +21,8 @@ class NoiseModel:
         Standard deviation of epsilon, in the outputs' units.
     converged : bool
         Whether the criterion (3.88) had settled before iterations ran out.
-    criterion : shape (iterations,)
-        Mean square of the innovations after each iteration; with several outputs each relative to its first.
+    criterion : shape (iterations, outputs)
+        Mean square of the innovations after each iteration, in the outputs' units squared.
     """
 
     autoregressive: FloatArray
@@ -31,7 +31,7 @@ class NoiseModel:
     criterion: FloatArray
 
     def innovations(self, residuals: FloatArray) -> FloatArray:
-        """Return epsilon, equation (3.66), shape as the one-step residuals (samples, outputs); NaN where unknown."""
+        """Return epsilon, equation (3.67), shape as the one-step residuals (samples, outputs); NaN where unknown."""
         order = self.autoregressive.shape[1] - 1
         found = np.full(residuals.shape, np.nan)
         if len(residuals) > order:

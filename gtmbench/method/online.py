@@ -8,14 +8,15 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.checks import number, whole
+from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
-from gtmbench.method.estimators.problem import Problem
 from gtmbench.method.identify import operator_of
-from gtmbench.method.pose import check_length, operator_names
-from gtmbench.method.regression.stretches import check_constant
+from gtmbench.method.pose import check_parameters, operator_names
+from gtmbench.method.problem import Problem, too_few
+from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import SLACK, FloatArray, Record
 
 _BLOCK = 64  # samples that are taken into the triangle together
 
@@ -71,11 +72,20 @@ class RecursiveIdentification:
         self.noncausal_order = whole("noncausal_order", noncausal_order)
         self.forgetting = number("forgetting", forgetting, 0.0, 1.0, above=True)
         self.estimator = LeastSquares() if estimator is None else estimator
+        if not isinstance(self.estimator, LeastSquares):
+            raise InputError(f"estimator is {self.estimator!r}; recursion is for gtmbench.LeastSquares(...)")
         lags, channels = self.causal_order + self.noncausal_order + 1, len(self.inputs) + len(self.outputs)
-        size = lags * len(self.inputs) + 1 + len(self.outputs)
+        check_parameters(lags, len(self.inputs))
+        parameters = lags * len(self.inputs)
+        if (1.0 - self.forgetting) * parameters > 1.0:
+            raise InputError(
+                f"forgetting {self.forgetting:g} remembers {1.0 / (1.0 - self.forgetting):.3g} samples for "
+                f"{parameters} Markov parameters; choose {1.0 - 0.1 / parameters:.6g} or more"
+            )
+        size = parameters + 1 + len(self.outputs)
         self._root = np.zeros((size, size), order="F")
-        self._sums = np.zeros((3, channels))  # of weights, values and squares, about the origin
-        self._origin: FloatArray | None = None
+        self._moments: FloatArray | None = None
+        self._origin = np.zeros(channels)  # values are taken in about the first ones' median
         self._recent = np.zeros((0, channels))  # the last r + d samples
         self._pending: list[FloatArray] = []
         self._weight = 0.0
@@ -91,18 +101,24 @@ class RecursiveIdentification:
         Raises
         ------
         InputError
-            Where a channel is missing or the sample period has changed; nothing is taken in then.
+            Where a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
         """
         values = record.matrix((*self.inputs, *self.outputs))
         if self._end is not None:
             expected_s, period_s = self._end
             record.check_period(period_s, "those before every")
-            if abs(record.start_s - expected_s) > 1e-3 * period_s:
+            late_s = record.start_s - expected_s
+            if late_s < -SLACK * period_s:
+                raise InputError(
+                    f"the record begins at {record.start_s:.10g} s, but {expected_s:.10g} s is next; leave out what "
+                    "came before"
+                )
+            if late_s > SLACK * period_s:
                 self._flush()
                 self._recent = self._recent[:0]
         self._end = (record.start_s + len(record) * record.sample_period_s, record.sample_period_s)
         for start in range(0, len(values), _BLOCK):
-            self._pending.append(values[start : start + _BLOCK])
+            self._pending.append(values[start : start + _BLOCK].copy())  # a view would hold all
             if sum(map(len, self._pending)) >= _BLOCK:
                 self._flush()
 
@@ -120,27 +136,26 @@ class RecursiveIdentification:
             As `identify` does.
         """
         self._flush()
-        weight, values, squares = self._sums
-        with np.errstate(invalid="ignore"):
-            shift = values / weight
-            scale = np.sqrt(np.maximum(squares / weight - shift**2, 0.0))
-        origin = np.zeros(len(shift)) if self._origin is None else self._origin
+        lags, (samples, equations) = self.causal_order + self.noncausal_order + 1, self._counts
+        parameters = lags * len(self.inputs)
+        if self._moments is None or self._end is None or equations < parameters:
+            what = f"Markov parameters of '{self.outputs[0]}'"
+            raise too_few(samples, self.inputs, equations, parameters, what, lags)
+        weight, centre, squares = self._moments
         problem = Problem(
-            stretches=(),
+            stretches=(),  # the triangle stands for them
             instruments=(),
             inputs=self.inputs,
             outputs=self.outputs,
             causal_order=self.causal_order,
             noncausal_order=self.noncausal_order,
-            centre=origin + shift,
-            scale=scale,
+            centre=centre,
+            scale=np.sqrt(squares / weight),
+            sample_period_s=self._end[1],
         )
-        samples, equations = self._counts
-        check_length(problem, samples, equations)
         check_constant(problem.channels, problem.centre, problem.scale)
-        period_s = self._end[1] if self._end is not None else 0.0
-        estimate = self.estimator.reduced(problem, self._triangle(problem, shift))
-        return operator_of(problem, estimate, samples=equations, sample_period_s=period_s, estimator=self.estimator)
+        estimate = self.estimator.reduced(problem, self._triangle(problem, centre - self._origin))
+        return operator_of(problem, estimate, self.estimator)
 
     def _triangle(self, problem: Problem, shift: FloatArray) -> Triangle:
         """Return R of the centred, scaled equations: the column of ones takes the means away."""
@@ -172,16 +187,17 @@ class RecursiveIdentification:
         """Let everything so far weigh less."""
         factor = self.forgetting**samples
         self._root *= np.sqrt(factor)
-        self._sums *= factor
+        if self._moments is not None:
+            self._moments[[0, 2]] *= factor
         self._weight *= factor
 
     def _take(self, values: FloatArray) -> None:
         """Take consecutive complete samples in."""
-        if self._origin is None:
-            self._origin = values[0].copy()
+        now = moments(values.T, self.forgetting ** np.arange(len(values) - 1.0, -1.0, -1.0))
+        if self._moments is None:
+            self._origin = np.median(values, axis=0)
+        self._moments = now if self._moments is None else merged(self._moments, now)
         values = values - self._origin
-        weights = self.forgetting ** np.arange(len(values) - 1, -1, -1)
-        self._sums += np.stack([np.full(values.shape[1], weights.sum()), weights @ values, weights @ values**2])
         self._counts[0] += len(values)
         joined = np.vstack([self._recent, values])
         ends = self.causal_order + self.noncausal_order

@@ -13,10 +13,10 @@ import numpy as np
 
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import Alarms, alarms
+from gtmbench.method.alarms import Alarms, alarms, check_start
 from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, even_times_s, frozen
+from gtmbench.record import SLACK, FloatArray, Record, even_times_s, frozen
 
 
 class ResidualStream:
@@ -162,6 +162,7 @@ class AlarmStream:
 
     def __init__(self, threshold: float, *, start_s: float = -np.inf) -> None:
         self._threshold = number("threshold", threshold, 0.0, above=True)
+        check_start(start_s)
         self._start_s = start_s
         self._clock: _Clock | None = None
         self._last = np.zeros((2, 0))  # time and value of the last window without missing samples
@@ -222,7 +223,7 @@ def _advanced(clock: _Clock | None, chunk: _Clock) -> _Clock:
         )
     due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
     late_s = chunk.start_s - due_s if chunk.count else 0.0
-    if not abs(late_s) < 0.1 * clock.sample_period_s:  # times are rounded; a gap is at least a sample
+    if not abs(late_s) < SLACK * clock.sample_period_s:  # times are rounded; a gap is at least a sample
         raise InputError(
             f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; "
             + ("fill the gap with NaN" if late_s > 0 else "leave out what came before")

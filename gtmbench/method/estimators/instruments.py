@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtmbench.checks import number, whole
+from gtmbench.checks import names, number, whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve, summary
-from gtmbench.method.estimators.problem import Estimate, Problem, columns_of, require_equations
+from gtmbench.method.problem import Estimate, Problem, columns_of, require_equations
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import Triangle, triangle
 
@@ -21,7 +21,8 @@ class InstrumentalVariables:
 
     With Z the lagged instruments, solves ``min || P_Z (y - Phi theta) ||``, P_Z the projection onto Z's columns: as
     many instruments as parameters make that ``Z'y = Z'Phi theta``, equation (3.55); more are solved over-determined.
-    The instruments must move with the pseudo inputs and not with the noise: samples of the excitation do.
+    Equations run over k = r+delay+past..l-d (less where `future` reaches further ahead). The instruments must move with
+    the pseudo inputs and not with the noise: samples of the excitation do.
 
     Attributes
     ----------
@@ -49,20 +50,26 @@ class InstrumentalVariables:
     prefilter: tuple[Sequence[float], Sequence[float]] | None = None
 
     def __post_init__(self) -> None:
-        names = (self.instruments,) if isinstance(self.instruments, str) else tuple(self.instruments)
-        if not names or len(set(names)) < len(names):
-            raise InputError(f"instruments are {', '.join(names) or 'missing'}; name one channel or more, each once")
-        object.__setattr__(self, "instruments", names)
+        found = names("instruments", self.instruments)
+        if not found:
+            raise InputError("instruments are missing; name one channel or more")
+        object.__setattr__(self, "instruments", found)
         for name in ("delay", "past", "future"):
             whole(name, getattr(self, name))
         if self.prefilter is not None:
-            _check_stable(*self.prefilter)
+            _check_prefilter(self.prefilter)
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the instrumental-variables estimate."""
         r, d = problem.causal_order, problem.noncausal_order
         causal, noncausal = r + self.delay + self.past, max(d, d - self.delay + self.future)
         kept = range(causal, -(d - self.delay + self.future) - 1, -1)
+        own = set(problem.instruments) & set(problem.outputs)
+        if own and kept[-1] <= 0:
+            raise InputError(
+                f"'{min(own)}' is instrument and pseudo output, with lag {kept[-1]}, so it carries the noise that it "
+                "should be free of; choose another instrument, or a delay beyond the noise's memory"
+            )
         instruments, count = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
         if len(kept) * instruments < problem.parameters:
             raise InputError(
@@ -71,7 +78,7 @@ class InstrumentalVariables:
             )
         z = columns_of(range(instruments), kept, count=count, causal_order=causal)
         phi = columns_of(range(instruments, count), range(r, -d - 1, -1), count=count, causal_order=causal)
-        require_equations(problem.stretches, causal + noncausal + 1, len(z), "lags of the instruments")
+        require_equations(problem, causal + noncausal + 1, len(z), "lags of the instruments")
         stretches = self._prefiltered(problem)
         equations = triangle(stretches, count, causal, noncausal, np.concatenate([z, phi]))
         return _estimate(problem, equations, len(z))
@@ -90,10 +97,16 @@ class InstrumentalVariables:
         return tuple(found)
 
 
-def _check_stable(numerator: Sequence[float], denominator: Sequence[float]) -> None:
+def _check_prefilter(prefilter: tuple[Sequence[float], Sequence[float]]) -> None:
+    try:
+        numerator, denominator = (list(part) for part in prefilter)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"prefilter is {prefilter!r}; give two sequences, the coefficients of numerator and denominator"
+        ) from None
     for value in (*numerator, *denominator):
         number("prefilter's coefficient", value)
-    if not len(numerator) or not len(denominator) or denominator[0] == 0:
+    if not numerator or not denominator or denominator[0] == 0:
         raise InputError("prefilter needs a numerator and a denominator whose first coefficient isn't 0")
     greatest = float(np.abs(np.roots(denominator)).max(initial=0.0))
     if greatest >= 1.0:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.record import FloatArray
 
@@ -18,15 +19,17 @@ Noise = float | Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquares:
-    """theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2.
+    """theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, (4.8) and (4.9).
 
+    Section 4.3 calls this a prediction-error method; with a noise model it is `PredictionError`.
     A regressor that lacks rank gives the smallest solution (inputs scaled to an RMS of 1), with a RankWarning.
 
     Attributes
     ----------
     ridge : float or mapping from input to float, optional
-        Standard deviation of white noise on the pseudo inputs, in their units: adds n sigma_i^2 ||H_.i||^2, what such
-        noise would add in the mean. One number stands for every input, in each one's unit.
+        Standard deviation of white noise on the pseudo inputs, in their units: adds n sigma_i^2 ||H_.i||^2 (n
+        equations, all lags of input i), what such noise would add in the mean. One number stands for every input, in
+        its unit.
     truncate : float or mapping from input to float, optional
         Likewise a noise level: directions of the regressor that wouldn't stand out of such noise are left out.
 
@@ -36,17 +39,16 @@ class LeastSquares:
     LeastSquares(ridge={'p': 0.1, 'q': 0.1, 'beta': 0.05}, truncate=None)
     """
 
+    instruments: ClassVar[tuple[str, ...]] = ()
+
     ridge: Noise | None = None
     truncate: Noise | None = None
 
     def __post_init__(self) -> None:
         if self.ridge is not None and self.truncate is not None:
             raise InputError("ridge and truncate are two ways of holding the same back; choose one")
-
-    @property
-    def instruments(self) -> tuple[str, ...]:
-        """None."""
-        return ()
+        check_noise("ridge", self.ridge)
+        check_noise("truncate", self.truncate)
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the least-squares estimate."""
@@ -69,6 +71,15 @@ class LeastSquares:
         return summary(problem, equations, found, rank)
 
 
+def check_noise(what: str, noise: Noise | None) -> None:
+    """Refuse what can't be standard deviations."""
+    if isinstance(noise, Mapping):
+        for name, value in noise.items():
+            number(f"{what} of '{name}'", value, 0.0, above=True)
+    elif noise is not None:
+        number(what, noise, 0.0, above=True)
+
+
 def noise_levels(what: str, noise: Noise, problem: Problem, channels: tuple[str, ...] | None = None) -> FloatArray:
     """Return noise levels in the problem's units, one a channel (the inputs unless told)."""
     names = problem.inputs if channels is None else channels
@@ -79,7 +90,7 @@ def noise_levels(what: str, noise: Noise, problem: Problem, channels: tuple[str,
         )
     given = noise if isinstance(noise, Mapping) else dict.fromkeys(names, noise)
     scale = dict(zip(problem.channels, problem.scale, strict=True))
-    return np.array([number(f"{what} of '{name}'", given[name], 0.0, above=True) / scale[name] for name in names])
+    return np.array([float(given[name]) / scale[name] for name in names])
 
 
 def solve(equations: Triangle) -> tuple[FloatArray, int]:
@@ -113,6 +124,7 @@ def summary(problem: Problem, equations: Triangle, found: FloatArray, rank: int)
         root=equations.regressor[np.newaxis],
         noise_variance=squares / free if free > 0 else np.full(len(squares), np.nan),
         rms_residual=np.sqrt(squares / equations.weight),
+        equations=equations.equations,
         rank=rank,
         solver=equations.solver,
     )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from gtmbench.checks import number, whole
 from gtmbench.method.convolution import filtered
 from gtmbench.method.estimators.least_squares import solve, summary
-from gtmbench.method.estimators.problem import Estimate, Problem, require_equations
 from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.problem import Estimate, Problem, require_equations
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import triangle
 from gtmbench.record import FloatArray
@@ -18,12 +19,15 @@ from gtmbench.record import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionError:
-    """Minimise the innovations epsilon = A(q) (y_o - T(q) y_i), equations (3.66) and (3.88), over H_i and A.
+    """Minimise the mean square over k = r+n..l-d of the innovations, (3.88), over the H_i and A.
 
-    A(q) = 1 + a_1 q^-1 + ... + a_n q^-n stands for the inverse of G_w in (3.64), one for each output: long enough, it
-    fits any noise spectrum. Found by turns: the H_i by least squares on data filtered by A, then A on the residual;
-    the criterion never rises. Noise that is fed back from y_o to y_i (a closed loop) biases it
-    all the same: use instruments there.
+    epsilon(k) = A(q) (y_o(k) - sum over i = -d..r of H_i y_i(k-i)), equation (3.67), where A(q) stands for the inverse
+    of G_w in (3.64): A(q) = 1 + a_1 q^-1 + ... + a_n q^-n. Long enough, it fits any noise spectrum; the inverse in the
+    source, (3.79), is noncausal and a full matrix, this one is causal and diagonal, each output on its own. Found by
+    turns: the H_i by least squares on data filtered by A, then A on the residual; but for rounding the criterion never
+    rises. Noise that is fed back from y_o to y_i (a closed loop) biases it all the same: use instruments there.
+
+    All samples are filtered anew in each turn, so memory grows with the record.
 
     Attributes
     ----------
@@ -39,6 +43,8 @@ class PredictionError:
     PredictionError(noise_order=20, tolerance=1e-08, most_iterations=100)
     """
 
+    instruments: ClassVar[tuple[str, ...]] = ()
+
     noise_order: int = 10
     tolerance: float = 1e-8
     most_iterations: int = 100
@@ -48,38 +54,32 @@ class PredictionError:
         number("tolerance", self.tolerance, 0.0)
         whole("most_iterations", self.most_iterations, 1)
 
-    @property
-    def instruments(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
     def estimate(self, problem: Problem) -> Estimate:
         """Return the estimate with its noise model; outputs have one each."""
         first = len(problem.channels) - len(problem.outputs)
         alone = [self._of_one_output(_with_output(problem, first + o)) for o in range(len(problem.outputs))]
         models = [model for _, model in alone]
-        paths = [model.criterion / (model.criterion[0] if len(models) > 1 else 1.0) for model in models]
-        length = max(map(len, paths))
+        length = max(len(model.criterion) for model in models)
+        paths = [np.pad(model.criterion, ((0, length - len(model.criterion)), (0, 0)), mode="edge") for model in models]
         return Estimate(
             coefficients=np.hstack([estimate.coefficients for estimate, _ in alone]),
             root=np.concatenate([estimate.root for estimate, _ in alone]),
             noise_variance=np.concatenate([estimate.noise_variance for estimate, _ in alone]),
             rms_residual=np.concatenate([estimate.rms_residual for estimate, _ in alone]),
+            equations=alone[0][0].equations,
             rank=min(estimate.rank for estimate, _ in alone),
             solver=next((e.solver for e, _ in alone if e.solver != "cholesky"), "cholesky"),
             noise_model=NoiseModel(
                 autoregressive=np.vstack([model.autoregressive for model in models]),
                 innovation_std=np.concatenate([model.innovation_std for model in models]),
                 converged=all(model.converged for model in models),
-                criterion=np.mean([np.pad(path, (0, length - len(path)), mode="edge") for path in paths], 0),
+                criterion=np.hstack(paths),
             ),
         )
 
     def _of_one_output(self, problem: Problem) -> tuple[Estimate, NoiseModel]:
         unknowns = problem.parameters + self.noise_order
-        require_equations(
-            problem.stretches, problem.lags + self.noise_order, unknowns, "parameters with those of the noise"
-        )
+        require_equations(problem, problem.lags + self.noise_order, unknowns, "parameters with those of the noise")
         equations = problem.triangle()
         found, rank = solve(equations)
         path: list[float] = []
@@ -96,7 +96,7 @@ class PredictionError:
             autoregressive=taps[np.newaxis],
             innovation_std=last.rms_residual * scale,
             converged=converged,
-            criterion=np.array(path) * scale**2,
+            criterion=np.array(path)[:, np.newaxis] * scale**2,
         )
         return replace(last, rms_residual=summary(problem, equations, found, rank).rms_residual), model
 
@@ -108,6 +108,7 @@ def _with_output(problem: Problem, channel: int) -> Problem:
         problem,
         stretches=tuple(part.select(channels) for part in problem.stretches),
         outputs=(problem.channels[channel],),
+        centre=problem.centre[channels],
         scale=problem.scale[channels],
     )
 

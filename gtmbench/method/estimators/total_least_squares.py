@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.method.estimators.least_squares import noise_levels, summary
-from gtmbench.method.estimators.problem import Estimate, Problem
+from gtmbench.method.estimators.least_squares import Noise, check_noise, noise_levels, summary
+from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.record import FloatArray
 
@@ -30,14 +32,15 @@ class TotalLeastSquares:
     out of it, with singular values above about ``sqrt(n) + sqrt(columns)``, the one is taken whose operator leaves the
     least residual.
 
+    Not in the dissertation; see S. Van Huffel and J. Vandewalle, The Total Least Squares Problem, SIAM, 1991.
     Its theory holds for rows of independent noise; lagged rows share their samples, so no covariance is given.
 
     Attributes
     ----------
-    noise : mapping from channel to float, or array_like, optional
-        Standard deviation of each channel's noise, or their covariance matrix, pseudo inputs first, then pseudo
-        outputs; in the channels' units. None: estimated as the mean level of each channel's spectrum above half
-        the Nyquist frequency, so what moves there must be noise.
+    noise : float, mapping from channel to float, or array_like, optional
+        Standard deviation of each channel's noise (one number: of every one), or their covariance matrix, pseudo inputs
+        first, then pseudo outputs; in the channels' units. None: estimated as the mean level of each channel's spectrum
+        above half the Nyquist frequency, so what moves there must be noise.
     rank : int, optional
         How many directions are kept, instead of finding out.
 
@@ -47,17 +50,16 @@ class TotalLeastSquares:
     True
     """
 
-    noise: Mapping[str, float] | ArrayLike | None = None
+    instruments: ClassVar[tuple[str, ...]] = ()
+
+    noise: Noise | ArrayLike | None = None
     rank: int | None = None
 
     def __post_init__(self) -> None:
         if self.rank is not None:
             whole("rank", self.rank, 1)
-
-    @property
-    def instruments(self) -> tuple[str, ...]:
-        """None."""
-        return ()
+        if isinstance(self.noise, Mapping | Real):
+            check_noise("noise", self.noise)
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the total-least-squares estimate, output by output."""
@@ -71,7 +73,8 @@ class TotalLeastSquares:
             both = covariance[np.ix_([*range(count), count + o], [*range(count), count + o])]
             root = np.asarray(np.linalg.cholesky(_row_covariance(both, problem)))
             one = np.column_stack([equations.root[:, :size], equations.target[:, o]])
-            found[:, o], rank = _solve(one, root, self.rank, equations.weight)
+            edge = np.sqrt(equations.weight) * (1.0 + np.sqrt((size + 1) / equations.equations))
+            found[:, o], rank = _solve(one, root, self.rank, edge)
             ranks.append(rank)
         least = summary(problem, equations, found, size)
         return replace(
@@ -90,14 +93,19 @@ class TotalLeastSquares:
                 name = problem.channels[int(np.argmin(levels))]
                 raise InputError(f"channel '{name}' shows no noise above half the Nyquist frequency; state its noise")
             return np.diag(levels**2)
-        if isinstance(self.noise, Mapping):
+        if isinstance(self.noise, Mapping | Real):
             return np.diag(noise_levels("noise", self.noise, problem, problem.channels) ** 2)
-        given = np.asarray(self.noise, dtype=float)
-        if given.shape != (len(problem.channels),) * 2 or not np.all(np.isfinite(given)):
+        try:
+            given = np.asarray(self.noise, dtype=float)
+        except (TypeError, ValueError):
+            given = np.zeros(0)
+        if given.shape != (len(problem.channels),) * 2:
             raise InputError(
                 f"noise has shape {given.shape}; give a standard deviation a channel by name, or the covariance "
                 f"matrix of {', '.join(problem.channels)}"
             )
+        if not np.all(np.isfinite(given)):
+            raise InputError("noise holds values that aren't finite; a covariance matrix has none")
         scaled = given / np.outer(problem.scale, problem.scale)
         if np.any(np.abs(scaled - scaled.T) > 1e-9 * np.abs(scaled).max()) or np.linalg.eigvalsh(scaled)[0] <= 0:
             raise InputError("noise isn't a covariance matrix: it must be symmetric and positive definite")
@@ -115,8 +123,11 @@ def _row_covariance(both: FloatArray, problem: Problem) -> FloatArray:
     return covariance
 
 
-def _solve(rows: FloatArray, root: FloatArray, rank: int | None, equations: float) -> tuple[FloatArray, int]:
-    """Return theta and how many directions v were kept; w = C^-T/2 v of the others make it."""
+def _solve(rows: FloatArray, root: FloatArray, rank: int | None, edge: float) -> tuple[FloatArray, int]:
+    """Return theta and how many directions v were kept, of values above `edge` if not told.
+
+    w = C^-T/2 v of the others make theta.
+    """
     whitened = np.linalg.solve(root, rows.T).T
     _, singular, right = np.linalg.svd(whitened)
     directions = np.linalg.solve(root.T, right.T)
@@ -124,7 +135,7 @@ def _solve(rows: FloatArray, root: FloatArray, rank: int | None, equations: floa
     products = np.cumsum((directions[:-1] * directions[-1])[:, ::-1], axis=1)[:, ::-1]
     candidates = -products / np.cumsum(directions[-1, ::-1] ** 2)[::-1]
     if rank is None:
-        most = int(np.clip(np.sum(singular > np.sqrt(equations) + np.sqrt(len(singular))), 1, len(singular) - 1))
+        most = int(np.clip(np.sum(singular > edge), 1, len(singular) - 1))
         left = rows[:, -1:] - rows[:, :-1] @ candidates[:, 1 : most + 1]
         rank = 1 + int(np.argmin(np.sum(left**2, axis=0)))
     return candidates[:, rank], rank

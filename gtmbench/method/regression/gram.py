@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.method.regression.stretches import CHUNK, Span, Stretch, spans
+from gtmbench.method.regression.stretches import CHUNK, Run, Stretch, runs
 from gtmbench.record import FloatArray
 
 ROWS = 1 << 11  # equations that are written out at a time
@@ -40,45 +40,45 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
         Columns of z: position by position, channel by channel within. Only the upper triangle counts.
     """
     lags = causal_order + noncausal_order + 1
-    alike: list[Span] = []
-    others: list[Span] = []
-    for span in spans(stretches, causal_order, noncausal_order):
-        (alike if span.weight is not None and span.equations >= 2 * lags else others).append(span)
+    alike: list[Run] = []
+    others: list[Run] = []
+    for run in runs(stretches, causal_order, noncausal_order):
+        (alike if run.weight is not None and run.equations >= 2 * lags else others).append(run)
     total = _from_correlations(alike, lagged, stretches[0].channels - lagged, lags, causal_order)
-    for span in others:
-        for start in range(0, span.equations, ROWS):
-            block = rows(span, start, min(start + ROWS, span.equations), lagged, lags, causal_order)
+    for run in others:
+        for start in range(0, run.equations, ROWS):
+            block = rows(run, start, min(start + ROWS, run.equations), lagged, lags, causal_order)
             total += block.T @ block
     return total
 
 
-def rows(span: Span, start: int, stop: int, lagged: int, lags: int, causal_order: int) -> FloatArray:
-    """Return equations start..stop-1 of a span, times the root of their weight: ``[z(t)' ... z(t+L-1)' | targets]``."""
-    block = span.stretch.read(span.first + start, span.first + stop + lags - 1)
+def rows(run: Run, start: int, stop: int, lagged: int, lags: int, causal_order: int) -> FloatArray:
+    """Return equations start..stop-1 of a run, times the root of their weight: ``[z(t)' ... z(t+L-1)' | targets]``."""
+    block = run.stretch.read(run.first + start, run.first + stop + lags - 1)
     windows = np.lib.stride_tricks.sliding_window_view(block[:lagged], lags, axis=1)
     regressor = windows.transpose(1, 2, 0).reshape(stop - start, lags * lagged)
     targets = block[lagged:, causal_order : causal_order + stop - start].T
-    return np.hstack([regressor, targets]) * np.sqrt(span.weights(start, stop, causal_order))[:, np.newaxis]
+    return np.hstack([regressor, targets]) * np.sqrt(run.weights(start, stop, causal_order))[:, np.newaxis]
 
 
-def _from_correlations(parts: Sequence[Span], lagged: int, targets: int, lags: int, causal_order: int) -> FloatArray:
-    """Return the Gram matrix of spans of 2 L equations and more, each of one weight.
+def _from_correlations(parts: Sequence[Run], lagged: int, targets: int, lags: int, causal_order: int) -> FloatArray:
+    """Return the Gram matrix of runs of 2 L equations and more, each of one weight.
 
     The recursion is linear, so it runs once for all of them.
     """
     size, width = lags * lagged, lags * lagged + max(targets, 1)  # the recursion needs a column behind z
     row, power = np.zeros((lagged + targets, lagged, lags)), np.zeros((targets, targets))
     entering, leaving = np.zeros((2, len(parts), width))  # each sample at the position that it steps to
-    for number, span in enumerate(parts):
-        weight = span.weight or 0.0
-        for start in range(0, span.equations, CHUNK):
-            stop = min(start + CHUNK, span.equations)
-            block = span.stretch.read(span.first + start, span.first + stop + lags - 1)
+    for number, run in enumerate(parts):
+        weight = run.weight or 0.0
+        for start in range(0, run.equations, CHUNK):
+            stop = min(start + CHUNK, run.equations)
+            block = run.stretch.read(run.first + start, run.first + stop + lags - 1)
             now = block[lagged:, causal_order : causal_order + stop - start]
             row += weight * _correlations(block[:lagged], now, lags)
             power += weight * (now @ now.T)
-        for edge, first in ((entering, span.first + span.equations), (leaving, span.first)):
-            edge[number, lagged:size] = np.sqrt(weight) * span.stretch.read(first, first + lags - 1)[:lagged].T.ravel()
+        for edge, first in ((entering, run.first + run.equations), (leaving, run.first)):
+            edge[number, lagged:size] = np.sqrt(weight) * run.stretch.read(first, first + lags - 1)[:lagged].T.ravel()
     total = np.vstack([entering, -leaving]).T @ np.vstack([entering, leaving])
     products = row.transpose(0, 2, 1).reshape(len(row), size)
     total[:lagged, :size] = products[:lagged]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 
@@ -15,7 +16,7 @@ CHUNK = 1 << 15  # samples that are scaled at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """Consecutive samples of some channels, centred and scaled: when they are read, if there are many.
+    """Consecutive samples of some channels, centred and scaled when they are read.
 
     Attributes
     ----------
@@ -77,7 +78,7 @@ class Scaling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Span:
+class Run:
     """Equations of the windows that begin at first..first + equations - 1 of a stretch.
 
     All have one `weight`, or, where it is None, those of the stretch's samples.
@@ -101,7 +102,7 @@ class Span:
         return float(self.weights(0, self.equations, causal_order).sum())
 
 
-def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int) -> Iterator[Span]:
+def runs(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int) -> Iterator[Run]:
     """Yield all equations: runs of one weight if they are long (2 L and more), and what lies between them."""
     lags = causal_order + noncausal_order + 1
     for stretch in stretches:
@@ -109,7 +110,7 @@ def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int)
         if count <= 0:
             continue
         if stretch.weights is None:
-            yield Span(stretch=stretch, first=0, equations=count, weight=1.0)
+            yield Run(stretch=stretch, first=0, equations=count, weight=1.0)
             continue
         weights = stretch.weights[causal_order : causal_order + count]
         edges = np.concatenate([[0], np.flatnonzero(np.diff(weights)) + 1, [count]])
@@ -117,22 +118,22 @@ def spans(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int)
         after = 0
         for first, stop in zip(edges[long].tolist(), edges[long + 1].tolist(), strict=True):
             if first > after:
-                yield Span(stretch=stretch, first=after, equations=first - after, weight=None)
-            yield Span(stretch=stretch, first=first, equations=stop - first, weight=float(weights[first]))
+                yield Run(stretch=stretch, first=after, equations=first - after, weight=None)
+            yield Run(stretch=stretch, first=first, equations=stop - first, weight=float(weights[first]))
             after = stop
         if count > after:
-            yield Span(stretch=stretch, first=after, equations=count - after, weight=None)
+            yield Run(stretch=stretch, first=after, equations=count - after, weight=None)
 
 
 def stretches(
     records: Sequence[Record],
     channels: Sequence[str],
     weights: Sequence[FloatArray | None],
-    moments: tuple[FloatArray, FloatArray] | None = None,
+    others: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[tuple[Stretch, ...], FloatArray, FloatArray]:
     """Return the stretches of samples that count, and the means and RMS values that they are freed of.
 
-    These are the samples' own (weighted), unless others' `moments` are given.
+    These are the samples' own (weighted), unless those of `others` are given.
 
     Raises
     ------
@@ -146,11 +147,12 @@ def stretches(
         centre, rms = _moments(parts)
     if not np.all(np.isfinite(rms)):
         _refuse_missing(records, channels, weights)
-    if moments is None:
+    if others is None:
         check_constant(channels, centre, rms)
     else:
-        centre, rms = moments
-    return tuple(_scaled(part, centre, rms) for part in parts), centre, rms
+        centre, rms = others
+    scaling = [replace(part.scaling, centre=centre, rms=rms) for part in parts if part.scaling is not None]
+    return tuple(replace(part, scaling=one) for part, one in zip(parts, scaling, strict=True)), centre, rms
 
 
 def check_constant(channels: Sequence[str], centre: FloatArray, rms: FloatArray) -> None:
@@ -166,25 +168,14 @@ def check_constant(channels: Sequence[str], centre: FloatArray, rms: FloatArray)
 def _parts(record: Record, channels: Sequence[str], weights: FloatArray | None) -> Iterator[Stretch]:
     """Yield the runs of samples whose weight isn't 0, as recorded."""
     rows = np.array(record.columns(channels), dtype=np.intp)
+    as_recorded = Scaling(rows=rows, centre=np.zeros(len(rows)), rms=np.ones(len(rows)))
     edges = [0, len(record)] if weights is None else _edges(weights)
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        values = record.values[start:stop].T
         yield Stretch(
-            values=values[rows] if stop - start <= CHUNK else values,
+            values=record.values[start:stop].T,
             weights=None if weights is None else weights[start:stop],
-            scaling=None
-            if stop - start <= CHUNK
-            else Scaling(rows=rows, centre=np.zeros(len(rows)), rms=np.ones(len(rows))),
+            scaling=as_recorded,
         )
-
-
-def _scaled(part: Stretch, centre: FloatArray, rms: FloatArray) -> Stretch:
-    """Return the stretch centred and scaled, at once or when it is read."""
-    if part.scaling is not None:
-        return replace(part, scaling=replace(part.scaling, centre=centre, rms=rms))
-    np.subtract(part.values, centre[:, np.newaxis], out=part.values)
-    np.multiply(part.values, 1.0 / rms[:, np.newaxis], out=part.values)
-    return part
 
 
 def _edges(weights: FloatArray) -> list[int]:
@@ -193,19 +184,34 @@ def _edges(weights: FloatArray) -> list[int]:
     return np.flatnonzero(np.diff(counts)).tolist()
 
 
+def moments(values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+    """Return each channel's sum of weights, weighted mean and sum of squares about it, shape (3, channels)."""
+    if weights is None:
+        total, mean = float(values.shape[1]), values.mean(axis=1)
+    else:
+        total = float(weights.sum())
+        mean = values @ weights / total
+    off = values - mean[:, np.newaxis]
+    return np.stack([np.full(len(mean), total), mean, np.vecdot(off if weights is None else off * weights, off)])
+
+
+def merged(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the moments of two sets of samples together; offsets and steps between them cost no digits."""
+    total = one[0] + other[0]
+    off = other[1] - one[1]
+    share = other[0] / total
+    return np.stack([total, one[1] + share * off, one[2] + other[2] + one[0] * share * off**2])
+
+
 def _moments(parts: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
-    """Return weighted means and RMS values about them; sums run about a first guess, so offsets cost no digits."""
-    guess = next(part.read(0, 1 << 10).mean(axis=1) for part in parts if len(part))
-    sums, squares, count = np.zeros(len(guess)), np.zeros(len(guess)), 0.0
-    for part in parts:
-        for start in range(0, len(part), CHUNK):
-            block = part.read(start, start + CHUNK) - guess[:, np.newaxis]
-            weighted = block if part.weights is None else block * part.weights[start : start + CHUNK]
-            sums += weighted.sum(axis=1)
-            squares += np.vecdot(weighted, block)
-        count += len(part) if part.weights is None else float(part.weights.sum())
-    off = sums / count
-    return guess + off, np.sqrt(np.maximum(squares / count - off**2, 0.0))
+    """Return the (weighted) means of all stretches and the RMS values about them."""
+    found = [
+        moments(part.read(start, start + CHUNK), None if part.weights is None else part.weights[start : start + CHUNK])
+        for part in parts
+        for start in range(0, len(part), CHUNK)
+    ]
+    total, mean, squares = reduce(merged, found)
+    return mean, np.sqrt(squares / total)
 
 
 def _refuse_missing(records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]) -> None:

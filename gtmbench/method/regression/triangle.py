@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from gtmbench.method.regression.gram import ROWS, gram, rows
-from gtmbench.method.regression.stretches import Stretch, spans
+from gtmbench.method.regression.stretches import Stretch, runs
 from gtmbench.record import FloatArray, frozen
 
 _CONDITION_TRUSTED = 3e4  # of Phi: its square, 1e9 of double precision's 1e16, is what Cholesky may lose
@@ -76,7 +76,7 @@ class Triangle:
 
     @property
     def floor(self) -> float:
-        """The same as a length, rather too much: of a column, or of what is left of one."""
+        """`tolerance` times R's norm: columns, and what is left of them, are nil below it."""
         return self.tolerance * float(np.linalg.norm(self.root))
 
     def drop(self, count: int) -> Triangle:
@@ -85,7 +85,7 @@ class Triangle:
         return replace(self, root=np.ascontiguousarray(absorb(below, self.root[:count, count:])))
 
     def seen_by(self, count: int) -> Triangle:
-        """Return the equations that Phi's first columns, instruments, see of the others: projected onto their span."""
+        """Return the equations that Phi's first columns, instruments, see of the others: projected onto their run."""
         if self.solver == "cholesky":
             rows = self.root[:count, count:]
         else:  # directions that the instruments lack are made of rounding
@@ -115,8 +115,8 @@ def triangle(
     """
     from scipy.linalg import lapack
 
-    span_list = list(spans(stretches, causal_order, noncausal_order))
-    weight = sum(span.total(causal_order) for span in span_list)
+    run_list = list(runs(stretches, causal_order, noncausal_order))
+    weight = sum(run.total(causal_order) for run in run_list)
     targets = stretches[0].channels - lagged
     products = gram(stretches, lagged, causal_order, noncausal_order)
     taken = None if columns is None else np.concatenate([columns, np.arange(len(products) - targets, len(products))])
@@ -128,7 +128,7 @@ def triangle(
     root, solver = found.T, "cholesky"
     if info != 0 or not _trusted(root, targets, squares):
         root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
-    equations = sum(span.equations for span in span_list)
+    equations = sum(run.equations for run in run_list)
     return Triangle(root=root, targets=targets, equations=equations, weight=weight, solver=solver)
 
 
@@ -183,9 +183,9 @@ def _reflected(
     size = lags * lagged + stretches[0].channels - lagged if taken is None else len(taken)
     root = np.zeros((size, size), order="F")
     step = max(size, ROWS)
-    for span in spans(stretches, causal_order, noncausal_order):
-        for start in range(0, span.equations, step):
-            block = rows(span, start, min(start + step, span.equations), lagged, lags, causal_order)
+    for run in runs(stretches, causal_order, noncausal_order):
+        for start in range(0, run.equations, step):
+            block = rows(run, start, min(start + step, run.equations), lagged, lags, causal_order)
             root = absorb(root, block if taken is None else block[:, taken])
     return np.ascontiguousarray(root)
 
@@ -199,9 +199,9 @@ def absorb(root: FloatArray, block: FloatArray) -> FloatArray:
 
 
 def without(columns: FloatArray, count: int, floor: float) -> FloatArray:
-    """Return what is left of the other columns once the span of the first `count` is projected out of them.
+    """Return what is left of the other columns once the run of the first `count` is projected out of them.
 
-    Directions no longer than `floor` are rounding: they span nothing.
+    Directions no longer than `floor` are rounding: they run nothing.
     """
     import scipy.linalg
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.checks import number
+from gtmbench.checks import names, number
 from gtmbench.errors import InputError
-from gtmbench.method.pose import Records, as_records, names, pose
+from gtmbench.method.pose import Records, Weights, pose
 from gtmbench.method.regression.triangle import without
 from gtmbench.record import FloatArray
 
@@ -51,6 +51,7 @@ def count_excitations(
     causal_order: int,
     noncausal_order: int,
     gain: float = 1.5,
+    weights: Weights = None,
 ) -> ExcitationCount:
     """Predict the channels from every choice of m = 1..p-1 of them, and find the m beyond which little is gained.
 
@@ -74,11 +75,13 @@ def count_excitations(
         r and d: long enough for the filters between sensors.
     gain : float
         Greater than 1.
+    weights : array_like, optional
+        As for `identify`.
 
     Raises
     ------
     InputError
-        Where channels are missing, too many or too few, or the records are too short for p - 1 inputs.
+        Where channels are missing, too many or too few, or the records are too short for p inputs.
 
     Notes
     -----
@@ -101,17 +104,17 @@ def count_excitations(
     >>> found.excitations
     2
     """
-    wanted = names(channels)
+    wanted = names("channels", channels)
     number("gain", gain, 1.0, above=True)
     _check_channels(wanted)
-    problem = pose(as_records(records), wanted, (), causal_order, noncausal_order)
+    problem = pose(records, wanted, (), causal_order, noncausal_order, weights=weights)
     equations = problem.triangle()
     count, lags = len(wanted), problem.lags
     blocks = equations.root.reshape(len(equations.root), lags, count)
     state = np.hstack([*blocks.transpose(2, 0, 1), blocks[:, problem.causal_order]])
     rows = []
     for chosen, left in _choices(state, lags, (), tuple(range(count)), count, equations.floor):
-        free = equations.equations - len(chosen) * lags
+        free = equations.weight - len(chosen) * lags
         rows += [
             {
                 "m": len(chosen),
@@ -126,9 +129,6 @@ def count_excitations(
 
 
 def _check_channels(channels: tuple[str, ...]) -> None:
-    twice = [name for name in channels if channels.count(name) > 1]
-    if twice:
-        raise InputError(f"'{twice[0]}' is given twice; name every channel once")
     if len(channels) < 2:
         raise InputError(f"channels names {len(channels)}; it takes 2 to predict one another, better 4 or more")
     if len(channels) > _MOST_CHANNELS:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import whole
-from gtmbench.method.estimators.problem import Problem
-from gtmbench.method.pose import Records, as_records, operator_names, pose
+from gtmbench.method.pose import Records, Weights, operator_names, pose
+from gtmbench.method.problem import Problem
 from gtmbench.method.regression.triangle import Triangle, without
 from gtmbench.method.selection.criteria import information
 from gtmbench.record import FloatArray
@@ -47,6 +47,7 @@ def select_inputs(
     causal_order: int,
     noncausal_order: int,
     most: int | None = None,
+    weights: Weights = None,
 ) -> InputChoice:
     """Add the candidate that lowers the residual most, again and again, and keep the steps up to the least BIC.
 
@@ -66,6 +67,8 @@ def select_inputs(
         r and d.
     most : int, optional
         How many inputs at most; all candidates unless told.
+    weights : array_like, optional
+        As for `identify`.
 
     Raises
     ------
@@ -84,7 +87,7 @@ def select_inputs(
     """
     u, y = operator_names(candidates, outputs)
     steps = len(u) if most is None else min(whole("most", most, 1), len(u))
-    problem = pose(as_records(records), u, y, causal_order, noncausal_order)
+    problem = pose(records, u, y, causal_order, noncausal_order, weights=weights)
     return _choice(problem, problem.triangle(), steps)
 
 
@@ -93,7 +96,7 @@ def _choice(problem: Problem, equations: Triangle, steps: int) -> InputChoice:
 
     added, power = _path(problem, equations, steps)
     lags, scale = problem.lags, problem.scale[len(problem.inputs) :]
-    _, bic = information(power, equations.equations, np.arange(steps + 1) * lags)
+    _, bic = information(power, equations.weight, np.arange(steps + 1) * lags)
     table = pd.DataFrame(
         {
             "step": np.arange(1, steps + 1),
@@ -115,7 +118,7 @@ def _path(problem: Problem, equations: Triangle, steps: int) -> tuple[list[str],
 
     def powers(rest: FloatArray) -> FloatArray:
         # below the tolerance is rounding: one such choice is as good as another
-        return np.asarray(np.maximum(np.sum(rest**2, axis=0) / equations.equations, equations.tolerance**2))
+        return np.asarray(np.maximum(np.sum(rest**2, axis=0) / equations.weight, equations.tolerance**2))
 
     def after(name: str) -> float:
         rest = without(np.hstack([left[name], targets]), lags, equations.floor)

@@ -15,12 +15,12 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve
-from gtmbench.method.estimators.problem import Problem
-from gtmbench.method.pose import Records, as_records, operator_names, pose
+from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
+from gtmbench.method.problem import Problem
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
 from gtmbench.method.selection.criteria import information
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,6 +73,7 @@ def select_orders(
     causal_orders: Iterable[int] | int = ORDERS,
     noncausal_orders: Iterable[int] | int = ORDERS,
     validation: Records | None = None,
+    weights: Weights = None,
 ) -> OrderChoice:
     """Identify every r and d of a grid by least squares and recommend one.
 
@@ -94,6 +95,8 @@ def select_orders(
         Grid of r and d, in samples; 0 to 50 unless told.
     validation : Record or sequence of Record, optional
         Healthy measurements that nothing was identified on.
+    weights : array_like, optional
+        As for `identify`.
 
     Raises
     ------
@@ -120,9 +123,8 @@ def select_orders(
     """
     causal, noncausal = _orders("causal_orders", causal_orders), _orders("noncausal_orders", noncausal_orders)
     u, y = operator_names(inputs, outputs)
-    found = as_records(records)
-    problem = pose(found, u, y, causal[-1], noncausal[-1])
-    held = None if validation is None else _held_out(problem, found, validation)
+    problem = pose(records, u, y, causal[-1], noncausal[-1], weights=weights)
+    held = None if validation is None else _held_out(problem, validation)
     equations = problem.triangle()
     return _choice(_table(problem, equations, held, causal, noncausal), held is not None)
 
@@ -134,10 +136,10 @@ def _orders(name: str, orders: Iterable[int] | int) -> list[int]:
     return found
 
 
-def _held_out(problem: Problem, records: tuple[Record, ...], validation: Records) -> Triangle:
+def _held_out(problem: Problem, validation: Records) -> Triangle:
     """Return the triangle of the validation records, in the means and RMS values of identification."""
     others = as_records(validation)
-    as_records((*records, *others))  # of one sample period
+    others[0].check_period(problem.sample_period_s, "those to identify on every")
     parts, _, _ = stretches(others, problem.channels, [None] * len(others), (problem.centre, problem.scale))
     held = replace(problem, stretches=parts)
     if held.equations < 1:
@@ -157,7 +159,7 @@ def _table(
     fits = [fit for row in _rows(equations, held, len(problem.inputs), causal, noncausal) for fit in row]
     rank = np.array([fit[0] for fit in fits])
     nil = equations.tolerance**2  # mean squares below are rounding: one such model is as good as another
-    power = np.maximum(np.array([fit[1] for fit in fits]) / equations.equations, nil)
+    power = np.maximum(np.array([fit[1] for fit in fits]) / equations.weight, nil)
     r, d = np.repeat(causal, len(noncausal)), np.tile(noncausal, len(causal))
     scale = problem.scale[len(problem.inputs) :]
     columns = {
@@ -167,9 +169,9 @@ def _table(
         "rank": rank,
         **_by_output("rms", problem.outputs, np.sqrt(power) * scale),
     }
-    columns["aic"], columns["bic"] = information(power, equations.equations, rank)
+    columns["aic"], columns["bic"] = information(power, equations.weight, rank)
     if held is not None:
-        left = np.maximum(np.array([fit[2] for fit in fits]) / held.equations, nil)
+        left = np.maximum(np.array([fit[2] for fit in fits]) / held.weight, nil)
         columns |= _by_output("heldout", problem.outputs, np.sqrt(left) * scale)
         columns["heldout"] = np.sqrt(left.mean(axis=1))
     return pd.DataFrame(columns)

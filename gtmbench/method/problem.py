@@ -28,6 +28,8 @@ class Problem:
         r and d.
     centre, scale : shape (channels,)
         Mean of every channel and RMS about it, in its unit; estimates are in units of `scale`.
+    sample_period_s : float
+        Ts, in seconds.
     """
 
     stretches: tuple[Stretch, ...] = field(repr=False)
@@ -38,6 +40,7 @@ class Problem:
     noncausal_order: int
     centre: FloatArray
     scale: FloatArray
+    sample_period_s: float
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -64,14 +67,24 @@ class Problem:
         return triangle(self.stretches, len(self.inputs), self.causal_order, self.noncausal_order)
 
 
-def require_equations(stretches: Sequence[Stretch], lags: int, unknowns: int, what: str) -> None:
+def require_equations(problem: Problem, lags: int, unknowns: int, what: str) -> None:
     """Refuse stretches that give fewer equations, with windows of `lags` samples, than there are unknowns."""
-    equations = sum(max(len(part) - lags + 1, 0) for part in stretches)
+    equations = sum(max(len(part) - lags + 1, 0) for part in problem.stretches)
     if equations < unknowns:
-        raise InputError(
-            f"the record gives {equations} equations for {unknowns} {what}; record at least "
-            f"{unknowns - equations} samples more, or take fewer"
-        )
+        samples, pieces = sum(map(len, problem.stretches)), len(problem.stretches)
+        raise too_few(samples, problem.inputs, equations, unknowns, what, lags, pieces)
+
+
+def too_few(
+    samples: int, inputs: Sequence[str], equations: int, unknowns: int, what: str, lags: int, pieces: int = 1
+) -> InputError:
+    """Return the error that says how many samples, without a gap, would do."""
+    given = f"{samples} samples of {', '.join(inputs)}" + (f" in {pieces} stretches" if pieces > 1 else "")
+    return InputError(
+        f"{given} give {equations} equations for {unknowns} {what}; record at least {unknowns + lags - 1} samples"
+        + (" without a gap" if pieces > 1 else "")
+        + " or lower the orders"
+    )
 
 
 def columns_of(channels: Sequence[int], lags: Sequence[int], *, count: int, causal_order: int) -> Columns:
@@ -94,6 +107,8 @@ class Estimate:
         Of that noise; NaN where the theory gives no covariance.
     rms_residual : shape (outputs,)
         Of the one-step residual over the equations.
+    equations : int
+        How many the estimator used.
     rank : int
     solver : str
     rank_chosen : bool
@@ -108,6 +123,7 @@ class Estimate:
     root: FloatArray
     noise_variance: FloatArray
     rms_residual: FloatArray
+    equations: int
     rank: int
     solver: str
     rank_chosen: bool = False
@@ -120,7 +136,7 @@ class Estimator(Protocol):
 
     @property
     def instruments(self) -> tuple[str, ...]:
-        """Channels it needs beside pseudo inputs and outputs."""
+        """Channels it needs beside pseudo inputs and outputs; a class without any has the class variable ()."""
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the Markov parameters and what is known of them."""
