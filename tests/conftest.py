@@ -6,6 +6,7 @@ import pytest
 from hypothesis import settings
 
 from gtmbench.files import share
+from gtmbench.method.regression import triangle
 
 os.environ.setdefault("CI", "1")
 
@@ -27,3 +28,12 @@ def copied_gtm(tmp_path):
         return folder
 
     return copy
+
+
+@pytest.fixture
+def grams(monkeypatch):
+    """Count Gram matrices."""
+    calls = []
+    gram = triangle.gram
+    monkeypatch.setattr(triangle, "gram", lambda *args: calls.append(args) or gram(*args))
+    return calls

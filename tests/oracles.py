@@ -108,3 +108,8 @@ def is_chi_square(values, freedom):
     """Tell whether the sum and the distribution of some values fit a chi-square variate."""
     low, high = stats.chi2.ppf([RARE / 2, 1 - RARE / 2], freedom * len(values))
     return low < np.sum(values) < high and stats.kstest(values, stats.chi2(freedom).cdf).pvalue > RARE
+
+
+def sampled(values, channels):
+    """Return columns as a record at 100 Hz."""
+    return Record(values, channels=channels, sample_period_s=0.01)

@@ -1,5 +1,7 @@
 """Closed loop, noise fed back: instruments are consistent where least squares and prediction errors can't be."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -249,11 +251,22 @@ def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     assert operator.rank == 2
 
 
+@pytest.mark.filterwarnings("ignore::gtmbench.errors.ConvergenceWarning")  # as many parameters as equations
 @pytest.mark.parametrize(
     "estimator",
     [InstrumentalVariables(instruments=("c",), past=60), PredictionError(noise_order=60)],
     ids=["IV", "PEM"],
 )
-def test_too_short_a_record_for_the_extra_lags_is_refused(estimator):
-    with pytest.raises(ValueError, match="samples"):
-        found(loops(SMALL, 60, 1)[0], estimator, 5, 5)
+def test_the_samples_that_a_short_record_is_told_to_have_are_just_enough(estimator):
+    record = loops(SMALL, 400, 1)[0]
+    with pytest.raises(ValueError, match="samples of u give 0 equations") as refused:
+        found(record.between(0.0, 0.59), estimator, 5, 5)
+    needed = int(re.search(r"at least (\d+) samples", str(refused.value))[1])
+    found(record.between(0.0, (needed - 1) * 0.01), estimator, 5, 5)
+    with pytest.raises(ValueError, match=f"at least {needed} samples"):
+        found(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
+
+
+def test_an_output_is_no_instrument_of_its_own():
+    with pytest.raises(ValueError, match="'y' is instrument and pseudo output, with lag -5"):
+        found(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gtmbench.errors import InputError, RankWarning
+from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual
 from gtmbench.record import Record
@@ -242,3 +243,30 @@ def test_what_cant_be_identified_is_refused(asked, message):
     legal = {"inputs": INPUTS, "outputs": OUTPUTS, "causal_order": 3, "noncausal_order": 2}
     with pytest.raises(InputError, match=message):
         identify(record, **{**legal, **asked})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"weights": []}, "weights of shape"),
+        ({"weights": "ab"}, "weights hold a str; give numbers"),
+        ({"weights": {}}, "weights hold a dict"),
+        ({"weights": [-1.0] * 400}, "weights must be finite numbers, 0 or more"),
+        ({"estimator": LeastSquares}, "give an object, such as"),
+        ({"estimator": "LS"}, "estimator is 'LS'; give an object"),
+        ({"inputs": 3}, "inputs holds 3; give names of channels"),
+        ({"inputs": ["p", "p"]}, "'p' is given twice in inputs"),
+    ],
+    ids=str,
+)
+def test_misuse_is_refused_in_one_line(given, message):
+    _, record = plant(3, 2)
+    legal = {"inputs": INPUTS, "outputs": OUTPUTS, "causal_order": 3, "noncausal_order": 2}
+    with pytest.raises(InputError, match=message):
+        identify(record, **{**legal, **given})
+
+
+@pytest.mark.parametrize("records", [None, 3, np.ones((5, 2)), [None], "p"], ids=str)
+def test_what_isnt_a_record_is_refused(records):
+    with pytest.raises(InputError, match=r"records hold a .*; give Records|no record given"):
+        identify(records, inputs=INPUTS, outputs=OUTPUTS, causal_order=3, noncausal_order=2)

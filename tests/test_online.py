@@ -73,11 +73,64 @@ def test_forgetting_is_a_weight_of_lambda_to_the_age(forgetting):
 
 
 def test_it_follows_an_operator_that_changes():
+    """What it remembers is 2,000 samples later worth nothing: 0.99^2000; then it errs as its standard errors say."""
     one, other = flight(2000, seed=1), flight(2000, seed=2)
     changed = gb.Record(other.values * [1, 1, 3, 3], channels=NAMES, sample_period_s=TS, start_s=20.0)
     now = running([one, changed], forgetting=0.99)
-    np.testing.assert_allclose(now.markov, gb.identify(changed, **orders()).markov, atol=1.0)
-    np.testing.assert_allclose(now.markov[1, 0], [3.0, 0.0], atol=1.0)  # lag -1: 3 times 1 and 0
+    truth = np.zeros((6, 2, 2))  # lags -2..3
+    truth[1], truth[3] = 3.0 * np.eye(2), 3.0 * np.array([[0.5, -2.0], [1.0, 0.3]])
+    assert (np.abs(now.markov - truth) < 4.0 * now.standard_error).all()
+    assert now.standard_error.max() < 0.5
+
+
+@pytest.mark.parametrize("chunk", [1, 10])
+def test_stamps_that_are_rounded_make_no_gap(chunk):
+    record = flight()
+    online = gb.RecursiveIdentification(**orders())
+    for k in range(0, 600, chunk):
+        start_s = round(k / 60.0, 3)  # 60 Hz, stamped in milliseconds
+        online.push(gb.Record(record.values[k : k + chunk], channels=NAMES, sample_period_s=1 / 60, start_s=start_s))
+    whole = gb.Record(record.values, channels=NAMES, sample_period_s=1 / 60)
+    assert_same(online.operator(), gb.identify(whole, **orders()))
+
+
+def test_samples_that_are_pushed_twice_are_refused():
+    record = flight()
+    online = gb.RecursiveIdentification(**orders())
+    online.push(part(record, 0, 300))
+    with pytest.raises(InputError, match=r"begins at 2\.5 s, but 3 s is next; leave out what came before"):
+        online.push(part(record, 250, 600))
+    online.push(part(record, 300, 600))
+    assert_same(online.operator(), gb.identify(record, **orders()))
+
+
+@pytest.mark.parametrize("step", [1e4, 1e6])
+@pytest.mark.parametrize("forgetting", [1.0, 0.98])
+def test_spikes_and_steps_long_ago_cost_no_digits_of_the_moments(step, forgetting):
+    """Against two passes over all samples; what rounding leaves is that of the data, 1e-16 of the step."""
+    record = flight(3000)
+    values = record.values + 0.0
+    values[0] += step
+    values[:1000] += step
+    broken = gb.Record(values, channels=NAMES, sample_period_s=TS)
+    now = running([broken], forgetting=forgetting)
+    weights = forgetting ** np.arange(2999.0, -1.0, -1.0)
+    centre = np.average(values, axis=0, weights=weights)
+    rms = np.sqrt(np.average((values - centre) ** 2, axis=0, weights=weights))
+    np.testing.assert_allclose(now.input_rms, rms[:2], rtol=1e-9)
+    np.testing.assert_allclose(now.input_means, centre[:2], rtol=0, atol=1e-9 * rms.max())
+    batch = gb.identify(broken, weights=weights, **orders())
+    np.testing.assert_allclose(batch.input_rms, rms[:2], rtol=1e-9)
+
+
+def test_a_memory_shorter_than_the_parameters_is_refused():
+    with pytest.raises(InputError, match=r"forgetting 0\.5 remembers 2 samples for 12 Markov parameters; choose"):
+        gb.RecursiveIdentification(**orders(), forgetting=0.5)
+
+
+def test_only_least_squares_recurs():
+    with pytest.raises(InputError, match=r"recursion is for gtmbench\.LeastSquares"):
+        gb.RecursiveIdentification(**orders(), estimator=gb.PredictionError())
 
 
 def test_a_gap_begins_a_new_stretch():

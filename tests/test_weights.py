@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from oracles import MARKOV, dense, distances, is_chi_square, lagged, least_squares, record, siso
 from scipy import signal
 
+from gtmbench.method.estimators.instruments import InstrumentalVariables
+from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
+from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.record import Record
 
 
@@ -133,3 +136,26 @@ def test_weighted_prediction_errors_solve_both_weighted_problems():
     left = lagged((centred[3:-2, 1] - lagged(centred[:, :1], 3, 2) @ h)[:, None], 3, 0)
     expected = np.linalg.lstsq(left[:, 1:] * root, -left[:, 0] * root[:, 0], rcond=None)[0]
     np.testing.assert_allclose(taps[1:], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e6])
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        LeastSquares(),
+        LeastSquares(ridge=0.1),
+        LeastSquares(truncate=0.1),
+        PredictionError(noise_order=2),
+        InstrumentalVariables(instruments=("u",), past=3),
+        TotalLeastSquares(noise=0.1),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_a_factor_of_all_weights_changes_no_parameter(estimator, factor):
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal(2000)
+    one = record(u=u + 0.1 * rng.standard_normal(2000), y=u + 2 * np.roll(u, 1) + 0.1 * rng.standard_normal(2000))
+    weights = rng.random(2000) + 0.5
+    plain, scaled = (siso(one, estimator, weights=w) for w in (weights, factor * weights))
+    np.testing.assert_allclose(scaled.markov, plain.markov, rtol=0, atol=1e-9)
+    assert scaled.rank == plain.rank
