@@ -26,7 +26,7 @@ from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
-from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
 from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
 from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
@@ -85,6 +85,7 @@ __all__ = [
     "fly",
     "identify",
     "inject",
+    "innovations",
     "load_scenario",
     "measure",
     "modes",

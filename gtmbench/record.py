@@ -7,19 +7,26 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gtmbench.channels import CHANNELS, channel_of
 from gtmbench.checks import number
+from gtmbench.clock import FloatArray as FloatArray
+from gtmbench.clock import check_span, even_period_s, even_times_s
 from gtmbench.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
-SLACK = 0.1  # of a sample: how far from its place a chunk's first stamp may stand, for times are rounded
+
+def is_record(given: object) -> None:
+    """Refuse what isn't a Record, with a hint for what can be made one."""
+    if not isinstance(given, Record):
+        raise InputError(
+            f"a {type(given).__name__} was given for a Record; wrap it with Record(...) or Record.from_frame(...)"
+        )
 
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
@@ -80,6 +87,8 @@ class Record:
             raise InputError(
                 f"values of shape {array.shape} don't fit {len(names)} channels; give (samples, {len(names)})"
             )
+        if not all(isinstance(name, str) and name.strip() and name.isprintable() for name in names):
+            raise InputError(f"channel names must be words, given: {', '.join(map(repr, names))[:200]}")
         if len(set(names)) != len(names):
             twice = sorted({name for name in names if names.count(name) > 1})
             raise InputError(f"channel names must differ; given twice: {', '.join(twice)}")
@@ -192,7 +201,7 @@ class Record:
         """Wrap a DataFrame whose time is its index or a column ``time_s``.
 
         Columns are channels, by name (``p``) or by log header (``p_deg_s``). With `sample_period_s` given, the frame's
-        own time is only asked for its start.
+        own time is only asked for its start and its end: stamps may be rounded, but rows may not be missing.
 
         Raises
         ------
@@ -222,6 +231,8 @@ class Record:
         if sample_period_s is None:
             sample_period_s = even_period_s(np.zeros(0) if time_s is None else time_s)
         start_s = float(time_s[0]) if time_s is not None and len(time_s) else 0.0
+        if time_s is not None and len(time_s) > 1:
+            check_span(time_s, sample_period_s)
         return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start_s)
 
     def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
@@ -236,49 +247,3 @@ def _numbers(name: str, column: ArrayLike) -> FloatArray:
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"column '{name}' must hold numbers: {error}") from error
-
-
-def even_times_s(start_s: float, sample_period_s: float, samples: range) -> FloatArray:
-    """Return the times of some samples in seconds, rounded to the nanosecond.
-
-    >>> even_times_s(25.0, 0.01, range(100, 102))
-    array([26.  , 26.01])
-    """
-    time_s = np.arange(samples.start, samples.stop, dtype=np.float64)
-    time_s *= sample_period_s
-    np.round(time_s, 9, out=time_s)
-    time_s += start_s
-    return time_s
-
-
-def even_period_s(time_s: FloatArray) -> float:
-    """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact.
-
-    Raises
-    ------
-    InputError
-        Naming the first stamp that is missing, late, early or doubled.
-    """
-    if len(time_s) < 2:
-        raise InputError(f"{len(time_s)} time stamps give no sample period; give at least 2, or sample_period_s")
-    if not np.all(np.isfinite(time_s)):
-        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
-        raise InputError(f"time stamp of row {row} is {time_s[row]}; every row needs its time in seconds")
-    steps = np.diff(time_s)
-    period = float(np.median(steps))
-    if period <= 0:
-        raise InputError(f"time runs backwards or stands still (median step {period:g} s); sort and clean the rows")
-    grain = 2e-9 + 2.0 * float(np.spacing(np.abs(time_s).max()))  # stamps are rounded to ns, and to doubles
-    uneven = np.flatnonzero(np.abs(steps - period) > 1e-3 * period + grain)
-    if len(uneven):
-        row = int(uneven[0])
-        what = "a gap" if steps[row] > period else "a doubled or early stamp"
-        raise InputError(
-            f"{what} after t = {time_s[row]:g} s (row {row}): the next stamp comes {steps[row]:g} s later, the others "
-            f"every {period:g} s; split the log there or resample it (or state sample_period_s, if stamps are rounded)"
-        )
-    mean = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
-    for candidate in (1.0 / max(round(1.0 / mean), 1), round(mean, 6), round(mean, 9)):
-        if abs(candidate - mean) <= 2.0 * grain / (len(time_s) - 1):
-            return candidate
-    return mean

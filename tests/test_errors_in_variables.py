@@ -242,4 +242,22 @@ def test_truncation_keeps_just_what_stands_out_of_the_noise():
     phi, _, _ = dense([clean], ["u", "v"], ["y"], 2, 2)
     for kept, singular in enumerate(np.linalg.svd(phi, compute_uv=False) / np.sqrt(len(phi))):
         assert found(clean, LeastSquares(truncate=0.999 * singular)).rank == kept + 1
-        assert found(clean, LeastSquares(truncate=1.001 * singular)).rank == kept
+        above = LeastSquares(truncate=1.001 * singular)
+        if kept:
+            assert found(clean, above).rank == kept
+        else:
+            with pytest.raises(InputError, match="no direction of the pseudo inputs stands out"):
+                found(clean, above)
+
+
+def test_noise_that_cant_be_told_from_motion_isnt_estimated():
+    u, e = np.random.default_rng(1).standard_normal((2, 4000))
+    with pytest.raises(InputError, match="'u' moves as much above half the Nyquist frequency as below"):
+        identify(
+            record(u=u, y=u + e),
+            inputs=["u"],
+            outputs=["y"],
+            causal_order=1,
+            noncausal_order=1,
+            estimator=TotalLeastSquares(),
+        )

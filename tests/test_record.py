@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gtmbench.clock import even_period_s
 from gtmbench.errors import InputError
-from gtmbench.record import Record, even_period_s
+from gtmbench.record import Record
 
 # as they are meant, and as they are typed
 PERIODS = {
@@ -201,3 +202,21 @@ def test_an_unknown_channel_is_refused_with_the_ones_there_are():
 def test_replacing_a_channel_by_one_of_another_length_is_refused():
     with pytest.raises(InputError):
         ramp(5).replace("p", [1.0, 2.0])
+
+
+def test_a_stated_period_that_the_stamps_contradict_is_refused():
+    """Rows that are missing must not be squeezed together; stamps that are rounded may."""
+    frame = pd.DataFrame({"time_s": np.arange(400) / 25, "p": np.arange(400.0)})
+    with pytest.raises(InputError, match=r"350 rows every 0\.04 s last 13\.96 s, .* after 3\.96 s, row 99\): rows are"):
+        Record.from_frame(frame.drop(index=range(100, 150)), sample_period_s=0.04)
+    with pytest.raises(InputError, match="the period is another"):
+        Record.from_frame(frame, sample_period_s=0.05)
+    for digits in (1, 2, 3):  # to more than a period, too
+        rounded = frame.assign(time_s=frame["time_s"].round(digits))
+        assert Record.from_frame(rounded, sample_period_s=0.04).end_s == pytest.approx(15.96)
+
+
+@pytest.mark.parametrize("names", [[0, 1], ["p", ""], ["p", "a\nb"], ["p", None]], ids=range(4))
+def test_names_that_arent_words_are_refused(names):
+    with pytest.raises(InputError, match="channel names must be words"):
+        Record(np.ones((3, 2)), channels=names, sample_period_s=1.0)

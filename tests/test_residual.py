@@ -249,3 +249,9 @@ def test_a_norm_is_known_when_its_last_sample_is():
 def test_a_window_that_is_no_count_is_refused(window):
     with pytest.raises(InputError, match="must be a whole number, 0 or more"):
         windowed_norm(made_up(np.ones(30)), window=window)
+
+
+def test_what_isnt_a_record_is_refused_with_what_to_do():
+    for other in (None, np.ones((3, 2)), flight().frame()):
+        with pytest.raises(InputError, match="was given for a Record; wrap it with Record"):
+            residual(operator(), other)

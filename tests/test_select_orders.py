@@ -1,5 +1,7 @@
 """Choosing r and d: what made the data is chosen, and every figure is what a separate identification finds."""
 
+import itertools
+
 import numpy as np
 import pytest
 from oracles import sampled
@@ -183,3 +185,9 @@ def test_the_figure_of_a_surface_marks_the_recommendation(name, tmp_path):
     (mark,) = figure.axes[0].lines
     at = CAUSAL.index(choice.causal_order), NONCAUSAL.index(choice.noncausal_order)
     assert (mark.get_ydata()[0], mark.get_xdata()[0]) == at
+
+
+def test_a_grid_without_end_is_refused_at_once():
+    for grid in (itertools.count(), range(10**9)):
+        with pytest.raises(InputError, match="causal_orders holds more than 200 orders; give a coarser grid"):
+            orders(fir(), causal_orders=grid)

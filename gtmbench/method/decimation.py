@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.record import Record, is_record
 
 _HALF = 13  # half of the filter's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
@@ -38,6 +38,7 @@ def decimate(record: Record, factor: int) -> Record:
     >>> decimate(record, 10)
     Record(75 samples, 1.3..8.7 s, every 0.1 s: p)
     """
+    is_record(record)
     factor = whole("factor", factor, 1)
     if factor == 1:
         return record
@@ -46,7 +47,7 @@ def decimate(record: Record, factor: int) -> Record:
     half = _HALF * factor
     if len(record) < 2 * half + 1:
         raise InputError(
-            f"{len(record)} samples are too few to keep every {factor}th: the filter takes {2 * half + 1}; choose a "
+            f"{len(record)} samples are too few to keep one in {factor}: the filter takes {2 * half + 1}; choose a "
             "smaller factor or a longer record"
         )
     taps = firwin(2 * half + 1, _CUTOFF / factor, window=("kaiser", _KAISER))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 
 
@@ -33,6 +34,11 @@ class NoiseModel:
     def innovations(self, residuals: FloatArray) -> FloatArray:
         """Return epsilon, equation (3.67), shape as the one-step residuals (samples, outputs); NaN where unknown."""
         order = self.autoregressive.shape[1] - 1
+        if np.shape(residuals)[1:] != (len(self.autoregressive),):
+            raise InputError(
+                f"residuals of shape {np.shape(residuals)} for {len(self.autoregressive)} outputs; give (samples, "
+                "outputs)"
+            )
         found = np.full(residuals.shape, np.nan)
         if len(residuals) > order:
             for o, taps in enumerate(self.autoregressive):

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.checks import number, whole
+from gtmbench.clock import SLACK
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import operator_of
@@ -16,8 +17,9 @@ from gtmbench.method.problem import Problem, too_few
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import SLACK, FloatArray, Record
+from gtmbench.record import FloatArray, Record, is_record
 
+_LARGEST = 1e150  # what can be squared and summed
 _BLOCK = 64  # samples that are taken into the triangle together
 
 
@@ -95,14 +97,16 @@ class RecursiveIdentification:
     def push(self, record: Record) -> None:
         """Take in one or more samples.
 
-        Samples with a missing value are left out, as by a weight of 0. A record that doesn't continue the one before
-        begins a new stretch: no equation reaches over the gap.
+        Samples with a missing value (or one beyond 1e150) are left out, as by a weight of 0, but age what was before,
+        as every sample does; a gap doesn't. A record that doesn't continue the one before begins a new stretch: no
+        equation reaches over the gap.
 
         Raises
         ------
         InputError
             Where a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
         """
+        is_record(record)
         values = record.matrix((*self.inputs, *self.outputs))
         if self._end is not None:
             expected_s, period_s = self._end
@@ -174,7 +178,7 @@ class RecursiveIdentification:
             return
         values = np.vstack(self._pending)
         self._pending = []
-        complete = np.asarray(np.isfinite(values).all(axis=1))
+        complete = np.asarray((np.abs(values) < _LARGEST).all(axis=1))  # and not NaN
         edges = np.concatenate([[0], np.flatnonzero(np.diff(complete)) + 1, [len(values)]]).tolist()
         for start, stop in pairwise(edges):
             self._age(stop - start)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import names, whole
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Problem, require_equations
-from gtmbench.method.regression.stretches import stretches
-from gtmbench.record import FloatArray, Record
+from gtmbench.method.regression.stretches import check_constant, stretches
+from gtmbench.record import FloatArray, Record, is_record
 
 _MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
 
@@ -34,9 +34,8 @@ def operator_names(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple
 def as_records(given: Records) -> tuple[Record, ...]:
     """Return one record or several as a tuple: at least one, all of one sample period."""
     found = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
-    other = [type(record).__name__ for record in found if not isinstance(record, Record)]
-    if other:
-        raise InputError(f"records hold a {other[0]}; give Records: wrap it with Record(...) or Record.from_frame(...)")
+    for record in found:
+        is_record(record)
     if not found:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in found}
@@ -82,6 +81,7 @@ def pose(
     check_parameters(problem.lags, len(inputs))
     target = f" of '{outputs[0]}'" if outputs else ""
     require_equations(problem, problem.lags, problem.parameters, f"Markov parameters{target}")
+    check_constant(problem.channels, centre, rms)
     return problem
 
 
@@ -98,19 +98,21 @@ def _weights(records: tuple[Record, ...], given: Any) -> list[FloatArray | None]
     """Return one array of weights a record, or None for all 1."""
     each = [None] * len(records) if given is None else list(given) if isinstance(given, Iterable) else [given]
     if len(each) != len(records):
-        raise InputError(f"weights for {len(each)} records, but {len(records)} records; give one array a record")
+        raise InputError(f"{len(each)} arrays of weights were given for {len(records)} records; give one a record")
     found: list[FloatArray | None] = []
     for record, one in zip(records, each, strict=True):
         if one is None:
             found.append(None)
             continue
         try:
+            if np.iscomplexobj(one):
+                raise TypeError
             array = np.asarray(one, dtype=float)
         except (TypeError, ValueError):
             raise InputError(f"weights hold a {type(one).__name__}; give numbers, one a sample") from None
         if array.shape != (len(record),):
             raise InputError(f"weights of shape {array.shape} for {len(record)} samples; give one a sample")
-        if not np.all((array >= 0) & np.isfinite(array)):
-            raise InputError("weights must be finite numbers, 0 or more")
+        if not np.all((array == 0) | ((array >= 1e-100) & (array <= 1e100))):
+            raise InputError("weights must be 0 or numbers from 1e-100 to 1e100")
         found.append(array)
     return found

@@ -72,17 +72,21 @@ def require_equations(problem: Problem, lags: int, unknowns: int, what: str) -> 
     equations = sum(max(len(part) - lags + 1, 0) for part in problem.stretches)
     if equations < unknowns:
         samples, pieces = sum(map(len, problem.stretches)), len(problem.stretches)
-        raise too_few(samples, problem.inputs, equations, unknowns, what, lags, pieces)
+        longest = max(map(len, problem.stretches)) if pieces > 1 else None
+        raise too_few(samples, problem.inputs, equations, unknowns, what, lags, longest)
 
 
 def too_few(
-    samples: int, inputs: Sequence[str], equations: int, unknowns: int, what: str, lags: int, pieces: int = 1
+    samples: int, inputs: Sequence[str], equations: int, unknowns: int, what: str, lags: int, longest: int | None = None
 ) -> InputError:
-    """Return the error that says how many samples, without a gap, would do."""
-    given = f"{samples} samples of {', '.join(inputs)}" + (f" in {pieces} stretches" if pieces > 1 else "")
+    """Return the error that says how many samples would do; `longest` is the longest of several stretches."""
+    given = f"{samples} samples of {', '.join(inputs)}"
+    pieces = (
+        "" if longest is None else f" between gaps (an equation takes {lags} in a row, the longest run is {longest})"
+    )
     return InputError(
-        f"{given} give {equations} equations for {unknowns} {what}; record at least {unknowns + lags - 1} samples"
-        + (" without a gap" if pieces > 1 else "")
+        f"{given}{pieces} give {equations} equations for {unknowns} {what}; record at least {unknowns + lags - 1} "
+        + ("samples" if longest is None else "samples in a row")
         + " or lower the orders"
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gtmbench.checks import whole
+from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.record import FloatArray, Record, frozen, is_record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +83,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     array([[0.5],
            [0.5]])
     """
+    is_record(record)
     values = operator.predict(record)
     for o, name in enumerate(operator.outputs):
         np.subtract(record[name], values[:, o], out=values[:, o])
@@ -93,6 +95,34 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
         look_ahead_s=operator.look_ahead_s,
         sample_period_s=record.sample_period_s,
     )
+
+
+def innovations(operator: Transmissibility, record: Record) -> Residual:
+    """Return epsilon(k) = A(q) e(k), equation (3.67), of an operator that was identified with a noise model.
+
+    It is white where the residual e(k) is coloured, and can be watched likewise; k = r+n..l-d.
+
+    Raises
+    ------
+    InputError
+        Where the operator has no noise model; otherwise as `residual`.
+
+    Examples
+    --------
+    >>> from gtmbench.method.estimators.prediction_error import PredictionError
+    >>> from gtmbench.method.identify import identify
+    >>> rng = np.random.default_rng(1)
+    >>> u, w = rng.standard_normal(2000), np.cumsum(rng.standard_normal(2000))
+    >>> record = Record(np.column_stack([u, 2.0 * u + w]), channels=["u", "y"], sample_period_s=0.01)
+    >>> names = {"inputs": ["u"], "outputs": ["y"], "causal_order": 0, "noncausal_order": 0}
+    >>> operator = identify(record, **names, estimator=PredictionError(noise_order=1))
+    >>> [round(float(np.nanstd(found(operator, record).values)), 1) for found in (residual, innovations)]
+    [11.7, 1.0]
+    """
+    found = residual(operator, record)
+    if operator.noise_model is None:
+        raise InputError(f"the operator {operator.name} has no noise model; identify it by PredictionError(...)")
+    return replace(found, values=frozen(operator.noise_model.innovations(found.values)))
 
 
 def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtmbench.checks import number, whole
+from gtmbench.clock import SLACK, even_times_s
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import Alarms, alarms, check_start
 from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import SLACK, FloatArray, Record, even_times_s, frozen
+from gtmbench.record import FloatArray, Record, frozen, is_record
 
 
 class ResidualStream:
@@ -51,6 +52,7 @@ class ResidualStream:
         InputError
             Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
+        is_record(record)
         clock = _advanced(self._clock, _Clock.of(record.time_s, record.sample_period_s, "the operator"))
         values = np.concatenate([self._tail, record.matrix(self._channels)])
         joined = Record(values, channels=self._channels, sample_period_s=clock.sample_period_s)

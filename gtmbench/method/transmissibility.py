@@ -68,6 +68,11 @@ class Transmissibility:
     noise_model: NoiseModel | None = None
     sensor_noise: FloatArray | None = None
 
+    def __post_init__(self) -> None:
+        shape = (len(self.lags), len(self.outputs), len(self.inputs))
+        if np.shape(self.markov) != shape:
+            raise InputError(f"markov has shape {np.shape(self.markov)}; {self.name} with these orders has {shape}")
+
     def __repr__(self) -> str:
         return (
             f"Transmissibility({self.name}, lags {-self.noncausal_order}..{self.causal_order}, rank {self.rank} of "

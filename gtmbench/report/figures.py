@@ -46,7 +46,7 @@ def _markov(baseline: Baseline) -> Figure:
             axis.set_title(f"{name} to {output}")
             axis.set_xlabel("lag i (samples)")
             axis.set_ylabel(f"$H_i$ ({unit_of(output)} per {unit_of(name)})")
-    figure.suptitle(f"Markov parameters of {operator.name} with ± 2 standard errors (Fig. 4.1)")
+    figure.suptitle(f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)")
     return figure
 
 

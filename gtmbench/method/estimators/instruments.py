@@ -55,7 +55,7 @@ class InstrumentalVariables:
             raise InputError("instruments are missing; name one channel or more")
         object.__setattr__(self, "instruments", found)
         for name in ("delay", "past", "future"):
-            whole(name, getattr(self, name))
+            object.__setattr__(self, name, whole(name, getattr(self, name)))
         if self.prefilter is not None:
             _check_prefilter(self.prefilter)
 
@@ -106,8 +106,8 @@ def _check_prefilter(prefilter: tuple[Sequence[float], Sequence[float]]) -> None
         ) from None
     for value in (*numerator, *denominator):
         number("prefilter's coefficient", value)
-    if not numerator or not denominator or denominator[0] == 0:
-        raise InputError("prefilter needs a numerator and a denominator whose first coefficient isn't 0")
+    if not any(numerator) or not denominator or denominator[0] == 0:
+        raise InputError("prefilter needs a numerator that isn't 0 and a denominator whose first coefficient isn't 0")
     greatest = float(np.abs(np.roots(denominator)).max(initial=0.0))
     if greatest >= 1.0:
         raise InputError(

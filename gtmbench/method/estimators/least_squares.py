@@ -60,6 +60,8 @@ class LeastSquares:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.weight)
             found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
+            if rank == 0:
+                raise InputError("truncate: no direction of the pseudo inputs stands out of this noise; lower it")
             return replace(summary(problem, equations, found / levels[:, np.newaxis], rank), rank_chosen=True)
         if self.ridge is not None:
             levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)

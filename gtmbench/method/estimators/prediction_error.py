@@ -27,6 +27,9 @@ class PredictionError:
     turns: the H_i by least squares on data filtered by A, then A on the residual; but for rounding the criterion never
     rises. Noise that is fed back from y_o to y_i (a closed loop) biases it all the same: use instruments there.
 
+    What it makes small is the innovations: the residual (4.11) may be larger than that of least squares, and drifts
+    where A comes near 1 - q^-1. Watch `innovations` of the operator, not its residual.
+
     All samples are filtered anew in each turn, so memory grows with the record.
 
     Attributes
@@ -50,9 +53,9 @@ class PredictionError:
     most_iterations: int = 100
 
     def __post_init__(self) -> None:
-        whole("noise_order", self.noise_order)
+        object.__setattr__(self, "noise_order", whole("noise_order", self.noise_order))
+        object.__setattr__(self, "most_iterations", whole("most_iterations", self.most_iterations, 1))
         number("tolerance", self.tolerance, 0.0)
-        whole("most_iterations", self.most_iterations, 1)
 
     def estimate(self, problem: Problem) -> Estimate:
         """Return the estimate with its noise model; outputs have one each."""
@@ -98,7 +101,12 @@ class PredictionError:
             converged=converged,
             criterion=np.array(path)[:, np.newaxis] * scale**2,
         )
-        return replace(last, rms_residual=summary(problem, equations, found, rank).rms_residual), model
+        free = whitened.weight - unknowns
+        return replace(
+            last,
+            noise_variance=last.rms_residual**2 * whitened.weight / free if free > 0 else np.full(1, np.nan),
+            rms_residual=summary(problem, equations, found, rank).rms_residual,
+        ), model
 
 
 def _with_output(problem: Problem, channel: int) -> Problem:

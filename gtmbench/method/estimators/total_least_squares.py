@@ -57,7 +57,7 @@ class TotalLeastSquares:
 
     def __post_init__(self) -> None:
         if self.rank is not None:
-            whole("rank", self.rank, 1)
+            object.__setattr__(self, "rank", whole("rank", self.rank, 1))
         if isinstance(self.noise, Mapping | Real):
             check_noise("noise", self.noise)
 
@@ -92,6 +92,12 @@ class TotalLeastSquares:
             if not np.all(levels > 0):
                 name = problem.channels[int(np.argmin(levels))]
                 raise InputError(f"channel '{name}' shows no noise above half the Nyquist frequency; state its noise")
+            if np.any(levels**2 > 0.5):
+                name = problem.channels[int(np.argmax(levels))]
+                raise InputError(
+                    f"channel '{name}' moves as much above half the Nyquist frequency as below, so its noise can't be "
+                    "told from its motion; state its noise"
+                )
             return np.diag(levels**2)
         if isinstance(self.noise, Mapping | Real):
             return np.diag(noise_levels("noise", self.noise, problem, problem.channels) ** 2)
@@ -151,7 +157,7 @@ def _floor(stretches: Sequence[Stretch]) -> FloatArray:
         if length >= 8:
             frequency, power = scipy.signal.welch(part.read(0, len(part)), nperseg=length, axis=1)
             powers.append(power[:, (frequency > 0.25) & (frequency < 0.5)].mean(axis=1) / 2.0)
-            weights.append(len(part))
+            weights.append(len(part) if part.weights is None else part.weights.sum())
     if not powers:
         raise InputError("the stretches are too short to estimate noise from; state it")
     return np.asarray(np.sqrt(np.average(powers, axis=0, weights=weights)))

@@ -138,7 +138,7 @@ def stretches(
     Raises
     ------
     InputError
-        Naming the channel that is missing, constant, or holds NaN where it counts.
+        Naming the channel that is missing or holds NaN where it counts.
     """
     parts = [part for record, one in zip(records, weights, strict=True) for part in _parts(record, channels, one)]
     if not sum(map(len, parts)):
@@ -147,9 +147,7 @@ def stretches(
         centre, rms = _moments(parts)
     if not np.all(np.isfinite(rms)):
         _refuse_missing(records, channels, weights)
-    if others is None:
-        check_constant(channels, centre, rms)
-    else:
+    if others is not None:
         centre, rms = others
     scaling = [replace(part.scaling, centre=centre, rms=rms) for part in parts if part.scaling is not None]
     return tuple(replace(part, scaling=one) for part, one in zip(parts, scaling, strict=True)), centre, rms
@@ -227,4 +225,6 @@ def _refuse_missing(records: Sequence[Record], channels: Sequence[str], weights:
                     f"{record.time_s[int(missing.argmax())]:g} s; identify on a stretch without, with record.between, "
                     "or give these samples a weight of 0"
                 )
-    raise InputError(f"values of {', '.join(channels)} are too large to be squared; state them in another unit")
+    raise InputError(
+        f"values of {', '.join(dict.fromkeys(channels))} are too large to be squared; state them in another unit"
+    )

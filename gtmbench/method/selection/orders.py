@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)
+_MOST_ORDERS = 200
 _ALLOWANCE = 1.01  # times the least held-out RMS: what lies within is as good
 
 Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape (outputs,): of fit, of held-out data
@@ -44,7 +46,8 @@ class OrderChoice:
     table : DataFrame
         One row a member: causal_order, noncausal_order, parameters (of an output) and rank, for every output
         ``rms_OUTPUT`` and (with validation) ``heldout_OUTPUT`` in its unit, aic, bic, and (with validation) heldout,
-        the root mean square over the outputs of the held-out residuals, each over its output's RMS.
+        the root mean square over the outputs of the held-out residuals, each over its output's RMS in the
+        identification records.
     """
 
     causal_order: int
@@ -130,7 +133,12 @@ def select_orders(
 
 
 def _orders(name: str, orders: Iterable[int] | int) -> list[int]:
-    found = sorted({whole(name, order) for order in (orders if isinstance(orders, Iterable) else (orders,))})
+    given = list(islice(orders, _MOST_ORDERS + 1)) if isinstance(orders, Iterable) else [orders]
+    found = sorted({whole(name, order) for order in given})
+    if len(given) > _MOST_ORDERS:
+        raise InputError(
+            f"{name} holds more than {_MOST_ORDERS} orders; give a coarser grid, for example range(0, 100, 5)"
+        )
     if not found:
         raise InputError(f"{name} holds no order; give at least one, for example range(20)")
     return found

@@ -1,0 +1,79 @@
+"""Even time stamps: what they are, which period they show, and what contradicts them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+SLACK = 0.1  # of a sample: how far from its place a chunk's first stamp may stand, for times are rounded
+
+
+def even_times_s(start_s: float, sample_period_s: float, samples: range) -> FloatArray:
+    """Return the times of some samples in seconds, rounded to the nanosecond.
+
+    >>> even_times_s(25.0, 0.01, range(100, 102))
+    array([26.  , 26.01])
+    """
+    time_s = np.arange(samples.start, samples.stop, dtype=np.float64)
+    time_s *= sample_period_s
+    np.round(time_s, 9, out=time_s)
+    time_s += start_s
+    return time_s
+
+
+def even_period_s(time_s: FloatArray) -> float:
+    """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact.
+
+    Raises
+    ------
+    InputError
+        Naming the first stamp that is missing, late, early or doubled.
+    """
+    if len(time_s) < 2:
+        raise InputError(f"{len(time_s)} time stamps give no sample period; give at least 2, or sample_period_s")
+    if not np.all(np.isfinite(time_s)):
+        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
+        raise InputError(f"time stamp of row {row} is {time_s[row]}; every row needs its time in seconds")
+    steps = np.diff(time_s)
+    period = float(np.median(steps))
+    if period <= 0:
+        raise InputError(f"time runs backwards or stands still (median step {period:g} s); sort and clean the rows")
+    grain = 2e-9 + 2.0 * float(np.spacing(np.abs(time_s).max()))  # stamps are rounded to ns, and to doubles
+    uneven = np.flatnonzero(np.abs(steps - period) > 1e-3 * period + grain)
+    if len(uneven):
+        row = int(uneven[0])
+        what = "a gap" if steps[row] > period else "a doubled or early stamp"
+        raise InputError(
+            f"{what} after t = {time_s[row]:g} s (row {row}): the next stamp comes {steps[row]:g} s later, the others "
+            f"every {period:g} s; split the log there or resample it (or state sample_period_s, if stamps are rounded)"
+        )
+    mean = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
+    for candidate in (1.0 / max(round(1.0 / mean), 1), round(mean, 6), round(mean, 9)):
+        if abs(candidate - mean) <= 2.0 * grain / (len(time_s) - 1):
+            return candidate
+    return mean
+
+
+def check_span(time_s: FloatArray, sample_period_s: float) -> None:
+    """Refuse stamps that a stated period contradicts: rows are missing, or it is another period.
+
+    Stamps may be rounded (to more than a period even: then some are equal, and they step by their grain) and their
+    clock may drift by 1 %.
+    """
+    steps = np.diff(time_s)
+    grain = float(steps[steps > 0].min(initial=np.inf)) if np.any(steps == 0) else 0.0
+    stated_s, shown_s = len(steps) * sample_period_s, float(time_s[-1] - time_s[0])
+    row = int(np.argmax(steps))
+    if (
+        not steps[row] < 1.5 * sample_period_s + grain
+        or abs(shown_s - stated_s) > 0.01 * stated_s + sample_period_s + grain
+    ):
+        raise InputError(
+            f"{len(time_s)} rows every {sample_period_s:g} s last {stated_s:.10g} s, but their stamps go from "
+            f"{time_s[0]:.10g} to {time_s[-1]:.10g} s (the greatest step, {steps[row]:g} s, is after "
+            f"{time_s[row]:.10g} s, row {row}): rows are missing or the period is another; split the log there or correct the period"
+        )
