@@ -75,5 +75,6 @@ def check_span(time_s: FloatArray, sample_period_s: float) -> None:
         raise InputError(
             f"{len(time_s)} rows every {sample_period_s:g} s last {stated_s:.10g} s, but their stamps go from "
             f"{time_s[0]:.10g} to {time_s[-1]:.10g} s (the greatest step, {steps[row]:g} s, is after "
-            f"{time_s[row]:.10g} s, row {row}): rows are missing or the period is another; split the log there or correct the period"
+            f"{time_s[row]:.10g} s, row {row}): rows are missing or the period is another; split the log "
+            "there or correct the period"
         )

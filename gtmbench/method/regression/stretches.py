@@ -44,6 +44,11 @@ class Stretch:
         block = self.values[:, start:stop]
         return block if self.scaling is None else self.scaling.of(block)
 
+    def recorded(self, start: int, stop: int) -> FloatArray:
+        """Return these samples as they were recorded."""
+        block = self.values[:, start:stop]
+        return block if self.scaling is None else block[self.scaling.rows]
+
     def replace(self, values: FloatArray, skipped: int = 0) -> Stretch:
         """Return a stretch of other values, as read, that begin `skipped` samples later."""
         end = skipped + values.shape[1]
@@ -204,8 +209,8 @@ def merged(one: FloatArray, other: FloatArray) -> FloatArray:
 def _moments(parts: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
     """Return the (weighted) means of all stretches and the RMS values about them."""
     found = [
-        moments(part.read(start, start + CHUNK), None if part.weights is None else part.weights[start : start + CHUNK])
-        for part in parts
+        moments(part.recorded(start, start + CHUNK), None if one is None else one[start : start + CHUNK])
+        for part, one in ((part, part.weights) for part in parts)
         for start in range(0, len(part), CHUNK)
     ]
     total, mean, squares = reduce(merged, found)
