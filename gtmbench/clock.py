@@ -12,6 +12,26 @@ FloatArray = NDArray[np.float64]
 SLACK = 0.1  # of a sample: how far from its place a chunk's first stamp may stand, for times are rounded
 
 
+def same_period(one_s: float, other_s: float) -> bool:
+    """Tell whether two sample periods are one, but for rounding."""
+    return abs(one_s - other_s) <= 1e-6 * other_s
+
+
+def lateness_s(start_s: float, due_s: float, sample_period_s: float) -> float:
+    """Return how late a chunk begins, 0 where it continues what was before; refuse one that begins before.
+
+    >>> lateness_s(3.001, 3.0, 0.02), lateness_s(4.0, 3.0, 0.02)
+    (0.0, 1.0)
+    """
+    late_s = start_s - due_s
+    if not late_s > -SLACK * sample_period_s:
+        raise InputError(
+            f"the chunk begins at {start_s:.10g} s, but {due_s:.10g} s is next; leave out what came before or begin a "
+            "new stream"
+        )
+    return late_s if late_s >= SLACK * sample_period_s else 0.0
+
+
 def even_times_s(start_s: float, sample_period_s: float, samples: range) -> FloatArray:
     """Return the times of some samples in seconds, rounded to the nanosecond.
 

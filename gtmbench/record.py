@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gtmbench.channels import CHANNELS, channel_of
 from gtmbench.checks import number
 from gtmbench.clock import FloatArray as FloatArray
-from gtmbench.clock import check_span, even_period_s, even_times_s
+from gtmbench.clock import check_span, even_period_s, even_times_s, same_period
 from gtmbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Record:
 
     def check_period(self, sample_period_s: float, other: str) -> None:
         """Raise an InputError where this record has another sample period; `other` says what has the one given."""
-        if abs(self.sample_period_s - sample_period_s) > 1e-6 * sample_period_s:
+        if not same_period(self.sample_period_s, sample_period_s):
             raise InputError(
                 f"the record is sampled every {self.sample_period_s:g} s, {other} {sample_period_s:g} s; resample it "
                 "or identify anew"

@@ -5,22 +5,16 @@ import re
 import numpy as np
 import pytest
 import scipy.linalg
-from oracles import means, record
+from oracles import means, record, siso
 from plants import companion, example_3_2
 from scipy import signal, stats
 
 from gtmbench.errors import RankWarning
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.prediction_error import PredictionError
-from gtmbench.method.identify import identify
 
 SMALL = companion([0.5, 1.0], [0.5, 1.8])
 SNR = 10.0  # of c's power over v's
-
-
-def found(records, estimator=None, r=2, d=2, inputs=("u",), weights=None):
-    names = {"inputs": list(inputs), "outputs": ["y"]}
-    return identify(records, **names, causal_order=r, noncausal_order=d, estimator=estimator, weights=weights)
 
 
 def loops(plant, samples, count, seed=0):
@@ -31,7 +25,7 @@ def loops(plant, samples, count, seed=0):
 
 
 def rms_error(records, estimator, truth, r, d):
-    errors = [found(one, estimator, r, d).markov - truth for one in records]
+    errors = [siso(one, estimator, r, d).markov - truth for one in records]
     return np.sqrt(np.mean(np.square(errors)))
 
 
@@ -52,7 +46,7 @@ def test_instruments_are_consistent_in_example_3_2(examples, estimator):
     truth = example_3_2().laurent(50, 50)
     short, long = (rms_error(some, estimator, truth, 50, 50) for some in examples.values())
     assert 1.6 < short / long < 2.5
-    mean = np.mean([found(one, estimator, 50, 50).markov for one in examples[16_000]], axis=0) - truth
+    mean = np.mean([siso(one, estimator, 50, 50).markov for one in examples[16_000]], axis=0) - truth
     assert np.sqrt(np.mean(mean**2)) < 1.5 * long / np.sqrt(24)  # what is left averages out: no bias
 
 
@@ -60,7 +54,7 @@ def test_instruments_are_consistent_in_example_3_2(examples, estimator):
 def test_least_squares_and_prediction_errors_are_biased_in_example_3_2(examples, estimator):
     truth = example_3_2().laurent(50, 50)
     some = examples[16_000][:8]
-    mean = np.mean([found(one, estimator, 50, 50).markov for one in some], axis=0) - truth
+    mean = np.mean([siso(one, estimator, 50, 50).markov for one in some], axis=0) - truth
     instrumental = rms_error(some, DELAYED, truth, 50, 50)
     assert np.linalg.norm(mean) / np.sqrt(mean.size) > 2.0 * instrumental / np.sqrt(8)
     assert np.abs(mean).max() > 5.0 * instrumental
@@ -70,7 +64,7 @@ def test_the_lags_of_3_55_are_nearly_useless_for_an_unstable_plant(examples):
     """C to u has the plant's unstable poles as zeros: Z' Phi tends to a singular matrix, by 1.6 to the minus lags."""
     truth, some = example_3_2().laurent(50, 50), examples[4000][:6]
     basic = InstrumentalVariables(instruments=("c",))
-    conditions = [found(some[0], one, 50, 50).condition for one in (basic, DELAYED, PAST)]
+    conditions = [siso(some[0], one, 50, 50).condition for one in (basic, DELAYED, PAST)]
     assert conditions[0] > 30.0 * max(conditions[1:])
     assert rms_error(some, basic, truth, 50, 50) > 10.0 * rms_error(some, DELAYED, truth, 50, 50)
 
@@ -110,7 +104,7 @@ def test_estimates_tend_to_what_the_loops_spectra_say(estimator, delay):
     expected = limit(SMALL, 12, 12, delay)
     errors = []
     for samples in (4000, 16_000):
-        some = [found(one, estimator, 12, 12).markov[:, 0, 0] - expected for one in loops(SMALL, samples, 32)]
+        some = [siso(one, estimator, 12, 12).markov[:, 0, 0] - expected for one in loops(SMALL, samples, 32)]
         errors.append(np.sqrt(np.mean(np.square(some))))
         assert np.sqrt(np.mean(np.mean(some, axis=0) ** 2)) < 2.0 * errors[-1] / np.sqrt(32)
     assert 1.6 < errors[0] / errors[1] < 2.5
@@ -137,7 +131,7 @@ def endogenous():
 def test_the_covariance_of_instruments_is_right_and_least_squares_misses(endogenous):
     truth = np.array([0.0, 2.0, 0.0])
     for estimator, right in ((InstrumentalVariables(instruments=("c",), past=1), True), (None, False)):
-        operators = [found(one, estimator, 1, 1) for one in endogenous]
+        operators = [siso(one, estimator, 1, 1) for one in endogenous]
         off = [one.markov[:, 0, 0] - truth for one in operators]
         squares = [
             x @ np.linalg.solve(one.covariance("y")[:, 0, :, 0], x) for x, one in zip(off, operators, strict=True)
@@ -196,7 +190,7 @@ def test_instruments_solve_their_equations_written_out(case, several):
         u, v = mixed + 0.5 * e, np.roll(b, 2) + np.roll(mixed, 7) + 0.3 * e
         records.append(record(c=1e5 * c + 7.0, b=b, u=1e-6 * u, v=v + 3.0, y=u - np.roll(v, 1) + e))
         weights.append(rng.random(samples) + 0.5 if several else np.ones(samples))
-    operator = found(records, estimator, 3, 2, inputs, weights if several else None)
+    operator = siso(records, estimator, 3, 2, inputs, weights=weights if several else None)
     z, phi, y = written_out(records, estimator, 3, 2, inputs, weights)
     theta = operator.markov[:, 0].reshape(-1, 1)
     left = y - phi @ theta
@@ -224,15 +218,15 @@ def test_instruments_solve_their_equations_written_out(case, several):
 
 def test_inputs_as_their_own_instruments_are_least_squares():
     one = loops(SMALL, 600, 1)[0]
-    own = found(one, InstrumentalVariables(instruments=("u",)), 10, 10)
-    np.testing.assert_allclose(own.markov, found(one, None, 10, 10).markov, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(own.standard_error, found(one, None, 10, 10).standard_error, rtol=1e-9)
+    own = siso(one, InstrumentalVariables(instruments=("u",)), 10, 10)
+    np.testing.assert_allclose(own.markov, siso(one, None, 10, 10).markov, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(own.standard_error, siso(one, None, 10, 10).standard_error, rtol=1e-9)
 
 
 def test_a_constant_factor_in_the_prefilter_and_the_instruments_unit_change_nothing():
     one = loops(SMALL, 600, 1)[0]
-    plain = found(one, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
-    other = found(
+    plain = siso(one, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
+    other = siso(
         one.replace("c", 1e9 * one["c"] - 4.0),
         InstrumentalVariables(instruments=("c",), delay=1, prefilter=([7.0], [2.0])),
         5,
@@ -247,7 +241,7 @@ def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     u = c + rng.standard_normal(2000)
     one = record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000))
     with pytest.warns(RankWarning, match="the instruments c determine 2 of the 11 Markov parameters"):
-        operator = found(one, InstrumentalVariables(instruments=("c",)), 5, 5)
+        operator = siso(one, InstrumentalVariables(instruments=("c",)), 5, 5)
     assert operator.rank == 2
 
 
@@ -260,13 +254,13 @@ def test_instruments_that_move_at_one_frequency_determine_two_parameters():
 def test_the_samples_that_a_short_record_is_told_to_have_are_just_enough(estimator):
     record = loops(SMALL, 400, 1)[0]
     with pytest.raises(ValueError, match="samples of u give 0 equations") as refused:
-        found(record.between(0.0, 0.59), estimator, 5, 5)
+        siso(record.between(0.0, 0.59), estimator, 5, 5)
     needed = int(re.search(r"at least (\d+) samples", str(refused.value))[1])
-    found(record.between(0.0, (needed - 1) * 0.01), estimator, 5, 5)
+    siso(record.between(0.0, (needed - 1) * 0.01), estimator, 5, 5)
     with pytest.raises(ValueError, match=f"at least {needed} samples"):
-        found(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
+        siso(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
 
 
 def test_an_output_is_no_instrument_of_its_own():
     with pytest.raises(ValueError, match="'y' is instrument and pseudo output, with lag -5"):
-        found(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)
+        siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from oracles import dense, lagged, record
+from oracles import dense, lagged, record, siso
 from scipy import signal
 
 from gtmbench.errors import InputError
@@ -18,8 +18,7 @@ UNITS = [1.0, 1e8, 1e-8]
 
 
 def found(records, estimator, r=2, d=2, inputs=("u", "v"), outputs=("y",), weights=None):
-    names = {"inputs": list(inputs), "outputs": list(outputs)}
-    return identify(records, **names, causal_order=r, noncausal_order=d, estimator=estimator, weights=weights)
+    return siso(records, estimator, r, d, inputs, outputs, weights)
 
 
 def measured(samples, covariance, seed=0, denominator=(1.0, -0.6)):

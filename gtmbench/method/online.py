@@ -8,12 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.clock import SLACK
+from gtmbench.clock import lateness_s
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import operator_of
 from gtmbench.method.pose import check_parameters, operator_names
 from gtmbench.method.problem import Problem, too_few
+from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
@@ -111,13 +112,7 @@ class RecursiveIdentification:
         if self._end is not None:
             expected_s, period_s = self._end
             record.check_period(period_s, "those before every")
-            late_s = record.start_s - expected_s
-            if late_s < -SLACK * period_s:
-                raise InputError(
-                    f"the record begins at {record.start_s:.10g} s, but {expected_s:.10g} s is next; leave out what "
-                    "came before"
-                )
-            if late_s > SLACK * period_s:
+            if lateness_s(record.start_s, expected_s, period_s):
                 self._flush()
                 self._recent = self._recent[:0]
         self._end = (record.start_s + len(record) * record.sample_period_s, record.sample_period_s)
@@ -207,10 +202,8 @@ class RecursiveIdentification:
         ends = self.causal_order + self.noncausal_order
         count = len(joined) - ends
         if count > 0:
-            inputs = len(self.inputs)
-            windows = np.lib.stride_tricks.sliding_window_view(joined[:, :inputs], ends + 1, axis=0)
-            target = joined[self.causal_order : self.causal_order + count, inputs:]
-            rows = np.hstack([windows.transpose(0, 2, 1).reshape(count, -1), np.ones((count, 1)), target])
+            regressor, targets = written_out(joined.T, len(self.inputs), ends + 1, self.causal_order)
+            rows = np.hstack([regressor, np.ones((count, 1)), targets])
             weights = self.forgetting ** (np.arange(count - 1, -1, -1) + self.noncausal_order)
             self._root = absorb(self._root, np.sqrt(weights)[:, np.newaxis] * rows)
             self._weight += float(weights.sum())

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import names, whole
+from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Problem, require_equations
 from gtmbench.method.regression.stretches import check_constant, stretches
@@ -39,7 +40,7 @@ def as_records(given: Records) -> tuple[Record, ...]:
     if not found:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in found}
-    if max(periods) - min(periods) > 1e-6 * min(periods):
+    if not same_period(max(periods), min(periods)):
         raise InputError(
             f"the records are sampled every {', '.join(f'{period:g}' for period in sorted(periods))} s; one operator "
             "has one sample period, so resample them"

@@ -60,7 +60,11 @@ class Problem:
     @property
     def equations(self) -> int:
         """How many equations the stretches give."""
-        return sum(max(len(part) - self.lags + 1, 0) for part in self.stretches)
+        return self.windows(self.lags)
+
+    def windows(self, length: int) -> int:
+        """Return how many windows of `length` samples in a row the stretches hold."""
+        return sum(max(len(part) - length + 1, 0) for part in self.stretches)
 
     def triangle(self) -> Triangle:
         """Reduce ``[Phi | y]`` (no instruments); columns of Phi: lag r to -d, input by input within."""
@@ -69,7 +73,7 @@ class Problem:
 
 def require_equations(problem: Problem, lags: int, unknowns: int, what: str) -> None:
     """Refuse stretches that give fewer equations, with windows of `lags` samples, than there are unknowns."""
-    equations = sum(max(len(part) - lags + 1, 0) for part in problem.stretches)
+    equations = problem.windows(lags)
     if equations < unknowns:
         samples, pieces = sum(map(len, problem.stretches)), len(problem.stretches)
         longest = max(map(len, problem.stretches)) if pieces > 1 else None

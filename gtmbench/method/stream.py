@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.clock import SLACK, even_times_s
+from gtmbench.clock import even_times_s, lateness_s, same_period
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import Alarms, alarms, check_start
 from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
@@ -218,17 +218,15 @@ def _advanced(clock: _Clock | None, chunk: _Clock) -> _Clock:
         return chunk
     if chunk.source != clock.source:
         raise InputError(f"a chunk of {chunk.source} came after {clock.source}; give each a stream of its own")
-    if abs(chunk.sample_period_s - clock.sample_period_s) > 1e-6 * clock.sample_period_s:
+    if not same_period(chunk.sample_period_s, clock.sample_period_s):
         raise InputError(
             f"the chunk is sampled every {chunk.sample_period_s:.10g} s, those before every "
             f"{clock.sample_period_s:.10g} s; resample it or begin a new stream"
         )
     due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
-    late_s = chunk.start_s - due_s if chunk.count else 0.0
-    if not abs(late_s) < SLACK * clock.sample_period_s:  # times are rounded; a gap is at least a sample
+    if chunk.count and lateness_s(chunk.start_s, due_s, clock.sample_period_s):
         raise InputError(
-            f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; "
-            + ("fill the gap with NaN" if late_s > 0 else "leave out what came before")
-            + " or begin a new stream"
+            f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; fill the gap with NaN or begin a "
+            "new stream"
         )
     return replace(clock, count=clock.count + chunk.count)

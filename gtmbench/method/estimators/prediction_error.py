@@ -114,7 +114,7 @@ def _with_output(problem: Problem, channel: int) -> Problem:
     channels = [*range(len(problem.inputs)), channel]
     return replace(
         problem,
-        stretches=tuple(part.select(channels) for part in problem.stretches),
+        stretches=tuple(part.replace(part.read(0, len(part))[channels]) for part in problem.stretches),
         outputs=(problem.channels[channel],),
         centre=problem.centre[channels],
         scale=problem.scale[channels],

@@ -43,7 +43,7 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
     alike: list[Run] = []
     others: list[Run] = []
     for run in runs(stretches, causal_order, noncausal_order):
-        (alike if run.weight is not None and run.equations >= 2 * lags else others).append(run)
+        (others if run.weight is None else alike).append(run)
     total = _from_correlations(alike, lagged, stretches[0].channels - lagged, lags, causal_order)
     for run in others:
         for start in range(0, run.equations, ROWS):
@@ -55,10 +55,15 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
 def rows(run: Run, start: int, stop: int, lagged: int, lags: int, causal_order: int) -> FloatArray:
     """Return equations start..stop-1 of a run, times the root of their weight: ``[z(t)' ... z(t+L-1)' | targets]``."""
     block = run.stretch.read(run.first + start, run.first + stop + lags - 1)
-    windows = np.lib.stride_tricks.sliding_window_view(block[:lagged], lags, axis=1)
-    regressor = windows.transpose(1, 2, 0).reshape(stop - start, lags * lagged)
-    targets = block[lagged:, causal_order : causal_order + stop - start].T
+    regressor, targets = written_out(block, lagged, lags, causal_order)
     return np.hstack([regressor, targets]) * np.sqrt(run.weights(start, stop, causal_order))[:, np.newaxis]
+
+
+def written_out(block: FloatArray, lagged: int, lags: int, causal_order: int) -> tuple[FloatArray, FloatArray]:
+    """Return ``z(t)' ... z(t+L-1)'`` and the targets at t+r, for every complete window of a block of channels."""
+    windows = np.lib.stride_tricks.sliding_window_view(block[:lagged], lags, axis=1)
+    count = windows.shape[1]
+    return windows.transpose(1, 2, 0).reshape(count, -1), block[lagged:, causal_order : causal_order + count].T
 
 
 def _from_correlations(parts: Sequence[Run], lagged: int, targets: int, lags: int, causal_order: int) -> FloatArray:

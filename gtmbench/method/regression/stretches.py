@@ -49,16 +49,15 @@ class Stretch:
         block = self.values[:, start:stop]
         return block if self.scaling is None else block[self.scaling.rows]
 
+    def freed(self, centre: FloatArray, rms: FloatArray) -> Stretch:
+        """Return the stretch with other means and RMS values to read it by."""
+        rows = np.arange(len(self.values)) if self.scaling is None else self.scaling.rows
+        return replace(self, scaling=Scaling(rows=rows, centre=centre, rms=rms))
+
     def replace(self, values: FloatArray, skipped: int = 0) -> Stretch:
         """Return a stretch of other values, as read, that begin `skipped` samples later."""
         end = skipped + values.shape[1]
         return Stretch(values=values, weights=None if self.weights is None else self.weights[skipped:end])
-
-    def select(self, channels: Sequence[int]) -> Stretch:
-        """Return a stretch of some channels, by number."""
-        if self.scaling is None:
-            return Stretch(values=self.values[list(channels)], weights=self.weights)
-        return Stretch(values=self.values, weights=self.weights, scaling=self.scaling.select(channels))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,17 +75,12 @@ class Scaling:
         found *= 1.0 / self.rms[:, np.newaxis]
         return found
 
-    def select(self, channels: Sequence[int]) -> Scaling:
-        """Return that of some channels."""
-        wanted = list(channels)
-        return Scaling(rows=self.rows[wanted], centre=self.centre[wanted], rms=self.rms[wanted])
-
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """Equations of the windows that begin at first..first + equations - 1 of a stretch.
 
-    All have one `weight`, or, where it is None, those of the stretch's samples.
+    Where they are many (2 L and more) of one weight, that is `weight`; else it is None and each has its sample's.
     """
 
     stretch: Stretch
@@ -97,7 +91,7 @@ class Run:
     def weights(self, start: int, stop: int, causal_order: int) -> FloatArray:
         """Return those of equations start..stop-1; a window's equation stands at its sample r."""
         if self.weight is not None or self.stretch.weights is None:
-            return np.full(stop - start, self.weight)
+            return np.full(stop - start, 1.0 if self.weight is None else self.weight)
         return self.stretch.weights[self.first + causal_order :][start:stop]
 
     def total(self, causal_order: int) -> float:
@@ -115,7 +109,7 @@ def runs(stretches: Sequence[Stretch], causal_order: int, noncausal_order: int) 
         if count <= 0:
             continue
         if stretch.weights is None:
-            yield Run(stretch=stretch, first=0, equations=count, weight=1.0)
+            yield Run(stretch=stretch, first=0, equations=count, weight=1.0 if count >= 2 * lags else None)
             continue
         weights = stretch.weights[causal_order : causal_order + count]
         edges = np.concatenate([[0], np.flatnonzero(np.diff(weights)) + 1, [count]])
@@ -154,8 +148,7 @@ def stretches(
         _refuse_missing(records, channels, weights)
     if others is not None:
         centre, rms = others
-    scaling = [replace(part.scaling, centre=centre, rms=rms) for part in parts if part.scaling is not None]
-    return tuple(replace(part, scaling=one) for part, one in zip(parts, scaling, strict=True)), centre, rms
+    return tuple(part.freed(centre, rms) for part in parts), centre, rms
 
 
 def check_constant(channels: Sequence[str], centre: FloatArray, rms: FloatArray) -> None:
