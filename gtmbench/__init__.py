@@ -8,9 +8,11 @@
 True
 """
 
+from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.bench.flight import fly
+from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
@@ -24,8 +26,14 @@ from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
+from gtmbench.method.monitoring.bank import Bank, load_bank
+from gtmbench.method.monitoring.calibration import calibrate
+from gtmbench.method.monitoring.diagnosis import Finding, Judgement
+from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
 from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
 from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
 from gtmbench.method.selection.inputs import InputChoice, select_inputs
@@ -42,8 +50,10 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CHANNELS",
+    "PSEUDO_INPUTS",
     "AlarmStream",
     "Alarms",
+    "Bank",
     "Baseline",
     "Channel",
     "ConvergenceWarning",
@@ -52,17 +62,22 @@ __all__ = [
     "EnvelopeError",
     "ExcitationCount",
     "Fault",
+    "Finding",
     "GtmbenchError",
+    "Imperfections",
     "InputChoice",
     "InputError",
     "InstrumentalVariables",
     "Jam",
+    "Judgement",
     "LeastSquares",
     "Mode",
+    "Monitor",
     "NoiseModel",
     "NormStream",
     "OrderChoice",
     "PredictionError",
+    "PseudoInput",
     "RankWarning",
     "RateSaturation",
     "Record",
@@ -78,14 +93,21 @@ __all__ = [
     "Trim",
     "TrimError",
     "Verdict",
+    "Watch",
     "WindowedNorm",
     "alarms",
+    "calibrate",
     "count_excitations",
     "decimate",
+    "derivable",
+    "derive",
+    "filtered_attitude",
     "fly",
     "identify",
+    "imperfect",
     "inject",
     "innovations",
+    "load_bank",
     "load_scenario",
     "measure",
     "modes",
@@ -98,6 +120,7 @@ __all__ = [
     "select_orders",
     "threshold",
     "trim",
+    "watch",
     "windowed_norm",
     "write_log",
 ]

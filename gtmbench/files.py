@@ -32,6 +32,11 @@ def shipped_scenarios() -> dict[str, Path]:
     return {path.stem: path for path in sorted((share() / "faults").glob("*.toml"))}
 
 
+def shipped_banks() -> dict[str, Path]:
+    """Return the banks of operators that come with the package, by name."""
+    return {path.stem: path for path in sorted((_PACKAGE / "banks").glob("*.toml"))}
+
+
 def check_folder(target: Path, *, force: bool) -> None:
     """Refuse a folder of results that can't be written, or that exists and isn't to be written into.
 

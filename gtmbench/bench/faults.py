@@ -6,7 +6,6 @@ A new fault is one class with its `kind`, its parameters (each declared by `seve
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -14,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gtmbench.bench.fault import Fault, severity
+from gtmbench.distortions import deadzone, rate_saturation, saturation
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -53,8 +53,7 @@ class Deadzone(Fault):
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
     ) -> tuple[FloatArray, Any]:
         """Shrink towards zero."""
-        y = seen[:, 0]
-        return y - np.clip(y, -self.half_width, self.half_width), None
+        return deadzone(seen[:, 0], self.half_width), None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +72,7 @@ class Saturation(Fault):
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
     ) -> tuple[FloatArray, Any]:
         """Clip."""
-        return np.clip(seen[:, 0], -self.limit, self.limit), None
+        return saturation(seen[:, 0], self.limit), None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,19 +97,9 @@ class RateSaturation(Fault):
         self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
     ) -> tuple[FloatArray, Any]:
         """Follow the signal, step by step."""
-        step = self.rate_limit * sample_period_s
-        at = float(carried)
-        broken = []
-        for y in seen[:, 0].tolist():
-            if math.isnan(y):
-                broken.append(y)
-                continue
-            if math.isnan(at) or abs(y - at) <= step:
-                at = y
-            else:
-                at += math.copysign(step, y - at)
-            broken.append(at)
-        return np.array(broken), at
+        broken = rate_saturation(seen[:, 0], self.rate_limit * sample_period_s, float(carried))
+        reached = broken[~np.isnan(broken)]
+        return broken, float(reached[-1]) if len(reached) else carried
 
 
 @dataclass(frozen=True, kw_only=True)

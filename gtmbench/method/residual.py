@@ -151,7 +151,7 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     """
     window = whole("window", window)
     return WindowedNorm(
-        values=frozen(np.sqrt(_moving_sum(squares(residual), window + 1))),
+        values=frozen(np.sqrt(moving_sum(squares(residual), window + 1))),
         time_s=residual.time_s,
         window=window,
         look_ahead_s=residual.look_ahead_s,
@@ -170,7 +170,7 @@ def squares(residual: Residual) -> FloatArray:
 
 
 @np.errstate(over="ignore")
-def _moving_sum(values: FloatArray, length: int) -> FloatArray:
+def moving_sum(values: FloatArray, length: int) -> FloatArray:
     """Return sums of `length` values from each index on, NaN where they would run over the end."""
     count, complete = len(values), len(values) - length + 1
     sums = np.full(count, np.nan)

@@ -12,6 +12,7 @@ from typing import Any
 
 from gtmbench import __version__
 from gtmbench.channels import unit_of
+from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.study.trial import Study
 
@@ -60,19 +61,6 @@ def _operator(operator: Transmissibility) -> dict[str, Any]:
         "input_means": operator.input_means.tolist(),
         "output_means": operator.output_means.tolist(),
     }
-
-
-def rate_bound(events: int, hours: float) -> float | None:
-    """Return the upper 95 % confidence bound of a Poisson rate per hour; None where nothing was watched.
-
-    No event in T hours: at most 3.0 / T per hour.
-
-    >>> round(rate_bound(0, 1.0), 2)
-    3.0
-    """
-    from scipy.stats import chi2
-
-    return float(chi2.ppf(0.95, 2 * events + 2)) / (2.0 * hours) if hours > 0 else None
 
 
 def write_results(study: Study, folder: Path) -> None:

@@ -1,0 +1,1 @@
+"""Monitoring: a bank of operators, alarms that are calibrated, and which sensor failed, how and since when."""

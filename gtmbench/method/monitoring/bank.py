@@ -1,0 +1,238 @@
+"""Banks: which sensors are predicted from which channels, and how the residuals are judged; read from a small TOML."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gtmbench.checks import number
+from gtmbench.errors import InputError
+from gtmbench.files import shipped_banks
+from gtmbench.method.monitoring.statistics import STATISTICS, Statistic
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
+
+_LARGEST_FILE_BYTES = 100_000
+_MOST_RESIDUALS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualSpec:
+    """One residual of a bank: a sensor, and what predicts it.
+
+    Attributes
+    ----------
+    output : str
+        The sensor.
+    inputs : tuple of str
+        Channels and pseudo inputs.
+    look_back_s, look_ahead_s : float
+        r Ts and d Ts; a bank is written in seconds, so that it fits any sample rate.
+    """
+
+    output: str
+    inputs: tuple[str, ...]
+    look_back_s: float
+    look_ahead_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bank:
+    """Residuals, the test that judges them, and whom it may suspect.
+
+    Attributes
+    ----------
+    name, title : str
+    residuals : tuple of ResidualSpec
+    suspects : tuple of str
+        Sensors whose fault may explain an alarm.
+    statistic : Statistic
+    whitening_s : float
+        Length of the whitening filters.
+    """
+
+    name: str
+    title: str
+    residuals: tuple[ResidualSpec, ...]
+    suspects: tuple[str, ...]
+    statistic: Statistic = field(default_factory=Statistic)
+    whitening_s: float = 0.3
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measured channels it needs, outputs first."""
+        outputs = [spec.output for spec in self.residuals]
+        inputs = sorted({raw for spec in self.residuals for raw in self.sources(spec)} - set(outputs))
+        return (*outputs, *inputs)
+
+    def sources(self, spec: ResidualSpec) -> set[str]:
+        """Return the measured channels that a residual's prediction stands on."""
+        return {raw for name in spec.inputs for raw in raw_needs(name)}
+
+    def disturbs(self, channel: str) -> tuple[str, ...]:
+        """Return the residuals (by output) that a fault of a channel enters."""
+        return tuple(spec.output for spec in self.residuals if channel == spec.output or channel in self.sources(spec))
+
+    def check_channels(self, channels: Iterable[str]) -> None:
+        """Refuse a record that lacks a channel, and say what could be used instead."""
+        there = set(channels)
+        missing = [name for name in self.channels if name not in there]
+        if missing:
+            usable = [name for name in shipped_banks() if set(load_bank(name).channels) <= there]
+            raise InputError(
+                f"bank {self.name} needs {', '.join(self.channels)}, and {', '.join(missing)} isn't there; with these "
+                f"channels can be used: {', '.join(f'bank {name}' for name in usable) or 'no bank'}"
+            )
+
+
+def load_bank(source: str | Path) -> Bank:
+    """Read a bank from a TOML file, or one of the package's by name (``C``).
+
+    Raises
+    ------
+    InputError
+        Naming file, key, what was given and what is legal.
+
+    Examples
+    --------
+    >>> bank = load_bank("C")
+    >>> bank.channels
+    ('p', 'q', 'r', 'phi', 'psi', 'theta')
+    >>> bank.disturbs("psi")
+    ('p', 'q', 'r')
+    """
+    shipped = shipped_banks()
+    path = shipped.get(str(source), Path(source))
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
+        if path.stat().st_size > _LARGEST_FILE_BYTES:
+            raise InputError(f"{path} has {path.stat().st_size} bytes; a bank has at most {_LARGEST_FILE_BYTES}")
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except InputError:
+        raise
+    except (ValueError, RecursionError, OSError) as error:
+        raise InputError(f"{path} isn't a readable TOML file: {error}") from error
+    try:
+        return bank_of(path.stem, table)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def bank_of(name: str, table: dict[str, Any]) -> Bank:
+    """Return a bank from its tables, every key checked."""
+    _known("", table, ("title", "suspects", "whitening_s", "residuals", "alarm"))
+    blocks = table.get("residuals")
+    if not isinstance(blocks, list) or not 0 < len(blocks) <= _MOST_RESIDUALS:
+        raise InputError(f"a bank has 1 to {_MOST_RESIDUALS} tables [[residuals]], each with output and inputs")
+    specs: list[ResidualSpec] = []
+    for i, block in enumerate(blocks, 1):
+        specs.append(_residual_spec(f"residuals, table {i}", block, specs))
+    bank = Bank(
+        name=name,
+        title=_text("title", table.get("title", name)),
+        residuals=tuple(specs),
+        suspects=_names("suspects", table.get("suspects", [spec.output for spec in specs])),
+        statistic=_statistic(table.get("alarm", {})),
+        whitening_s=number("whitening_s", table.get("whitening_s", 0.3), 0.0, 60.0),
+    )
+    idle = [channel for channel in bank.suspects if not bank.disturbs(channel)]
+    if idle:
+        raise InputError(f"suspects: a fault of '{idle[0]}' enters no residual; leave it out")
+    return bank
+
+
+def bank_table(bank: Bank) -> dict[str, Any]:
+    """Return a bank as the tables that `bank_of` reads."""
+    test = bank.statistic
+    return {
+        "title": bank.title,
+        "suspects": list(bank.suspects),
+        "whitening_s": bank.whitening_s,
+        "residuals": [
+            {
+                "output": spec.output,
+                "inputs": list(spec.inputs),
+                "look_back_s": spec.look_back_s,
+                "look_ahead_s": spec.look_ahead_s,
+            }
+            for spec in bank.residuals
+        ],
+        "alarm": {
+            "statistic": test.name,
+            "windows_s": list(test.windows_s),
+            "baseline_s": test.baseline_s,
+            "shift": test.shift,
+            "ratio": test.ratio,
+            "two_sided": test.two_sided,
+        },
+    }
+
+
+def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> ResidualSpec:
+    if not isinstance(block, dict):
+        raise InputError(f"{where} is {block!r}; it must be a table")
+    _known(where, block, ("output", "inputs", "look_back_s", "look_ahead_s"))
+    output = _text(f"{where}: output", block.get("output"))
+    inputs = _names(f"{where}: inputs", block.get("inputs"))
+    if any(spec.output == output for spec in before):
+        raise InputError(f"{where}: output '{output}' has a residual already; name every sensor once")
+    if output in PSEUDO_INPUTS:
+        raise InputError(f"{where}: output '{output}' isn't a sensor; give a measured channel")
+    for name in inputs:
+        if output in raw_needs(name):
+            raise InputError(f"{where}: '{name}' holds '{output}' itself; it would predict itself")
+    return ResidualSpec(
+        output=output,
+        inputs=inputs,
+        look_back_s=number(f"{where}: look_back_s", block.get("look_back_s", 0.1), 0.0, 60.0),
+        look_ahead_s=number(f"{where}: look_ahead_s", block.get("look_ahead_s", 0.1), 0.0, 60.0),
+    )
+
+
+def _statistic(table: Any) -> Statistic:
+    if not isinstance(table, dict):
+        raise InputError(f"alarm is {table!r}; it must be a table, [alarm]")
+    _known("alarm", table, ("statistic", "window_s", "windows_s", "baseline_s", "shift", "ratio", "two_sided"))
+    default = Statistic()
+    name = table.get("statistic", default.name)
+    if name not in STATISTICS:
+        raise InputError(f"alarm.statistic is {name!r}; there are {', '.join(STATISTICS)}")
+    windows = table.get("windows_s", table.get("window_s", list(default.windows_s)))
+    windows = windows if isinstance(windows, list) else [windows]
+    if not 0 < len(windows) <= 30:
+        raise InputError(f"alarm.windows_s holds {len(windows)} windows; give 1 to 30")
+    two_sided = table.get("two_sided", name != "energy")
+    if not isinstance(two_sided, bool):
+        raise InputError(f"alarm.two_sided is {two_sided!r}; give true or false")
+    return Statistic(
+        name=name,
+        windows_s=tuple(number("alarm.windows_s", value, 0.0, 3600.0, above=True) for value in windows),
+        baseline_s=number("alarm.baseline_s", table.get("baseline_s", default.baseline_s), 1.0, 86400.0),
+        shift=number("alarm.shift", table.get("shift", default.shift), 1e-3, 100.0),
+        ratio=number("alarm.ratio", table.get("ratio", default.ratio), 1.001, 1e6),
+        two_sided=two_sided,
+    )
+
+
+def _known(where: str, table: dict[str, Any], legal: tuple[str, ...]) -> None:
+    for key in table:
+        if key not in legal:
+            raise InputError(f"{where + ': ' if where else ''}unknown key '{key}'; there are {', '.join(legal)}")
+
+
+def _text(key: str, value: Any) -> str:
+    if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 200:
+        raise InputError(f"{key} is {value!r}; it must be a short text")
+    return value
+
+
+def _names(key: str, value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not 0 < len(value) <= 50 or not all(isinstance(name, str) for name in value):
+        raise InputError(f"{key} is {value!r}; it must be a list of channel names")
+    for name in value:
+        if value.count(name) > 1:
+            raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
+    return tuple(value)

@@ -1,0 +1,275 @@
+"""From an alarm to a finding: which sensor, since when it could be said, what kind of fault, whether it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.method.monitoring.explain import (
+    Case,
+    Explanation,
+    corrected,
+    corrected_residuals,
+    explanations,
+    open_case,
+    standard_errors,
+    stretch_of,
+    virtual_sensor,
+)
+from gtmbench.method.monitoring.kinds import KINDS
+from gtmbench.method.monitoring.levels import Crossing
+from gtmbench.method.monitoring.monitor import BankResiduals, Monitor
+from gtmbench.method.monitoring.virtual import ANGLES, integrable
+from gtmbench.record import FloatArray, Record
+
+HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+_DECISIVE = 20.0  # of BIC: odds of e^10
+_END = 20.0  # nats
+_LOOK_S = 20.0
+_CLIPPED = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What an alarm looked like at one time.
+
+    Attributes
+    ----------
+    time_s : float
+        When it could be said.
+    sensor : str or None
+        The one suspect whose fault explains the alarm decisively better than any other's; None while undecided.
+    candidates : tuple of str
+        Whose fault may explain it, the likeliest first; empty where nothing is left to explain.
+    kind : str or None
+        The best explanation's kind of fault, of `sensor` or the likeliest candidate.
+    parameters, errors : dict
+        Its parameters and their standard errors, in the channel's unit (per second for slopes).
+    kind_margin : float
+        By how much BIC the next kind of the same sensor is worse.
+    """
+
+    time_s: float
+    sensor: str | None
+    candidates: tuple[str, ...]
+    kind: str | None
+    parameters: dict[str, float]
+    errors: dict[str, float]
+    kind_margin: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """An alarm and what became of it.
+
+    Attributes
+    ----------
+    alarm_s : float
+        When the alarm could be raised.
+    onset_s : float
+        When the change began, as far as the alarm's test tells.
+    residual, series : str
+        Whose residual rose first, and which test of it.
+    judgements : tuple of Judgement
+        One a horizon, in time; the last is what is known at the end.
+    ended_s : float or None
+        When the fault had gone; None while it lasts, or where the record doesn't tell.
+    """
+
+    alarm_s: float
+    onset_s: float
+    residual: str
+    series: str
+    judgements: tuple[Judgement, ...] = field(repr=False)
+    ended_s: float | None
+
+    @property
+    def last(self) -> Judgement:
+        """What is known at the end."""
+        return self.judgements[-1]
+
+    @property
+    def sensor(self) -> str | None:
+        """The sensor that failed, or None while undecided."""
+        return self.last.sensor
+
+    @property
+    def isolated_s(self) -> float | None:
+        """When the decision on the sensor was possible that the end confirms; None while undecided."""
+        if self.sensor is None:
+            return None
+        time_s = self.last.time_s
+        for judgement in reversed(self.judgements):
+            if judgement.sensor != self.sensor:
+                break
+            time_s = judgement.time_s
+        return time_s
+
+    def at(self, after_alarm_s: float) -> Judgement:
+        """Return the last judgement up to so many seconds after the alarm; the first, if there is none."""
+        due_s = self.alarm_s + after_alarm_s + 1e-6
+        return [self.judgements[0], *(one for one in self.judgements if one.time_s <= due_s)][-1]
+
+    @property
+    def verdict(self) -> str:
+        """Say it in words: ``p failed``, ``reference attitude failed (psi)``, ``undecided: p or phi``."""
+        if self.sensor is not None:
+            return f"reference attitude failed ({self.sensor})" if self.sensor in ANGLES else f"{self.sensor} failed"
+        if not self.last.candidates:
+            return "passed: nothing is left to explain"
+        if set(self.last.candidates) <= set(ANGLES):
+            return f"reference attitude failed ({' or '.join(self.last.candidates)})"
+        return f"undecided: {' or '.join(self.last.candidates)}"
+
+
+def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossing: Crossing) -> Finding:
+    """Judge an alarm at growing horizons, as far as the record goes.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    record : Record
+    residuals : BankResiduals
+        Of the record; missing values where a residual is no longer watched.
+    crossing : Crossing
+        The alarm.
+    """
+    known_row = round((crossing.time_s - record.start_s) / record.sample_period_s)
+    stops = [known_row + 1 + round(horizon_s / record.sample_period_s) for horizon_s in HORIZONS_S]
+    judgements: list[Judgement] = []
+    held: tuple[int, Case, Explanation] | None = None  # the last that explains: how many judgements, what, by what
+    ended_s: float | None = None
+    for stop in [*stops, *_later(stops[-1], record)]:
+        case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
+        if case.stop - case.sure < 10:
+            break
+        if held is not None:
+            ended_s = _ended_s(case, held[1], held[2])
+            if ended_s is not None:
+                del judgements[held[0] :]
+                break
+        if stop <= stops[-1]:
+            ranking = explanations(case, _suspects(monitor, residuals))
+            judgements.append(_judge(case, ranking))
+            if judgements[-1].sensor is not None and judgements[-1].kind_margin > _DECISIVE:
+                held = len(judgements), case, ranking[0]
+        if stop >= len(record):
+            break
+    return Finding(
+        alarm_s=crossing.time_s,
+        onset_s=float(record.time_s[crossing.onset_row]),
+        residual=crossing.output,
+        series=crossing.series,
+        judgements=tuple(judgements) or (_unjudged(monitor, record, crossing),),
+        ended_s=ended_s,
+    )
+
+
+def _later(last: int, record: Record) -> list[int]:
+    """Return rows after the last horizon: there a fault's end is looked for, nothing else."""
+    step = round(_LOOK_S / record.sample_period_s)
+    return list(range(last + step, len(record) + step, step))
+
+
+def _case(
+    monitor: Monitor, record: Record, residuals: BankResiduals, crossing: Crossing, sure_row: int, stop_row: int
+) -> Case:
+    return open_case(monitor, record, residuals, onset_row=crossing.onset_row, sure_row=sure_row, stop_row=stop_row)
+
+
+def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
+    """Return the suspects whose residuals are all still watched."""
+    return tuple(name for name in monitor.bank.suspects if set(monitor.bank.disturbs(name)) <= set(residuals.raw))
+
+
+def _judge(case: Case, ranking: list[Explanation]) -> Judgement:
+    """Weigh the explanations: decided where one suspect's is decisively better and leaves little over."""
+    time_s = round(float(case.record.time_s[case.stop - 1]), 9)
+    healthy, _ = case.energy(dict(case.residuals.raw))
+    untestable = _untestable(case)
+    good = [one for one in ranking if one.score < healthy - _DECISIVE]
+    if not good:
+        candidates = tuple(untestable) if _excess(case, list(case.residuals.raw)) > 0.0 and untestable else ()
+        return _undecided(time_s, candidates)
+    best = good[0]
+    rivals = {one.channel for one in good if one.score < best.score + _DECISIVE}
+    kinds = [one.score for one in ranking if one.channel == best.channel and one.kind != best.kind]
+    decided = rivals == {best.channel} and not untestable and _explained(case, best)
+    order = list(dict.fromkeys(one.channel for one in good))
+    others = [name for name in order if name in rivals] if _explained(case, best) else order
+    return Judgement(
+        time_s=time_s,
+        sensor=best.channel if decided else None,
+        candidates=(best.channel,) if decided else (*others, *(name for name in untestable if name not in others)),
+        kind=best.kind,
+        parameters=best.parameters,
+        errors=standard_errors(case, best),
+        kind_margin=min(kinds, default=float("inf")) - best.score,
+    )
+
+
+def _undecided(time_s: float, candidates: tuple[str, ...]) -> Judgement:
+    return Judgement(
+        time_s=time_s, sensor=None, candidates=candidates, kind=None, parameters={}, errors={}, kind_margin=0.0
+    )
+
+
+def _unjudged(monitor: Monitor, record: Record, crossing: Crossing) -> Judgement:
+    """Return what the signatures alone tell: the record ends with the alarm."""
+    candidates = tuple(name for name in monitor.bank.suspects if crossing.output in monitor.bank.disturbs(name))
+    return _undecided(round(float(record.end_s), 9), candidates)
+
+
+def _untestable(case: Case) -> list[str]:
+    """Return the suspects that nothing predicts, so that nothing tells them from the others."""
+    channels = case.monitor.bank.channels
+    return [
+        name
+        for name in _suspects(case.monitor, case.residuals)
+        if name not in case.residuals.raw and not integrable(name, channels)
+    ]
+
+
+def _excess(case: Case, outputs: list[str]) -> float:
+    """Return what residuals have over their healthy energy and six deviations of it."""
+    energy, count = case.energy({name: case.residuals.raw[name] for name in outputs})
+    return float(energy - count - 6.0 * np.sqrt(2.0 * max(count, 1)))
+
+
+def _explained(case: Case, best: Explanation) -> bool:
+    """Tell whether the best explanation leaves its residuals healthy, or takes most of what was wrong with them."""
+    own = list(case.monitor.bank.disturbs(best.channel))
+    energy, count = case.energy({name: case.residuals.raw[name] for name in own})
+    over = (best.left - 1.0) * count
+    return bool(over <= max(0.3 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
+
+
+def _ended_s(case: Case, before: Case, best: Explanation) -> float | None:
+    """Return when a fault had gone, if it has: what came after `before` is healthy, and the fault would have shown.
+
+    Since then the residuals as they are must look healthy, and explain the record better than with the fault undone:
+    a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't say for
+    long.
+    """
+    virtual = virtual_sensor(case, best.channel)
+    if virtual is None or best.channel in ANGLES:
+        return None
+    reads = KINDS[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
+    undone = corrected_residuals(case, best.channel, corrected(case, best.channel, virtual, reads))
+    new = before.stop - before.sure
+    ratio = np.zeros(case.stop - case.sure)
+    healthy, count = 0.0, 0
+    for output, values in undone.items():
+        as_is, better = (_squares(case, output, of) for of in (case.residuals.raw[output], values))
+        ratio[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
+        there = as_is[new:][np.isfinite(as_is[new:])]
+        healthy, count = healthy + float(there.sum()), count + len(there)
+    if ratio[new:].sum() < _END or healthy - count > 6.0 * np.sqrt(2.0 * max(count, 1)):
+        return None
+    sums = np.cumsum(ratio)
+    return round(float(case.record.time_s[case.sure + int(np.argmin(sums))]), 9)
+
+
+def _squares(case: Case, output: str, values: FloatArray) -> FloatArray:
+    return np.asarray(np.square(np.clip(case.whitened(output, values), -_CLIPPED, _CLIPPED)))

@@ -1,0 +1,114 @@
+"""The monitor: a bank of identified operators with their whitening filters and thresholds, and what it sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from gtmbench.method.monitoring.bank import Bank
+from gtmbench.method.monitoring.statistics import Series, Tolerance
+from gtmbench.method.monitoring.whitening import Whitener
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record, frozen, is_record
+
+Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a series (by label)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Monitor:
+    """Everything that watching needs: load it in any process, on any machine, and it judges alike.
+
+    Attributes
+    ----------
+    bank : Bank
+    operators : mapping of output to Transmissibility
+    whiteners : mapping of output to Whitener
+    tolerances : mapping of output to Tolerance
+    thresholds : mapping of output to mapping of series to float
+    sample_period_s : float
+    provenance : mapping
+        Where it comes from: records, hours, the false-alarm rate asked for and the bound shown.
+    """
+
+    bank: Bank
+    operators: Mapping[str, Transmissibility]
+    whiteners: Mapping[str, Whitener]
+    tolerances: Mapping[str, Tolerance]
+    thresholds: Thresholds
+    sample_period_s: float
+    provenance: Mapping[str, Any]
+
+    def look_ahead_s(self, output: str) -> float:
+        """How long after a sample its residual exists: d Ts, and one sample for derivatives."""
+        operator = self.operators[output]
+        derivative = any(name in PSEUDO_INPUTS for name in operator.inputs)
+        return round(operator.look_ahead_s + derivative * self.sample_period_s, 9)
+
+    def history_s(self, output: str) -> float:
+        """How long before a sample its whitened residual looks back."""
+        return round((self.operators[output].causal_order + self.whiteners[output].order + 1) * self.sample_period_s, 9)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BankResiduals:
+    """The residuals of a bank on a record, row for row beside it; in the outputs' units.
+
+    Attributes
+    ----------
+    raw, predicted : mapping of output to array of shape (samples,)
+        e(k), and the prediction: the virtual sensor.
+    """
+
+    raw: Mapping[str, FloatArray] = field(repr=False)
+    predicted: Mapping[str, FloatArray] = field(repr=False)
+
+
+def bank_residuals(monitor: Monitor, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
+    """Return the residuals of a bank, each by its own operator.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    record : Record
+        With the bank's channels.
+    outputs : iterable of str, optional
+        Only these.
+    """
+    is_record(record)
+    record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
+    monitor.bank.check_channels(record.channels)
+    return residuals_of(monitor.bank, record, monitor.operators, outputs)
+
+
+def residuals_of(
+    bank: Bank,
+    record: Record,
+    operators: Mapping[str, Transmissibility],
+    outputs: Iterable[str] | None = None,
+) -> BankResiduals:
+    """Derive what the operators of a bank need, predict, subtract."""
+    raw, predicted = {}, {}
+    known = record.select(bank.channels)
+    for spec in bank.residuals:
+        if outputs is None or spec.output in outputs:
+            hat = operators[spec.output].predict(derive(known, spec.inputs))[:, 0]
+            predicted[spec.output] = frozen(hat)
+            raw[spec.output] = frozen(record[spec.output] - hat)
+    return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))
+
+
+def whitened(monitor: Monitor, residuals: BankResiduals) -> dict[str, FloatArray]:
+    """Return every residual whitened, row for row."""
+    return {output: monitor.whiteners[output].whiten(raw) for output, raw in residuals.raw.items()}
+
+
+def all_series(monitor: Monitor, residuals: BankResiduals) -> dict[str, list[Series]]:
+    """Return every residual's test statistics."""
+    test, white = monitor.bank.statistic, whitened(monitor, residuals)
+    return {
+        output: test.series(raw, white[output], monitor.sample_period_s, monitor.tolerances[output])
+        for output, raw in residuals.raw.items()
+    }

@@ -1,0 +1,101 @@
+"""Whitening: a residual's own autoregressive model, so that each of its samples counts once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray, frozen
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Whitener:
+    """w(k) = sum over i = 0..n of a_i (e(k-i) - mean) / deviation: white, of variance 1.
+
+    Attributes
+    ----------
+    coefficients : shape (n + 1,)
+        a_0 = 1, a_1, ..., a_n.
+    mean, deviation : float
+        Of the residual, and of its innovations; in the output's unit.
+    """
+
+    coefficients: FloatArray
+    mean: float
+    deviation: float
+
+    @property
+    def order(self) -> int:
+        """How many samples before k it looks at."""
+        return len(self.coefficients) - 1
+
+    def whiten(self, residual: FloatArray) -> FloatArray:
+        """Return w(k), row for row; NaN where a residual it needs is missing.
+
+        >>> Whitener(coefficients=np.array([1.0, -0.5]), mean=0.0, deviation=2.0).whiten(np.array([2.0, 3.0, 1.5]))
+        array([nan, 1., 0.])
+        """
+        values = (residual - self.mean) / self.deviation
+        white = np.full(len(values), np.nan)
+        if len(values) > self.order:
+            there = np.isfinite(values)
+            white[self.order :] = np.convolve(np.where(there, values, 0.0), self.coefficients, mode="valid")
+            if not there.all():
+                spoilt = np.convolve(~there, np.ones(self.order + 1), mode="valid") > 0.5
+                white[self.order :][spoilt] = np.nan
+        return white
+
+
+def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
+    """Fit an autoregressive model to healthy residuals by the Yule-Walker equations.
+
+    Their autocovariance is averaged over all stretches without missing samples; Toeplitz equations give a stable model.
+
+    Raises
+    ------
+    InputError
+        Where fewer than 10 (order + 1) samples are there, or the residual is constant.
+
+    Examples
+    --------
+    >>> from scipy.signal import lfilter
+    >>> coloured = lfilter([1.0], [1.0, -0.9], np.random.default_rng(1).standard_normal(20_000))
+    >>> fit_whitener([coloured], order=2).coefficients.round(1)
+    array([ 1. , -0.9,  0. ])
+    """
+    from scipy.linalg import solve_toeplitz
+
+    stretches = [part for residual in residuals for part in _whole(residual)]
+    count = sum(len(part) for part in stretches)
+    if count < 10 * (order + 1):
+        raise InputError(
+            f"{count} samples of residual are too few for a whitening filter of {order} coefficients; give at least "
+            f"{10 * (order + 1)}"
+        )
+    mean = sum(float(part.sum()) for part in stretches) / count
+    covariance = sum((_autocovariance(part - mean, order) for part in stretches), np.zeros(order + 1)) / count
+    scale = max(abs(mean), max(float(np.abs(part).max()) for part in stretches))
+    if not covariance[0] > (1e-12 * scale) ** 2:
+        raise InputError("a residual is the same at every sample, so it has no noise to judge by; check the channels")
+    taps = solve_toeplitz(covariance[:-1], covariance[1:]) if order else np.zeros(0)
+    deviation = float(np.sqrt(covariance[0] - taps @ covariance[1:]))
+    return Whitener(coefficients=frozen(np.concatenate([[1.0], -taps])), mean=mean, deviation=deviation)
+
+
+def _whole(residual: FloatArray) -> list[FloatArray]:
+    """Return the stretches between missing samples."""
+    there = np.isfinite(residual)
+    ends = np.flatnonzero(np.diff(there)) + 1
+    return [part for part in np.split(residual, ends) if len(part) and np.isfinite(part[0])]
+
+
+def _autocovariance(values: FloatArray, order: int) -> FloatArray:
+    """Return the sums of x(k) x(k-i), i = 0..order."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    size = next_fast_len(len(values) + order, real=True)
+    sums = np.asarray(irfft(np.abs(rfft(values, size)) ** 2, size))
+    return sums[: order + 1]
