@@ -67,7 +67,7 @@ def measure(
         truth = flight[name]
         by_ratio = snr is not None and name in SNR_CHANNELS
         deviation = rms_about_mean(truth) / snr if by_ratio and snr is not None else _t2_noise(name)
-        columns.append(truth + deviation * _stream(seed, name).standard_normal(len(flight)))
+        columns.append(truth + deviation * stream(seed, name).standard_normal(len(flight)))
     if commands:
         given = [name for name in COMMANDS if name in flight]
         columns += [flight[name] for name in given]
@@ -82,9 +82,10 @@ def rms_about_mean(values: FloatArray) -> float:
     return float(np.nanstd(values))
 
 
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Return the random stream of a name; other names give independent ones."""
+    return np.random.default_rng([seed, *name.encode()])
+
+
 def _t2_noise(name: str) -> float:
     return CHANNELS[name].noise if name in CHANNELS else 0.0
-
-
-def _stream(seed: int, name: str) -> np.random.Generator:
-    return np.random.default_rng([seed, *name.encode()])

@@ -1,0 +1,187 @@
+"""Healthy but imperfect sensors: bias, wandering bias, lag and rounding, which a detector has to live with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from gtmbench.bench.sensors import stream
+from gtmbench.checks import names, number, whole
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray, Record, is_record
+
+LARGEST = 1e9  # of every figure; far beyond any sensor, and far from where numbers overflow
+SMALLEST_QUANTUM = 1e-9  # a finer one doesn't round, it costs digits
+
+# how the command line names a field, and its unit there: gyros
+_UNITS = {"bias": "deg/s", "wander": "deg/s per sqrt(s)", "lag": "s", "quantum": "deg/s"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imperfections:
+    """How imperfect a healthy sensor is, in its channel's unit; 0 is perfect.
+
+    Parameters
+    ----------
+    bias : float
+        Standard deviation of the turn-on bias, which stays the same over a record.
+    wander : float
+        Standard deviation of what a wandering bias (a random walk) gains in 1 s, in unit per sqrt(s): after T seconds
+        it has a standard deviation of wander sqrt(T). It starts at zero.
+    lag_s : float
+        Time constant of a first-order lag, tau y' + y = u, in seconds; the bandwidth is 1/(2 pi lag_s) Hz.
+    quantum : float
+        The readings are whole multiples of this.
+
+    Raises
+    ------
+    InputError
+        Where a figure is negative or no number, or too large or fine to be meant.
+
+    Examples
+    --------
+    >>> str(Imperfections(bias=0.5, lag_s=0.005)), str(Imperfections())
+    ('bias 0.5, lag 0.005 s', 'perfect')
+    """
+
+    bias: float = 0.0
+    wander: float = 0.0
+    lag_s: float = 0.0
+    quantum: float = 0.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            object.__setattr__(self, item.name, number(item.name, getattr(self, item.name), 0.0, LARGEST))
+        if 0.0 < self.quantum < SMALLEST_QUANTUM:
+            raise InputError(f"quantum is {self.quantum:g}; it must be 0 (none) or {SMALLEST_QUANTUM:g} or more")
+
+    def __str__(self) -> str:
+        figures = {"bias": self.bias, "wander": self.wander, "lag": self.lag_s, "quantum": self.quantum}
+        seconds = {"lag": " s"}
+        said = [
+            f"{key} {str(value).removesuffix('.0')}{seconds.get(key, '')}" for key, value in figures.items() if value
+        ]
+        return ", ".join(said) or "perfect"
+
+
+def imperfect(
+    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = ("p", "q", "r"), seed: int = 1
+) -> Record:
+    """Return what imperfect sensors read: the named channels with lag, bias, wander and rounding, in that order.
+
+    The lag acts on the record as it is given. Where noise was added before, it passes the lag, too: at 100 Hz, a lag of
+    5 ms leaves 0.68 of white noise's standard deviation. Faults come afterwards: inject them into what this returns.
+
+    Every channel draws bias and wander from random streams of its own, named after it: adding a channel changes no
+    other, and none of them is that of `measure`. A missing sample (NaN) stays missing and is passed over: the lag holds
+    its state meanwhile, the bias wanders on.
+
+    Parameters
+    ----------
+    record : Record
+        What perfect sensors would read, with or without noise.
+    imperfections : Imperfections
+        How imperfect all of the named channels are, each in its own unit.
+    channels : sequence of str
+        Which channels; the others stay as they are.
+    seed : int
+        Of bias and wander.
+
+    Raises
+    ------
+    InputError
+        Where the record lacks a channel, or an argument can't be meant.
+
+    Examples
+    --------
+    >>> record = Record([0.3, 0.6, 0.9], channels=["p"], sample_period_s=0.01)
+    >>> imperfect(record, Imperfections(quantum=0.5), channels=["p"])["p"]
+    array([0.5, 0.5, 1. ])
+    """
+    is_record(record)
+    if not isinstance(imperfections, Imperfections):
+        raise InputError(f"{imperfections!r} is no set of imperfections; give one such as Imperfections(bias=0.5)")
+    seed = whole("seed", seed)
+    chosen = names("channels", channels)
+    record.columns(chosen)  # all of them, before any work is done
+    for name in chosen:
+        record = record.replace(name, _read(record[name], imperfections, record.sample_period_s, name, seed))
+    return record
+
+
+def parse_imperfections(text: str) -> Imperfections:
+    """Return the imperfections of gyros that a command line states.
+
+    Keys are bias (deg/s), wander (deg/s per sqrt(s)), lag (s) and quantum (deg/s); those left out are zero.
+
+    Raises
+    ------
+    InputError
+        Naming what was given and the legal keys.
+
+    Examples
+    --------
+    >>> parse_imperfections("bias=0.5,lag=0.005")
+    Imperfections(bias=0.5, wander=0.0, lag_s=0.005, quantum=0.0)
+    """
+    if not isinstance(text, str):
+        raise InputError(f"imperfections are {text!r}; give them as text such as bias=0.5,lag=0.005")
+    legal = ", ".join(f"{key} ({unit})" for key, unit in _UNITS.items())
+    figures: dict[str, float] = {}
+    for part in text.split(","):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or key not in _UNITS:
+            raise InputError(f"imperfection {part.strip()!r} isn't key=number; the keys are {legal}")
+        if key in figures:
+            raise InputError(f"imperfection '{key}' is given twice; give it once")
+        try:
+            figure = float(value)
+        except ValueError as error:
+            raise InputError(f"imperfection {key} is {value!r}; it must be a number, in {_UNITS[key]}") from error
+        figures[key] = number(f"imperfection {key}", figure, 0.0, LARGEST)
+    return Imperfections(**{"lag_s" if key == "lag" else key: figure for key, figure in figures.items()})
+
+
+def _read(seen: FloatArray, by: Imperfections, sample_period_s: float, name: str, seed: int) -> FloatArray:
+    """Return what an imperfect sensor makes of one channel."""
+    read = lagged(seen, by.lag_s, sample_period_s) if by.lag_s else seen
+    # names of channels are printable: none has a zero byte, so no channel's noise comes from these streams
+    if by.bias:
+        read = read + by.bias * stream(seed, f"{name}\0bias").standard_normal()
+    if by.wander:
+        gains = stream(seed, f"{name}\0wander").standard_normal(len(read))
+        gains[:1] = 0.0  # no time has passed at the first sample
+        read = read + by.wander * math.sqrt(sample_period_s) * np.cumsum(gains)
+    if by.quantum:
+        read = np.rint(read / by.quantum) * by.quantum + 0.0  # a sensor doesn't read -0
+    return read
+
+
+def lagged(seen: FloatArray, lag_s: float, sample_period_s: float) -> FloatArray:
+    """Return a signal behind a first-order lag tau y' + y = u, in rest at the first sample.
+
+    The signal runs straight from sample to sample, and on these ramps (so on held signals, too) the solution is exact:
+    with a = exp(-Ts/tau) and g = (1 - a) tau/Ts,
+
+        y(k) = a y(k-1) + (1 - g) u(k) + (g - a) u(k-1).
+
+    Holding u(k-1) over the step instead would add half a sample of delay, as much as a lag of 5 ms does at 100 Hz.
+    Missing samples are passed over.
+
+    >>> lagged(np.arange(4.0), 1e-4, 1.0).round(4)
+    array([0.    , 0.9999, 1.9999, 2.9999])
+    """
+    from scipy.signal import lfilter
+
+    there = np.isfinite(seen)
+    read = seen.copy()
+    if there.any():
+        kept = seen[there]
+        a = math.exp(-sample_period_s / lag_s)
+        g = -math.expm1(-sample_period_s / lag_s) * lag_s / sample_period_s
+        # the filter starts from zero, and so at rest, when it sees what has changed since the first sample
+        read[there] = kept[0] + lfilter([1.0 - g, g - a], [1.0, -a], kept - kept[0])
+    return read
