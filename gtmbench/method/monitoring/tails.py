@@ -25,7 +25,7 @@ def block_maxima(values: FloatArray, rows: int) -> FloatArray:
     if len(values) < rows:
         return there.max(keepdims=True) if len(there) else there
     blocks = values[: len(values) // rows * rows].reshape(-1, rows)
-    seen = np.isfinite(blocks).mean(axis=1) > 0.5
+    seen = np.isfinite(blocks).mean(axis=1) >= 0.5
     return np.asarray(np.nanmax(blocks[seen], axis=1)) if seen.any() else np.zeros(0)
 
 
