@@ -33,10 +33,10 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
 
     Examples
     --------
-    >>> turn = Record(np.tile([0.0, 0.0, 2.0, 0.0, 0.0, 7.0], (400, 1)),
-    ...               channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
-    >>> integrated_angle(turn, "psi", 100)[300].round(3)
-    np.float64(11.0)
+    >>> stuck = Record(np.tile([0.0, 0.0, 2.0, 0.0, 0.0, 7.0], (400, 1)),
+    ...                channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
+    >>> integrated_angle(stuck, "psi", 0)[300].round(3)
+    np.float64(13.0)
     """
     if channel not in ANGLES:
         raise InputError(f"'{channel}' isn't an attitude angle; there are {', '.join(ANGLES)}")
