@@ -92,6 +92,8 @@ def _go_on(
     bank = monitor.bank
     names = finding.last.candidates
     disturbed = {output for name in names for output in bank.disturbs(name)} or {crossing.output}
+    if bank.attitude_from_gyros and names:
+        disturbed = set(residuals.raw)
     if names and finding.ended_s is None:
         return _without(residuals, disturbed), crossing.row
     until_s = finding.ended_s if names and finding.ended_s is not None else finding.last.time_s
