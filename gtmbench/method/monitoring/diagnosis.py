@@ -16,6 +16,7 @@ from gtmbench.method.monitoring.explain import (
     standard_errors,
     stretch_of,
     virtual_sensor,
+    within_reach,
 )
 from gtmbench.method.monitoring.kinds import KINDS
 from gtmbench.method.monitoring.levels import Crossing
@@ -138,19 +139,21 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     known_row = round((crossing.time_s - record.start_s) / record.sample_period_s)
     stops = [known_row + 1 + round(horizon_s / record.sample_period_s) for horizon_s in HORIZONS_S]
     judgements = [_by_signature(monitor, residuals, crossing)]
+    suspects = _suspects(monitor, residuals)
     held: tuple[int, Case, Explanation] | None = None  # the last that explains: how many judgements, what, by what
     ended_s: float | None = None
     for stop in [*stops, *_later(stops[-1], record)]:
         case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
         if case.stop - case.sure < 10:
             break
-        ranking = explanations(case, _suspects(monitor, residuals)) if stop <= stops[-1] else []
+        ranking = explanations(case, suspects) if stop <= stops[-1] else []
         if held is not None:
             ended_s = _ended_s(case, held[1], held[2], ranking[0].score if ranking else float("inf"))
             if ended_s is not None:
                 del judgements[held[0] :]
                 break
         if ranking:
+            suspects = within_reach(ranking)
             judgements.append(_judge(case, ranking, judgements[0]))
             if judgements[-1].sensor is not None and judgements[-1].kind_margin > _DECISIVE:
                 held = len(judgements), case, next(one for one in ranking if one.channel == judgements[-1].sensor)

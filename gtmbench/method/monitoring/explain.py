@@ -7,7 +7,7 @@ likelihood to a constant; explanations compete by the BIC.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,6 +129,11 @@ def explanations(case: Case, suspects: tuple[str, ...]) -> list[Explanation]:
                 figures = {**vars(fit), "score": fit.score + cost}
                 found.append(Explanation(**figures, channel=suspect.channel, left=left))
     return sorted(found, key=lambda one: one.score)
+
+
+def within_reach(ranking: Sequence[Explanation]) -> tuple[str, ...]:
+    """Return the suspects that more data may still prove right."""
+    return tuple(dict.fromkeys(one.channel for one in ranking if one.score <= ranking[0].score + _HOPELESS))
 
 
 def standard_errors(case: Case, best: Explanation) -> dict[str, float]:
