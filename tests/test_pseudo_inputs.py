@@ -55,7 +55,10 @@ def exact(attitude, period_s, samples=300):
     roll, pitch, yaw = (wave.rate(t) for wave in attitude)
     # heading turns about down, pitch about the level right wing, bank about the nose: seen from the body
     zero = np.zeros(samples)
-    to_pitched = np.array([[np.cos(theta), zero, -np.sin(theta)], [zero, zero + 1, zero], [np.sin(theta), zero, np.cos(theta)]])
+    one = zero + 1
+    to_pitched = np.array(
+        [[np.cos(theta), zero, -np.sin(theta)], [zero, one, zero], [np.sin(theta), zero, np.cos(theta)]]
+    )
     to_banked = np.array([[zero + 1, zero, zero], [zero, np.cos(phi), np.sin(phi)], [zero, -np.sin(phi), np.cos(phi)]])
     pitched = np.einsum("ijk,jk->ik", to_pitched, np.array([zero, zero, yaw]))
     rates = np.einsum("ijk,jk->ik", to_banked, pitched + np.array([zero, pitch, zero])) + np.array([roll, zero, zero])
@@ -252,7 +255,7 @@ def test_only_what_it_needs_is_asked_for(name):
 
 def test_what_can_be_built_instead_can_be_built():
     record = sensors().select(["phi", "theta", "r"])
-    with pytest.raises(InputError, match="psi isn't there; .* built: q_turn, p_turn, phi_rate, theta_rate$"):
+    with pytest.raises(InputError, match=r"psi isn't there; .* built: q_turn, p_turn, phi_rate, theta_rate$"):
         derive(record, ["p_att"])
     assert derivable(record.channels) == ("q_turn", "p_turn", "phi_rate", "theta_rate")
     assert derive(record, derivable(record.channels)).channels == (*record.channels, *derivable(record.channels))

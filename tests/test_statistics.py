@@ -207,12 +207,15 @@ def test_two_sided_tests_notice_that_noise_is_gone(name):
         return [label for label, one in found.items() if np.nanmin(one[after]) > np.nanmax(one[before])]
 
     assert risen(loud) == []
-    assert set(risen(quiet)) == {
-        "glr": {"energy 0.4 s", "energy 1 s", "energy 2.5 s"},
-        "cusum": {"cusum variance down"},
-        "whitened_energy": {f"whitened energy {w} s low" for w in ("0.4", "1", "2.5")},
-        "energy": {f"energy {w} s low" for w in ("0.4", "1", "2.5")},
-    }[name]
+    assert (
+        set(risen(quiet))
+        == {
+            "glr": {"energy 0.4 s", "energy 1 s", "energy 2.5 s"},
+            "cusum": {"cusum variance down"},
+            "whitened_energy": {f"whitened energy {w} s low" for w in ("0.4", "1", "2.5")},
+            "energy": {f"energy {w} s low" for w in ("0.4", "1", "2.5")},
+        }[name]
+    )
 
 
 @pytest.mark.parametrize("label", ["mean 0.4 s", "mean 1 s", "mean 2.5 s"])
@@ -264,7 +267,8 @@ def test_white_noise_passes_the_least_threshold_no_more_often_than_stated():
 
 
 def test_white_noise_needs_next_to_no_tolerance():
-    # 4 deviations are left out of some hundred means; powers of 1000 samples scatter by sqrt(2/1000), three times 5 of it
+    # 4 deviations are left out of some hundred means; powers of 1000 samples scatter by
+    # sqrt(2/1000), three times 5 of it
     found = tolerance_of([noise(50_000, seed=1), noise(50_000, seed=2)], Statistic(), 0.02)
     assert found.mean == 0.0
     scatter = 3.0 * 5.0 * math.sqrt(2.0 / 1000.0)

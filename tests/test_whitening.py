@@ -75,11 +75,18 @@ def test_a_missing_sample_spoils_the_order_and_one(order):
 
 
 def test_gaps_part_a_record_into_stretches():
-    one, other = coloured(3000, seed=1), coloured(2000, seed=2)
+    one, other = (x - x.mean() for x in (coloured(3000, seed=1), coloured(2000, seed=2)))
     joined = np.concatenate([[np.nan], one, [np.nan, np.nan], other, [np.nan]])
     apart, together = fit_whitener([one, other], order=8), fit_whitener([joined], order=8)
-    np.testing.assert_array_equal(apart.coefficients, together.coefficients)
-    assert (apart.mean, apart.deviation) == (together.mean, together.deviation)
+    np.testing.assert_allclose(apart.coefficients, together.coefficients, rtol=0, atol=1e-12)
+    assert apart.deviation == pytest.approx(together.deviation, rel=1e-12)
+
+
+def test_a_bias_that_differs_from_record_to_record_is_no_noise():
+    one, other = coloured(3000, seed=1), coloured(2000, seed=2)
+    here, there = fit_whitener([one, other], order=8), fit_whitener([one + 5.0, other - 7.0], order=8)
+    np.testing.assert_allclose(there.coefficients, here.coefficients, rtol=0, atol=1e-12)
+    assert there.mean == pytest.approx(here.mean + (5.0 * 3000 - 7.0 * 2000) / 5000, abs=1e-12)
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e3, 1e9])
@@ -97,7 +104,8 @@ def test_a_constant_residual_is_refused(value, order):
 
 
 @pytest.mark.parametrize(
-    ("residuals", "count"), [([np.zeros(99)], 99), ([np.full(500, np.nan)], 0), ([], 0), ([np.zeros(60), np.ones(39)], 99)]
+    ("residuals", "count"),
+    [([np.zeros(99)], 99), ([np.full(500, np.nan)], 0), ([], 0), ([np.zeros(60), np.ones(39)], 99)],
 )
 def test_too_few_samples_are_refused(residuals, count):
     with pytest.raises(InputError, match=f"{count} samples .* too few for a whitening filter of 9 .* at least 100"):
