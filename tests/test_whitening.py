@@ -39,7 +39,9 @@ def test_a_known_autoregression_is_whitened(order):
 def test_the_coefficients_solve_the_yule_walker_equations():
     parts = [coloured(500, seed=seed) for seed in (1, 2, 3)]
     mean = np.concatenate(parts).mean()
-    covariance = [sum((x[i:] - mean) @ (x[: len(x) - i] - mean) for x in parts) / 1500 for i in range(7)]
+    covariance = [
+        sum((x[i:] - x.mean()) @ (x[: len(x) - i] - x.mean()) for x in parts) / 1500 for i in range(7)
+    ]  # each record about its own mean
     taps = np.linalg.solve(toeplitz(covariance[:-1]), covariance[1:])
     found = fit_whitener(parts, order=6)
     np.testing.assert_allclose(found.coefficients, [1.0, *-taps], rtol=1e-9)

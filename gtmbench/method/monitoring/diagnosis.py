@@ -189,7 +189,8 @@ def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
 def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgement:
     """Weigh the explanations: decided where one suspect's is decisively better than all others'.
 
-    Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one suspect only, explanations tell no more than the kind of its fault.
+    Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one
+    suspect only, explanations tell no more than the kind of its fault.
     """
     time_s = round(float(case.record.time_s[case.stop - 1]), 9)
     if first.sensor is not None:
