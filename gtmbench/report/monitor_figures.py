@@ -121,7 +121,7 @@ def _virtual(axis: Axes, trial: MonitoredTrial, span: Span) -> None:
     axis.plot(*_part(flight.time_s, flight[name], span), color="k", alpha=0.35, lw=2.4, label="true")
     virtual = seen.virtual(name)
     if np.isfinite(virtual).any():
-        axis.plot(*_part(seen.record.time_s, virtual, span), color=COLOURS["p"], lw=1.2, label="virtual sensor")
+        axis.plot(*_part(seen.record.time_s, virtual, span), color=COLOURS["virtual"], lw=1.2, label="virtual sensor")
     else:
         note = f"bank {seen.monitor.bank.name} has no virtual sensor for {name}"
         axis.text(0.5, 0.04, note, transform=axis.transAxes, ha="center", fontsize="small")
@@ -134,7 +134,7 @@ def _virtual_error(axis: Axes, trial: MonitoredTrial, span: Span) -> None:
     _, measured = _part(trial.record.time_s, trial.record[name], span)
     axis.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
     begun_s, virtual = _part(seen.record.time_s, seen.virtual(name), span)
-    axis.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["p"], lw=1.2)
+    axis.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
     axis.set_ylabel("minus true")
 
 
