@@ -122,4 +122,5 @@ def monitor_line(monitor: Monitor) -> str:
     thresholds = sum(len(of) for of in monitor.thresholds.values())
     hours = monitor.provenance.get("threshold_hours")
     stand = f", set on {hours:.2f} h of healthy flight" if isinstance(hours, float) else ""
-    return f"monitor: bank {monitor.bank.name}; {thresholds} thresholds{stand}; delays count look-ahead ({looks})"
+    count = "1 threshold" if thresholds == 1 else f"{thresholds} thresholds"
+    return f"monitor: bank {monitor.bank.name}; {count}{stand}; delays count look-ahead ({looks})"
