@@ -203,7 +203,7 @@ def test_run_with_a_monitor_of_a_file_writes_and_prints_its_study(cli, stored, t
 def test_run_with_a_bank_calibrates_it_first(cli, monkeypatch):
     given = {}
 
-    def calibrated(bank, flown, tell):
+    def calibrated(bank, flown, _tell):
         given.update(bank=bank, setup=flown.setup)
         return monitor()
 

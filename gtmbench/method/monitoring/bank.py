@@ -51,6 +51,9 @@ class Bank:
     statistic : Statistic
     whitening_s : float
         Length of the whitening filters.
+    attitude_from_gyros : bool
+        Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
+        so that after one finding no residual that uses it can be trusted, and no fault's kind fits for long.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Bank:
     suspects: tuple[str, ...]
     statistic: Statistic = field(default_factory=Statistic)
     whitening_s: float = 0.3
+    attitude_from_gyros: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -123,7 +127,7 @@ def load_bank(source: str | Path) -> Bank:
 
 def bank_of(name: str, table: dict[str, Any]) -> Bank:
     """Return a bank from its tables, every key checked."""
-    _known("", table, ("title", "suspects", "whitening_s", "residuals", "alarm"))
+    _known("", table, ("title", "suspects", "whitening_s", "attitude_from_gyros", "residuals", "alarm"))
     blocks = table.get("residuals")
     if not isinstance(blocks, list) or not 0 < len(blocks) <= _MOST_RESIDUALS:
         raise InputError(f"a bank has 1 to {_MOST_RESIDUALS} tables [[residuals]], each with output and inputs")
@@ -137,6 +141,7 @@ def bank_of(name: str, table: dict[str, Any]) -> Bank:
         suspects=_names("suspects", table.get("suspects", [spec.output for spec in specs])),
         statistic=_statistic(table.get("alarm", {})),
         whitening_s=number("whitening_s", table.get("whitening_s", 0.3), 0.0, 60.0),
+        attitude_from_gyros=_flag("attitude_from_gyros", table.get("attitude_from_gyros", False)),
     )
     idle = [channel for channel in bank.suspects if not bank.disturbs(channel)]
     if idle:
@@ -151,6 +156,7 @@ def bank_table(bank: Bank) -> dict[str, Any]:
         "title": bank.title,
         "suspects": list(bank.suspects),
         "whitening_s": bank.whitening_s,
+        "attitude_from_gyros": bank.attitude_from_gyros,
         "residuals": [
             {
                 "output": spec.output,
@@ -204,16 +210,13 @@ def _statistic(table: Any) -> Statistic:
     windows = windows if isinstance(windows, list) else [windows]
     if not 0 < len(windows) <= 30:
         raise InputError(f"alarm.windows_s holds {len(windows)} windows; give 1 to 30")
-    two_sided = table.get("two_sided", name != "energy")
-    if not isinstance(two_sided, bool):
-        raise InputError(f"alarm.two_sided is {two_sided!r}; give true or false")
     return Statistic(
         name=name,
         windows_s=tuple(number("alarm.windows_s", value, 0.0, 3600.0, above=True) for value in windows),
         baseline_s=number("alarm.baseline_s", table.get("baseline_s", default.baseline_s), 1.0, 86400.0),
         shift=number("alarm.shift", table.get("shift", default.shift), 1e-3, 100.0),
         ratio=number("alarm.ratio", table.get("ratio", default.ratio), 1.001, 1e6),
-        two_sided=two_sided,
+        two_sided=_flag("alarm.two_sided", table.get("two_sided", name != "energy")),
     )
 
 
@@ -221,6 +224,12 @@ def _known(where: str, table: dict[str, Any], legal: tuple[str, ...]) -> None:
     for key in table:
         if key not in legal:
             raise InputError(f"{where + ': ' if where else ''}unknown key '{key}'; there are {', '.join(legal)}")
+
+
+def _flag(key: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{key} is {value!r}; give true or false")
+    return value
 
 
 def _text(key: str, value: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from gtmbench.method.monitoring.explain import (
     standard_errors,
     stretch_of,
     virtual_sensor,
+    within_reach,
 )
 from gtmbench.method.monitoring.kinds import KINDS
 from gtmbench.method.monitoring.levels import Crossing
@@ -43,7 +44,7 @@ class Judgement:
     candidates : tuple of str
         Whose fault may explain it, the likeliest first; empty where nothing is left to explain.
     kind : str or None
-        The best explanation's kind of fault, of `sensor` or the likeliest candidate.
+        The kind of fault that explains it, of `sensor` or the likeliest candidate; None where none does.
     parameters, errors : dict
         Its parameters and their standard errors, in the channel's unit (per second for slopes).
     kind_margin : float
@@ -72,7 +73,7 @@ class Finding:
     residual, series : str
         Whose residual rose first, and which test of it.
     judgements : tuple of Judgement
-        One a horizon, in time; the last is what is known at the end.
+        In time: by the signature alone, with the alarm, then one a horizon; the last is what is known at the end.
     ended_s : float or None
         When the fault had gone; None while it lasts, or where the record doesn't tell.
     """
@@ -137,23 +138,25 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     """
     known_row = round((crossing.time_s - record.start_s) / record.sample_period_s)
     stops = [known_row + 1 + round(horizon_s / record.sample_period_s) for horizon_s in HORIZONS_S]
-    judgements: list[Judgement] = []
+    judgements = [_by_signature(monitor, residuals, crossing)]
+    suspects = _suspects(monitor, residuals)
     held: tuple[int, Case, Explanation] | None = None  # the last that explains: how many judgements, what, by what
     ended_s: float | None = None
     for stop in [*stops, *_later(stops[-1], record)]:
         case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
         if case.stop - case.sure < 10:
             break
+        ranking = explanations(case, suspects) if stop <= stops[-1] else []
         if held is not None:
-            ended_s = _ended_s(case, held[1], held[2])
+            ended_s = _ended_s(case, held[1], held[2], ranking[0].score if ranking else float("inf"))
             if ended_s is not None:
                 del judgements[held[0] :]
                 break
-        if stop <= stops[-1]:
-            ranking = explanations(case, _suspects(monitor, residuals))
-            judgements.append(_judge(case, ranking))
+        if ranking:
+            suspects = within_reach(ranking)
+            judgements.append(_judge(case, ranking, judgements[0]))
             if judgements[-1].sensor is not None and judgements[-1].kind_margin > _DECISIVE:
-                held = len(judgements), case, ranking[0]
+                held = len(judgements), case, next(one for one in ranking if one.channel == judgements[-1].sensor)
         if stop >= len(record):
             break
     return Finding(
@@ -161,7 +164,7 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
         onset_s=float(record.time_s[crossing.onset_row]),
         residual=crossing.output,
         series=crossing.series,
-        judgements=tuple(judgements) or (_unjudged(monitor, record, crossing),),
+        judgements=tuple(judgements),
         ended_s=ended_s,
     )
 
@@ -183,30 +186,40 @@ def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
     return tuple(name for name in monitor.bank.suspects if set(monitor.bank.disturbs(name)) <= set(residuals.raw))
 
 
-def _judge(case: Case, ranking: list[Explanation]) -> Judgement:
-    """Weigh the explanations: decided where one suspect's is decisively better and leaves little over."""
+def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgement:
+    """Weigh the explanations: decided where one suspect's is decisively better and takes most of what was wrong.
+
+    Where the signature left one suspect only, explanations tell no more than the kind of its fault.
+    """
     time_s = round(float(case.record.time_s[case.stop - 1]), 9)
+    if first.sensor is not None:
+        ranking = [one for one in ranking if one.channel == first.sensor]
     healthy, _ = case.energy(dict(case.residuals.raw))
-    untestable = _untestable(case)
     good = [one for one in ranking if one.score < healthy - _DECISIVE]
     if not good:
-        candidates = tuple(untestable) if _excess(case, list(case.residuals.raw)) > 0.0 and untestable else ()
-        return _undecided(time_s, candidates)
-    best = good[0]
-    rivals = {one.channel for one in good if one.score < best.score + _DECISIVE}
+        return replace(_undecided(time_s, _unexplained(case, first)), sensor=first.sensor)
+    best, untestable = good[0], _untestable(case)
+    explained = _explained(case, best)
+    order = tuple(dict.fromkeys(one.channel for one in good if not explained or one.score < best.score + _DECISIVE))
+    alone = explained and order == (best.channel,) and not untestable
+    sensor = first.sensor or (best.channel if alone else None)
     kinds = [one.score for one in ranking if one.channel == best.channel and one.kind != best.kind]
-    decided = rivals == {best.channel} and not untestable and _explained(case, best)
-    order = list(dict.fromkeys(one.channel for one in good))
-    others = [name for name in order if name in rivals] if _explained(case, best) else order
     return Judgement(
         time_s=time_s,
-        sensor=best.channel if decided else None,
-        candidates=(best.channel,) if decided else (*others, *(name for name in untestable if name not in others)),
-        kind=best.kind,
-        parameters=best.parameters,
-        errors=standard_errors(case, best),
-        kind_margin=min(kinds, default=float("inf")) - best.score,
+        sensor=sensor,
+        candidates=(sensor,) if sensor else (*order, *(name for name in untestable if name not in order)),
+        kind=best.kind if explained else None,
+        parameters=best.parameters if explained else {},
+        errors=standard_errors(case, best) if explained else {},
+        kind_margin=min(kinds, default=float("inf")) - best.score if explained else 0.0,
     )
+
+
+def _unexplained(case: Case, first: Judgement) -> tuple[str, ...]:
+    """Return whom an alarm leaves under suspicion that no fault explains: none, if residuals are healthy by now."""
+    if first.sensor is not None:
+        return first.candidates
+    return tuple(_untestable(case)) if _excess(case, list(case.residuals.raw)) > 0.0 else ()
 
 
 def _undecided(time_s: float, candidates: tuple[str, ...]) -> Judgement:
@@ -215,10 +228,11 @@ def _undecided(time_s: float, candidates: tuple[str, ...]) -> Judgement:
     )
 
 
-def _unjudged(monitor: Monitor, record: Record, crossing: Crossing) -> Judgement:
-    """Return what the signatures alone tell: the record ends with the alarm."""
-    candidates = tuple(name for name in monitor.bank.suspects if crossing.output in monitor.bank.disturbs(name))
-    return _undecided(round(float(record.end_s), 9), candidates)
+def _by_signature(monitor: Monitor, residuals: BankResiduals, crossing: Crossing) -> Judgement:
+    """Return what can be said with the alarm: the suspects whose faults enter the residual that rose."""
+    able = [name for name in _suspects(monitor, residuals) if crossing.output in monitor.bank.disturbs(name)]
+    alone = able[0] if len(able) == 1 else None
+    return replace(_undecided(crossing.time_s, tuple(able)), sensor=alone)
 
 
 def _untestable(case: Case) -> list[str]:
@@ -242,15 +256,15 @@ def _explained(case: Case, best: Explanation) -> bool:
     own = list(case.monitor.bank.disturbs(best.channel))
     energy, count = case.energy({name: case.residuals.raw[name] for name in own})
     over = (best.left - 1.0) * count
-    return bool(over <= max(0.3 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
+    return bool(over <= max(0.5 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
 
 
-def _ended_s(case: Case, before: Case, best: Explanation) -> float | None:
+def _ended_s(case: Case, before: Case, best: Explanation, rival: float) -> float | None:
     """Return when a fault had gone, if it has: what came after `before` is healthy, and the fault would have shown.
 
-    Since then the residuals as they are must look healthy, and explain the record better than with the fault undone:
-    a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't say for
-    long.
+    Since then the residuals as they are must look healthy, and explain the record decisively better than with the
+    fault undone to the end, and than `rival`, the BIC of the best fault that lasts: a saturation that isn't reached
+    ends nothing. For gyros only: where an angle should be, the gyros can't say for long.
     """
     virtual = virtual_sensor(case, best.channel)
     if virtual is None or best.channel in ANGLES:
@@ -258,17 +272,21 @@ def _ended_s(case: Case, before: Case, best: Explanation) -> float | None:
     reads = KINDS[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
     undone = corrected_residuals(case, best.channel, corrected(case, best.channel, virtual, reads))
     new = before.stop - before.sure
-    ratio = np.zeros(case.stop - case.sure)
-    healthy, count = 0.0, 0
+    gain = np.zeros(case.stop - case.sure)  # of leaving the record as it is, in nats
+    total, healthy, count = case.energy(dict(case.residuals.raw))[0], 0.0, 0
     for output, values in undone.items():
         as_is, better = (_squares(case, output, of) for of in (case.residuals.raw[output], values))
-        ratio[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
+        gain[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
         there = as_is[new:][np.isfinite(as_is[new:])]
         healthy, count = healthy + float(there.sum()), count + len(there)
-    if ratio[new:].sum() < _END or healthy - count > 6.0 * np.sqrt(2.0 * max(count, 1)):
+    rest = np.cumsum(gain[::-1])[::-1]  # from each row on
+    ended = int(np.argmax(rest))
+    cost = (len(best.parameters) + 1) * np.log(max(len(gain), 2))
+    if healthy - count > 6.0 * np.sqrt(2.0 * max(count, 1)) or gain[new:].sum() < _END:
         return None
-    sums = np.cumsum(ratio)
-    return round(float(case.record.time_s[case.sure + int(np.argmin(sums))]), 9)
+    if total + 2.0 * float(gain[:ended].sum()) + cost > rival - _DECISIVE:
+        return None
+    return round(float(case.record.time_s[case.sure + ended]), 9)
 
 
 def _squares(case: Case, output: str, values: FloatArray) -> FloatArray:

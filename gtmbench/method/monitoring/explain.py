@@ -7,7 +7,7 @@ likelihood to a constant; explanations compete by the BIC.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +19,7 @@ from gtmbench.record import FloatArray, Record
 
 _MOST = 20.0  # deviations that one sample may count for
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
-_BASELINE_S = 60.0
+_EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 _HOPELESS = 200.0  # of -2 log likelihood
 
 
@@ -81,7 +81,10 @@ def open_case(
 ) -> Case:
     """Cut out of a record what a diagnosis needs."""
     period_s = record.sample_period_s
-    rows = {name: round(span / period_s) for name, span in (("margin", _MARGIN_S), ("baseline", _BASELINE_S))}
+    rows = {
+        name: round(span / period_s)
+        for name, span in (("margin", _MARGIN_S), ("baseline", monitor.bank.statistic.baseline_s))
+    }
     start = max(onset_row - rows["margin"], 0)
     history = max(round(monitor.history_s(output) / period_s) for output in residuals.raw)
     first = max(start - history - rows["margin"] - 2, 0)
@@ -108,8 +111,8 @@ def open_case(
 def explanations(case: Case, suspects: tuple[str, ...]) -> list[Explanation]:
     """Return the kinds of faults of the suspects that have a virtual sensor, best first.
 
-    A suspect whose channel, all replaced by the virtual sensor, leaves far more than the best explanation so far isn't
-    tried further: no kind of fault of it can do better.
+    A suspect whose channel leaves far more than the best explanation so far, as it is and all replaced by the virtual
+    sensor, isn't tried further.
     """
     healthy, count = case.energy(dict(case.residuals.raw))
     penalty = float(np.log(max(count, 2)))
@@ -126,6 +129,11 @@ def explanations(case: Case, suspects: tuple[str, ...]) -> list[Explanation]:
                 figures = {**vars(fit), "score": fit.score + cost}
                 found.append(Explanation(**figures, channel=suspect.channel, left=left))
     return sorted(found, key=lambda one: one.score)
+
+
+def within_reach(ranking: Sequence[Explanation]) -> tuple[str, ...]:
+    """Return the suspects that more data may still prove right."""
+    return tuple(dict.fromkeys(one.channel for one in ranking if one.score <= ranking[0].score + _HOPELESS))
 
 
 def standard_errors(case: Case, best: Explanation) -> dict[str, float]:
@@ -156,8 +164,8 @@ class _Suspect:
         stretch = stretch_of(case, channel, virtual)
         score = _scorer(case, channel, virtual)
         others = healthy - own
-        # a fault that reads what was measured: corrected, it is the virtual sensor
-        bound = score(stretch.measured) + others
+        # the two ends: all that was measured is the fault (what is left is the virtual sensor), or nothing is
+        bound = min(score(stretch.measured), own) + others
         return cls(channel=channel, stretch=stretch, score=score, others=others, count=count, bound=bound)
 
 
@@ -170,7 +178,7 @@ def stretch_of(case: Case, channel: str, virtual: FloatArray) -> Stretch:
         virtual=virtual[rows],
         before=float(case.record[channel][case.sure - 1]),
         time_s=time_s[rows],
-        earliest_s=float(time_s[case.sure]) - max(_BASELINE_S, 2.0 * float(time_s[case.sure] - time_s[case.start])),
+        earliest_s=float(time_s[case.sure]) - max(_EARLIEST_S, 2.0 * float(time_s[case.sure] - time_s[case.start])),
         sample_period_s=case.record.sample_period_s,
     )
 

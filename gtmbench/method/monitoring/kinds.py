@@ -102,22 +102,36 @@ class DriftKind(Kind):
         return np.asarray(stretch.virtual + parameters["slope"] * (stretch.time_s - parameters["onset_s"]))
 
     def fit(self, stretch: Stretch, score: Score) -> Fit | None:
-        """Fit a line by least squares; through an end of the onset's range, where the line starts outside it."""
+        """Fit a line; its onset is held to its range."""
         added = stretch.measured - stretch.virtual
         there = np.isfinite(added)
         if there.sum() < 3:
             return None
-        t, d = stretch.time_s[there], added[there]
-        middle, mean = float(t.mean()), float(d.mean())
-        slope = float((t - middle) @ d / np.sum(np.square(t - middle)))
-        onset_s = middle - mean / slope if slope else middle
-        latest_s = float(stretch.time_s[0])
-        held = not stretch.earliest_s <= onset_s <= latest_s
-        if held:
-            onset_s = float(np.clip(onset_s, stretch.earliest_s, latest_s))
-            slope = float((t - onset_s) @ d / np.sum(np.square(t - onset_s)))
+        begin_s = float(stretch.time_s[0])
+        middle, span = float(stretch.time_s.mean()), max(float(np.ptp(stretch.time_s)), 1e-9)
+        slope, offset = np.polyfit(stretch.time_s[there] - middle, added[there], 1)
 
-        return self._fitted(stretch, score, {"slope": slope, "onset_s": onset_s})
+        def onset_s(line: FloatArray) -> float:
+            wanted = middle - line[0] * span / line[1] if line[1] else begin_s
+            return float(np.clip(wanted, stretch.earliest_s, begin_s))
+
+        def tried(line: FloatArray) -> float:
+            return score(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
+
+        found = self._searched(tried, np.array([offset, slope * span]))
+        return self._fitted(stretch, score, {"slope": float(found[1] / span), "onset_s": onset_s(found)})
+
+    def _searched(self, tried: Callable[[FloatArray], float], line: FloatArray) -> FloatArray:
+        """Return the best line, as its middle and its rise: least squares begins, the likelihood decides.
+
+        Other residuals that the suspect enters may know far better than the virtual sensor does.
+        """
+        from scipy.optimize import minimize
+
+        size = max(float(np.abs(line).max()), 1e-9)
+        simplex = line + 0.3 * size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3 * size, "fatol": 0.05}
+        return np.asarray(minimize(tried, line, method="Nelder-Mead", options=options).x)
 
     def errors(self, stretch: Stretch, score: Score, fit: Fit) -> dict[str, float]:
         """Turn the line about its middle, so that the onset moves along."""

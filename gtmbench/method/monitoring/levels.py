@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, all_series
+from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, all_series, bank_residuals
 from gtmbench.method.monitoring.statistics import Series
 from gtmbench.record import FloatArray, Record, frozen
 
@@ -99,3 +99,8 @@ def crossings(level: Mapping[str, Level], *, from_row: int = 0) -> list[Crossing
                 )
             )
     return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
+
+
+def bank_alarms(monitor: Monitor, record: Record) -> list[Crossing]:
+    """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
+    return crossings(levels(monitor, record, bank_residuals(monitor, record)))

@@ -113,7 +113,12 @@ def _lasts(finding: Finding) -> bool:
 
 
 def _disturbed(bank: Bank, finding: Finding) -> set[str]:
-    """Return the residuals that the candidates enter; without any, the one that alarmed."""
+    """Return the residuals that the candidates enter; without any, the one that alarmed.
+
+    Where the attitude follows from the gyros, a fault of one enters them all.
+    """
+    if bank.attitude_from_gyros and finding.last.candidates:
+        return {spec.output for spec in bank.residuals}
     return {output for name in finding.last.candidates for output in bank.disturbs(name)} or {finding.residual}
 
 

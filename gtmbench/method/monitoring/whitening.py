@@ -68,15 +68,18 @@ def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
     """
     from scipy.linalg import solve_toeplitz
 
-    stretches = [part for residual in residuals for part in _whole(residual)]
-    count = sum(len(part) for part in stretches)
+    there = [residual[np.isfinite(residual)] for residual in residuals]
+    count = sum(map(len, there))
     if count < 10 * (order + 1):
         raise InputError(
             f"{count} samples of residual are too few for a whitening filter of {order} coefficients; give at least "
             f"{10 * (order + 1)}"
         )
-    mean = sum(float(part.sum()) for part in stretches) / count
-    covariance = sum((_autocovariance(part - mean, order) for part in stretches), np.zeros(order + 1)) / count
+    mean = sum(float(values.sum()) for values in there) / count
+    # each record about its own mean: a bias since turn-on is another in every flight, and no noise
+    centred = [residual - values.mean() for residual, values in zip(residuals, there, strict=True) if len(values)]
+    stretches = [part for residual in centred for part in _whole(residual)]
+    covariance = sum((_autocovariance(part, order) for part in stretches), np.zeros(order + 1)) / count
     scale = max(abs(mean), max(float(np.abs(part).max()) for part in stretches))
     if not covariance[0] > (1e-12 * scale) ** 2:
         raise InputError("a residual is the same at every sample, so it has no noise to judge by; check the channels")
