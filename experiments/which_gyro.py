@@ -32,6 +32,7 @@ from scipy.stats import binomtest
 
 import gtmbench as gb
 from gtmbench.bench.faults import FAULTS
+from gtmbench.bench.imperfections import drawn
 from gtmbench.method.monitoring.levels import bank_alarms
 from gtmbench.method.monitoring.statistics import Statistic
 from gtmbench.method.monitoring.tails import rate_bound
@@ -117,7 +118,7 @@ def calibration_record(
 ) -> gb.Record:
     """Return a healthy record to calibrate on."""
     flight = fly(excitation, seed)
-    record = sensed(flight, seed, imperfections)
+    record = sensed(flight, seed, None if imperfections is None else drawn(imperfections, seed=seed))
     return record if time_constant_s is None else filtered(record, flight, time_constant_s, seed)
 
 
@@ -428,17 +429,17 @@ def verdicts(figures: dict[str, dict[str, float]]) -> pd.DataFrame:
 
 def write_report(out: Path, parts: dict[str, pd.DataFrame], figures: dict[str, dict[str, float]], size: Size) -> str:
     """Write report.md with its figures and tables, and return its text."""
-    faults, healthy = parts["faults"], parts["healthy"]
+    faults = parts["faults"]
     names = list(dict.fromkeys(faults["monitor"]))
     of = {name: faults[faults["monitor"] == name] for name in names}
-    quiet = {name: healthy[healthy["monitor"] == name] for name in names}
-    overview = pd.DataFrame([_overview(name, of[name], quiet[name], figures[name]) for name in names])
+    overview = pd.DataFrame([_overview(name, of[name], figures[name]) for name in names])
     verdict = verdicts(figures)
     text = f"""# Which gyro failed?
 
-Calibrated on {size.calibration} flights of 500 s ({CALIBRATION}, T2 noise; every third identifies, the others set the
-thresholds, for 0.002 false alarms an hour). Judged on flights, noise seeds and an excitation ({UNSEEN}) that calibration
-never saw. Delays count look-ahead and windows; intervals are 95 % (Clopper-Pearson), bounds on rates 95 % (Poisson).
+Calibrated on {size.calibration} flights of 500 s ({CALIBRATION}, T2 noise; every third identifies, the others set
+the thresholds, for 0.002 false alarms an hour). Judged on flights, noise seeds and an excitation ({UNSEEN}) that
+calibration never saw. Delays count look-ahead and windows; intervals are 95 % (Clopper-Pearson), bounds on rates 95 %
+(Poisson).
 
 ## Targets
 
@@ -449,8 +450,8 @@ never saw. Delays count look-ahead and windows; intervals are 95 % (Clopper-Pear
 {table(overview)}
 
 "paper, as printed" is the dissertation's operator identified on its one-frequency sinusoids; "paper" the same, and
-leave-one-out, on the rich excitation. Detected: an alarm after the onset, and none before it in that record. Isolated and
-kind: of those detected. Kind: 20 s after the alarm, or as the record's end allows.
+leave-one-out, on the rich excitation. Detected: an alarm after the onset, and none before it in that record. Isolated
+and kind: of those detected. Kind: 20 s after the alarm, or as the record's end allows.
 
 {table(by_kind(of, ("C", "B")))}
 
@@ -495,7 +496,7 @@ Smallest faults seen within 60 s, calibrated for the sensors they meet ("fair": 
     return text
 
 
-def _overview(name: str, faults: pd.DataFrame, healthy: pd.DataFrame, merits: dict[str, float]) -> Row:
+def _overview(name: str, faults: pd.DataFrame, merits: dict[str, float]) -> Row:
     known = faults[faults["detected"]]
     bound = merits["false_alarms_per_hour_at_most"]
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -110,6 +110,19 @@ def imperfect(
     for name in chosen:
         record = record.replace(name, _read(record[name], imperfections, record.sample_period_s, name, seed))
     return record
+
+
+def drawn(imperfections: Imperfections, *, seed: int = 1) -> Imperfections:
+    """Return one sensor of a class: its lag anything up to the one stated; bias and wander `imperfect` draws itself.
+
+    Calibrate on sensors so drawn for a monitor that tolerates the class: a lag that all have alike is learnt as part of
+    the aircraft and tolerates no other.
+
+    >>> 0.0 <= drawn(Imperfections(lag_s=0.005), seed=3).lag_s <= 0.005
+    True
+    """
+    share = stream(whole("seed", seed), "imperfections\0lag").random()
+    return replace(imperfections, lag_s=imperfections.lag_s * float(share))
 
 
 def parse_imperfections(text: str) -> Imperfections:

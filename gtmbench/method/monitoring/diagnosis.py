@@ -187,9 +187,10 @@ def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
 
 
 def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgement:
-    """Weigh the explanations: decided where one suspect's is decisively better and takes most of what was wrong.
+    """Weigh the explanations: decided where one suspect's is decisively better than all others'.
 
-    Where the signature left one suspect only, explanations tell no more than the kind of its fault.
+    Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one
+    suspect only, explanations tell no more than the kind of its fault.
     """
     time_s = round(float(case.record.time_s[case.stop - 1]), 9)
     if first.sensor is not None:
@@ -201,7 +202,7 @@ def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgemen
     best, untestable = good[0], _untestable(case)
     explained = _explained(case, best)
     order = tuple(dict.fromkeys(one.channel for one in good if not explained or one.score < best.score + _DECISIVE))
-    alone = explained and order == (best.channel,) and not untestable
+    alone = order == (best.channel,) and not untestable
     sensor = first.sensor or (best.channel if alone else None)
     kinds = [one.score for one in ranking if one.channel == best.channel and one.kind != best.kind]
     return Judgement(
@@ -236,13 +237,14 @@ def _by_signature(monitor: Monitor, residuals: BankResiduals, crossing: Crossing
 
 
 def _untestable(case: Case) -> list[str]:
-    """Return the suspects that nothing predicts, so that nothing tells them from the others."""
-    channels = case.monitor.bank.channels
-    return [
-        name
-        for name in _suspects(case.monitor, case.residuals)
-        if name not in case.residuals.raw and not integrable(name, channels)
-    ]
+    """Return the suspects that nothing predicts and nothing clears: the residuals they don't enter are healthy."""
+    bank, found = case.monitor.bank, []
+    for name in _suspects(case.monitor, case.residuals):
+        if name not in case.residuals.raw and not integrable(name, bank.channels):
+            spared = [output for output in case.residuals.raw if output not in bank.disturbs(name)]
+            if not spared or _excess(case, spared) <= 0.0:
+                found.append(name)
+    return found
 
 
 def _excess(case: Case, outputs: list[str]) -> float:

@@ -161,19 +161,13 @@ def _glr(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: Tole
     Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M)) beyond the tolerance t. Of another variance:
     L/2 (s - 1 - log s), s the mean square about m0 over the nearest end of the tolerated range.
     """
-    sums, squares = _sums(w), _sums(np.square(w))
     found = []
     for rows in test.rows(sample_period_s):
-        base, length = _baseline_and_length(sums, test, sample_period_s, gap=rows)
-        mean = np.full(len(w), np.nan)
-        power = np.full(len(w), np.nan)
-        mean[rows - 1 :] = (sums[rows:] - sums[:-rows]) / rows
-        power[rows - 1 :] = (squares[rows:] - squares[:-rows]) / rows
-        spread = np.maximum(power - 2.0 * base * mean + np.square(base), 1e-12)
-        beyond = np.maximum(np.abs(mean - base) - tolerance.mean, 0.0)
+        shift, power, length = _windows(w, rows, test, sample_period_s)
+        beyond = np.maximum(np.abs(shift) - tolerance.mean, 0.0)
         of_mean = np.square(beyond) / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1)))
         low = tolerance.low if test.two_sided else 0.0
-        ratio = spread / np.clip(spread, low, tolerance.high)
+        ratio = power / np.clip(power, low, tolerance.high)
         of_energy = 0.5 * rows * (ratio - 1.0 - np.log(ratio))
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
@@ -188,6 +182,18 @@ STATISTICS: dict[str, Callable[[Statistic, FloatArray, float, Tolerance], list[S
     "whitened_energy": _whitened_energy,
     "energy": _energy,
 }
+
+
+def _windows(
+    w: FloatArray, rows: int, test: Statistic, sample_period_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the last rows' mean and mean square about the mean before them, and how many rows that stands on."""
+    sums, squares = _sums(w), _sums(np.square(w))
+    base, length = _baseline_and_length(sums, test, sample_period_s, gap=rows)
+    mean, power = np.full(len(w), np.nan), np.full(len(w), np.nan)
+    mean[rows - 1 :] = (sums[rows:] - sums[:-rows]) / rows
+    power[rows - 1 :] = (squares[rows:] - squares[:-rows]) / rows
+    return mean - base, np.maximum(power - 2.0 * base * mean + np.square(base), 1e-12), length
 
 
 def _sides(test: Statistic, label: str, high: FloatArray, low: FloatArray, rows: int) -> list[Series]:
@@ -233,17 +239,16 @@ def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s:
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
     (four deviations) is left out.
     """
-    given = [white[np.isfinite(white)] for white in whites]
+    given = [np.clip(white[np.isfinite(white)], -_MOST, _MOST) for white in whites]
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        sums, squares = _sums(w), _sums(np.square(np.clip(w, -_MOST, _MOST)))
-        base, length = _baseline_and_length(sums, test, sample_period_s, gap=rows)
-        ends = slice(rows - 1, None, max(rows // 2, 1))
-        mean = ((sums[rows:] - sums[:-rows]) / rows)[:: max(rows // 2, 1)] - base[ends]
-        noise = 4.0 * np.sqrt(1.0 / rows + 1.0 / np.maximum(length[ends], 1.0))
-        shifts += (np.abs(mean) - noise)[np.isfinite(mean)].tolist()
-        powers += ((squares[rows:] - squares[:-rows]) / rows)[:: max(rows // 2, 1)].tolist()
+        shift, power, length = _windows(w, rows, test, sample_period_s)
+        some = np.arange(rows - 1, len(w), max(rows // 2, 1))
+        some = some[np.isfinite(power[some])]
+        noise = 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])
+        shifts += (np.abs(shift[some]) - noise).tolist()
+        powers += power[some].tolist()
     return Tolerance(
         mean=3.0 * max(shifts),
         low=1.0 / (1.0 + 3.0 * (1.0 / max(min(powers), 1e-3) - 1.0)),

@@ -21,8 +21,8 @@ def block_maxima(values: FloatArray, rows: int) -> FloatArray:
     >>> block_maxima(np.array([1.0, 3.0, np.nan, 2.0, 9.0]), 2)
     array([3., 2.])
     """
-    there = values[np.isfinite(values)] if not np.all(np.isnan(values)) else np.zeros(0)
     if len(values) < rows:
+        there = values[np.isfinite(values)]
         return there.max(keepdims=True) if len(there) else there
     blocks = values[: len(values) // rows * rows].reshape(-1, rows)
     seen = np.isfinite(blocks).mean(axis=1) >= 0.5
@@ -34,7 +34,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float) -> float:
 
     Above u, the upper quartile of the maxima, P(M > u + y) = 1/4 (1 + xi y / sigma)^(-1/xi), the generalised Pareto
     distribution (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), xi held to 0..0.3.
-    Never below the greatest value seen.
+    Never below the greatest value seen. The scale is an estimate, so that the probability in the mean is greater: of
+    an exponential tail and k values above u, at most 1/4 (1 + s/k)^-k, s = log(1/4 / wanted).
 
     Parameters
     ----------
@@ -49,13 +50,11 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float) -> float:
     True
     """
     ordered = np.sort(maxima)
-    split = min(int((1.0 - _TAIL) * len(ordered)), len(ordered) - 1)
-    level = float(ordered[split])
-    excess = ordered[split:] - level
-    scale, shape = _pareto(excess)
-    share = min(_TAIL / max(crossings_per_block, 1e-300), 1e300)
+    level, *above = ordered[-1 - int(_TAIL * len(ordered)) :].tolist()
+    share = len(above) / len(ordered) / max(crossings_per_block, 1e-300)
     if share <= 1.0:
         return float(ordered[-1])
+    scale, shape = _pareto(np.asarray(above) - level)
     beyond = scale * np.log(share) if shape < 1e-6 else scale * (share**shape - 1.0) / shape
     return float(max(level + beyond, ordered[-1]))
 
