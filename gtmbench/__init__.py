@@ -41,6 +41,8 @@ from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
+from gtmbench.study.monitor_score import MonitorVerdict, score_watch
+from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial, run_monitored
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
@@ -73,6 +75,9 @@ __all__ = [
     "LeastSquares",
     "Mode",
     "Monitor",
+    "MonitorVerdict",
+    "MonitoredStudy",
+    "MonitoredTrial",
     "NoiseModel",
     "NormStream",
     "OrderChoice",
@@ -114,8 +119,10 @@ __all__ = [
     "read_log",
     "residual",
     "run",
+    "run_monitored",
     "run_study",
     "score",
+    "score_watch",
     "select_inputs",
     "select_orders",
     "threshold",

@@ -11,7 +11,8 @@ import pytest
 
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.report.figures import write_figures
-from gtmbench.report.recording import trial_paths, write_recording
+from gtmbench.report.lines import trial_paths
+from gtmbench.report.recording import write_recording
 from gtmbench.report.results import results, write_results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario

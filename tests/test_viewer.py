@@ -8,41 +8,59 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.report.monitor_recording import write_monitored_recording
 from gtmbench.report.recording import write_recording
 from gtmbench.study.run import run_study
+from tests.watching import study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
 
 
-@pytest.mark.viewer
-@pytest.mark.skipif(not VULKAN, reason="the viewer needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)")
-@pytest.mark.filterwarnings("ignore::ResourceWarning")  # of the viewer's own process handling
+pytestmark = [
+    pytest.mark.viewer,
+    pytest.mark.skipif(not VULKAN, reason="the viewer needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # of the viewer's own process handling
+]
+COLOURS = {"p": (31, 119, 180), "q": (224, 130, 20), "r": (42, 157, 74), "threshold": (214, 39, 40)}
+
+
 def test_the_viewer_shows_lines_in_the_colours_of_the_trials(tmp_path):
+    path = tmp_path / "study.rrd"
+    write_recording(run_study([gb.load_scenario("drift")]), path)
+    seen = looked_at(path, 400.0)
+    for name, colour in COLOURS.items():
+        assert close(seen, colour) > 150, f"no line in the colour of {name}"
+
+
+def test_the_viewer_opens_a_monitored_study_with_the_decision(tmp_path):
+    path = tmp_path / "study.rrd"
+    write_monitored_recording(study(), path)
+    seen = looked_at(path, 70.0)
+    for name, colour in {**COLOURS, "virtual sensor": (214, 64, 159)}.items():
+        assert close(seen, colour) > 150, f"no line in the colour of {name}"
+
+
+def close(seen, colour):
+    return (np.abs(seen - np.array(colour)).max(axis=2) < 40).sum()
+
+
+def looked_at(path, time_s):
+    """Return a recording's picture in the viewer, 0 to 255, shape (rows, columns, 3)."""
     import socket
     from io import BytesIO
 
     from matplotlib.image import imread
     from rerun.experimental import ViewerClient
 
-    path = tmp_path / "study.rrd"
-    write_recording(run_study([gb.load_scenario("drift")]), path)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     program = str(Path(sys.executable).parent / "rerun")
     with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=program) as viewer:
         viewer.open(str(path))
-        viewer.set_time("time", duration=400.0, play_state="paused")
+        viewer.set_time("time", duration=time_s, play_state="paused")
         picture = settled(viewer)
-    seen = (imread(BytesIO(picture), format="png")[:, :, :3] * 255).astype(int)
-    for name, colour in {
-        "p": (31, 119, 180),
-        "q": (224, 130, 20),
-        "r": (42, 157, 74),
-        "threshold": (214, 39, 40),
-    }.items():
-        close = np.abs(seen - np.array(colour)).max(axis=2) < 40
-        assert close.sum() > 150, f"no line in the colour of {name}"
+    return (imread(BytesIO(picture), format="png")[:, :, :3] * 255).astype(int)
 
 
 def settled(viewer):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
@@ -40,3 +42,28 @@ def print_table(
     if not console.is_terminal:
         console = Console(highlight=False, width=140)  # a pipe or a log has no width of its own
     console.print(table)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgressBar:
+    """What the steps of a study are told to: `flown` while it runs, `writing` while its files are written."""
+
+    flown: Callable[[str, int, int], None]
+    writing: Callable[[str], None]
+
+
+@contextmanager
+def progress_bar(*, silent: bool, written: int) -> Iterator[ProgressBar]:
+    """Show a bar on a terminal, `written` steps longer than the study; elsewhere, nothing."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+        yield ProgressBar(
+            flown=lambda step, done, of: bar.update(task, description=step, completed=done, total=of + written),
+            writing=lambda step: bar.update(task, description=step, advance=1),
+        )

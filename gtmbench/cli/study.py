@@ -13,7 +13,8 @@ from pathlib import Path
 import click
 
 from gtmbench.channels import unit_of
-from gtmbench.cli.output import common_options, print_json, print_table
+from gtmbench.cli.monitored import run_with_monitor
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
 from gtmbench.study.run import run_study
@@ -29,11 +30,24 @@ _RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main
 @click.option(
     "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
 )
+@click.option(
+    "--monitor",
+    metavar="FILE|BANK",
+    help="Watch with this instead: a monitor of `gtmbench calibrate` (.json), or a bank (a name such as C, or a "
+    ".toml), calibrated first on flights of its own. Of the scenarios' [operator] and [alarm], only watch_from_s and "
+    "healthy_records are used then.",
+)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Instead of the scenarios' own.")
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
 @common_options
 def run_command(
-    scenarios: tuple[str, ...], out: Path, seed: int | None, force: bool, as_json: bool, quiet: bool
+    scenarios: tuple[str, ...],
+    out: Path,
+    monitor: str | None,
+    seed: int | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
 
@@ -42,6 +56,9 @@ def run_command(
     """
     check_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or shipped_scenarios()]
+    if monitor is not None:
+        run_with_monitor(loaded, monitor, out, seed=seed, as_json=as_json, quiet=quiet)
+        return
     study = _run(loaded, seed, out, silent=as_json or quiet)
     if as_json:
         from gtmbench.report.results import results
@@ -52,21 +69,10 @@ def run_command(
 
 
 def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -> Study:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Bar(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-
-        def tell(step: str, done: int, total: int) -> None:
-            bar.update(task, description=step, completed=done, total=total + 3)  # three more are written below
-
-        study = run_study(loaded, seed=seed, progress=tell)
+    with progress_bar(silent=silent, written=3) as bar:
+        study = run_study(loaded, seed=seed, progress=bar.flown)
         with folder_aside(out) as folder:
-            _write(study, folder, lambda step: bar.update(task, description=step, advance=1))
+            _write(study, folder, bar.writing)
     return study
 
 

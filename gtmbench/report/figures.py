@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -106,12 +107,14 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     return figure
 
 
-def panels(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure of rows x columns panels, in inches."""
+def panels(
+    rows: int, columns: int, size: tuple[float, float], heights: Sequence[float] | None = None
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of rows x columns panels, in inches; `heights` are the rows', relative to each other."""
     from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
 
     figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False)
+    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights)
     for axis in np.ravel(grid):
         axis.grid(alpha=0.3)
     return figure, [list(row) for row in grid]

@@ -21,30 +21,27 @@ All on the timeline ``time``; values are doubles, bit for bit those of the study
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import rerun as rr
 
-from gtmbench.channels import SURFACES, unit_of
-from gtmbench.record import FloatArray
+from gtmbench.channels import unit_of
 from gtmbench.report.blueprint import blueprint
+from gtmbench.report.lines import (
+    Event,
+    log_events,
+    log_lines,
+    log_mark,
+    log_sensors,
+    log_threshold,
+    rgb,
+    trial_paths,
+    trial_tints,
+)
 from gtmbench.report.scene import log_scene
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.text import repetitions, trial_label
-from gtmbench.report.timeline import set_time, times
+from gtmbench.report.text import trial_label
 from gtmbench.study.trial import Baseline, Study, Trial
-
-GROUPS = {
-    "rates": ("p", "q", "r"),
-    "wind": ("alpha", "beta"),
-    "attitude": ("phi", "theta", "psi"),
-    "load": ("nx", "ny", "nz"),
-    "speed": ("tas",),
-    "altitude": ("altitude",),
-}
 
 
 def write_recording(study: Study, path: Path) -> None:
@@ -52,112 +49,54 @@ def write_recording(study: Study, path: Path) -> None:
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
     labels = trial_paths(study.trials)
-    recording.save(path, default_blueprint=blueprint(study, labels, GROUPS))
+    recording.save(path, default_blueprint=blueprint(study, labels))
     recording.send_recording_name(f"gtmbench study: {study.baseline.operator.name}, seed {study.baseline.setup.seed}")
     _shared(recording, study)
     _operator(recording, study)
     log_scene(recording, study.baseline.flight)
-    for trial, label, repetition in zip(study.trials, labels, repetitions(study.trials), strict=True):
-        tint = colour(trial.channel)
-        for _ in range(repetition):
-            tint = _lighter(tint)
+    for trial, label, tint in zip(study.trials, labels, trial_tints(study.trials), strict=True):
         _trial(recording, trial, label, tint)
     _events(recording, study)
     recording.disconnect()  # writes the footer
 
 
-def trial_paths(trials: Sequence[Trial]) -> list[str]:
-    """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
-    often = Counter((trial.scenario, trial.channel) for trial in trials)
-    paths = []
-    for trial, repetition in zip(trials, repetitions(trials), strict=True):
-        several = often[trial.scenario, trial.channel] > 1
-        label = f"{trial.channel}_{repetition + 1}" if several else trial.channel
-        paths.append(rr.new_entity_path(["trials", trial.scenario, label]))  # escapes what a file's name may hold
-    return paths
-
-
-def _lines(
-    recording: rr.RecordingStream,
-    entity: str,
-    time_s: FloatArray,
-    values: FloatArray,
-    names: list[str],
-    tints: list[str],
-) -> None:
-    """Send one line (or several of a unit, as columns) with names and colours; samples that are missing stay out."""
-    table = values.reshape(len(time_s), -1)
-    there = np.isfinite(table).all(axis=1)
-    style = rr.SeriesLines(names=names, colors=[_rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
-    recording.log(entity, style, static=True)
-    columns = rr.Scalars.columns(scalars=table[there].ravel())
-    if table.shape[1] > 1:
-        columns = columns.partition([table.shape[1]] * int(there.sum()))
-    recording.send_columns(entity, indexes=[times(time_s[there])], columns=columns)
-
-
-def _rgb(tint: str) -> list[int]:
-    return [int(tint[i : i + 2], 16) for i in (1, 3, 5)]
-
-
-def _lighter(tint: str) -> str:
-    return "#" + "".join(f"{(value + 255) // 2:02x}" for value in _rgb(tint))
-
-
 def _shared(recording: rr.RecordingStream, study: Study) -> None:
     baseline = study.baseline
-    for root, record, suffix in (("truth", baseline.flight, "true"), ("sensors", baseline.healthy, "measured")):
-        for group, members in GROUPS.items():
-            there = [name for name in members if name in record]
-            if there:
-                tints = [colour(name, i) for i, name in enumerate(there)]
-                tints = tints if root == "truth" else [_lighter(tint) for tint in tints]
-                names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
-                _lines(recording, f"/{root}/{group}", record.time_s, record.matrix(there), names, tints)
-    flight = baseline.flight
-    tints = [colour(name, i) for i, name in enumerate(SURFACES)]
-    names = [f"{name} (deg)" for name in SURFACES]
-    _lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints)
-    unit = unit_of(baseline.operator.outputs[0])
-    healthy = COLOURS["healthy"]
-    _residual(recording, "/healthy", "healthy", healthy, baseline)
-    _lines(recording, "/healthy/norm", baseline.norm.known_s, baseline.norm.values, [f"healthy ({unit})"], [healthy])
-    ends = np.array([flight.start_s, flight.end_s])
-    level = np.full(2, baseline.threshold)
-    _lines(recording, "/threshold", ends, level, [f"threshold ({unit})"], [COLOURS["threshold"]])
+    log_sensors(recording, baseline.flight, baseline.healthy)
+    unit, norm = unit_of(baseline.operator.outputs[0]), baseline.norm
+    _residual(recording, "/healthy", "healthy", COLOURS["healthy"], baseline)
+    log_lines(recording, "/healthy/norm", norm.known_s, norm.values, [f"healthy ({unit})"], [COLOURS["healthy"]])
+    log_threshold(recording, baseline.flight, baseline.threshold, f"threshold ({unit})", COLOURS["threshold"])
 
 
 def _residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Baseline | Trial) -> None:
     names = [f"{label}, e of {output} ({unit_of(output)})" for output in of.residual.outputs]
-    _lines(recording, f"{root}/residual", of.residual.time_s, of.residual.values, names, [tint] * len(names))
+    log_lines(recording, f"{root}/residual", of.residual.time_s, of.residual.values, names, [tint] * len(names))
 
 
 def _operator(recording: rr.RecordingStream, study: Study) -> None:
     operator = study.baseline.operator
     for o, output in enumerate(operator.outputs):
         for i, name in enumerate(operator.inputs):
-            bars = rr.BarChart(operator.markov[:, o, i], abscissa=operator.lags, color=_rgb(colour(name, i)))
+            bars = rr.BarChart(operator.markov[:, o, i], abscissa=operator.lags, color=rgb(colour(name, i)))
             recording.log(f"/operator/{output}/{name}", bars, static=True)
 
 
 def _trial(recording: rr.RecordingStream, trial: Trial, root: str, tint: str) -> None:
     label, full = trial_label(trial), f"{trial.scenario}: {trial_label(trial)}"
     measured = trial.record[trial.channel]
-    _lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{full} broken ({trial.unit})"], [tint])
+    log_lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{full} broken ({trial.unit})"], [tint])
     _residual(recording, root, full, tint, trial)
-    _lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [label], [tint])
+    log_lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [label], [tint])
     up, down = rr.components.MarkerShape.Up, rr.components.MarkerShape.Down
     marks = {"onset": (trial.onset_s, 0.0, up), "alarm": (trial.alarm_time_s, trial.baseline.threshold, down)}
     for name, (time_s, level, marker) in marks.items():
         if time_s is not None:
-            style = rr.SeriesPoints(names=f"{label} {name}", colors=_rgb(tint), markers=marker, marker_sizes=6.0)
-            recording.log(f"{root}/{name}", style, static=True)
-            set_time(recording, time_s)
-            recording.log(f"{root}/{name}", rr.Scalars(level))
+            log_mark(recording, f"{root}/{name}", time_s, level, f"{label} {name}", tint, marker)
 
 
 def _events(recording: rr.RecordingStream, study: Study) -> None:
-    events: list[tuple[float, str, str]] = []
+    events: list[Event] = []
     setup = study.baseline.setup
     start_s, end_s = setup.operator.identify_s
     events.append((start_s, "INFO", f"identification of {study.baseline.operator.name} begins"))
@@ -172,6 +111,4 @@ def _events(recording: rr.RecordingStream, study: Study) -> None:
             events.append((trial.alarm_time_s, "ERROR", f"alarm: {what}, {late}"))
         else:
             events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
-    for time_s, level, text in sorted(events):
-        set_time(recording, time_s)
-        recording.log("/events", rr.TextLog(f"{time_s:.2f} s  {text}", level=level))
+    log_events(recording, "/events", events)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import platform
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -35,11 +36,7 @@ def results(study: Study) -> dict[str, Any]:
         "healthy_hours": baseline.healthy_hours,
         "false_alarms_per_hour_at_most": rate_bound(baseline.false_alarms, baseline.healthy_hours),
         "setup": asdict(baseline.setup),
-        "versions": {
-            "gtmbench": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in _LIBRARIES},
-        },
+        "versions": versions(),
         "seed": baseline.setup.seed,
     }
 
@@ -63,14 +60,34 @@ def _operator(operator: Transmissibility) -> dict[str, Any]:
     }
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of the package, of Python and of the libraries that the figures depend on."""
+    return {
+        "gtmbench": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in _LIBRARIES},
+    }
+
+
 def write_results(study: Study, folder: Path) -> None:
     """Write ``results.json`` and ``trials.csv`` (one row a trial; severities as ``name=value``)."""
     found = results(study)
+    rows = [{**row, "severity": named(row["severity"])} for row in found["trials"]]
+    write_tables(found, rows, folder)
+
+
+def named(figures: Mapping[str, float | None]) -> str:
+    """Write figures as ``name=value``, those that are None left out.
+
+    >>> named({"slope": 0.05})
+    'slope=0.05'
+    """
+    return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
+
+
+def write_tables(found: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
+    """Write ``results.json`` from an object and ``trials.csv`` from rows of equal keys."""
     (folder / "results.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n")
-    rows = [
-        {**row, "severity": " ".join(f"{name}={value!r}" for name, value in row["severity"].items())}
-        for row in found["trials"]
-    ]
     with (folder / "trials.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()

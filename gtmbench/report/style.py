@@ -7,6 +7,7 @@ COLOURS = {
     "beta": "#7b52ab",
     "healthy": "#7f7f7f",
     "threshold": "#d62728",
+    "virtual": "#d6409f",
 }
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#e377c2", "#4d4d4d", "#9edae5")
 

@@ -5,27 +5,35 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from gtmbench.study.trial import Study, Trial
+from gtmbench.study.trial import Injection, Study, Trial
 
 
-def severity_text(trial: Trial) -> str:
+def severity_text(trial: Injection) -> str:
     """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
     parts = []
     for item in trial.injected.parameters():
         if not item.is_severity:
             continue
-        per_second = "deg/s²" if trial.unit == "deg/s" else f"{trial.unit}/s"
-        parts.append(f"{trial.severity[item.name]:.3g} {per_second if item.per_second else trial.unit}")
+        parts.append(f"{trial.severity[item.name]:.3g} {per_second(trial.unit) if item.per_second else trial.unit}")
     return ", ".join(parts)
 
 
-def trial_label(trial: Trial) -> str:
+def per_second(unit: str) -> str:
+    """Write a unit per second.
+
+    >>> per_second("deg/s"), per_second("g")
+    ('deg/s²', 'g/s')
+    """
+    return "deg/s²" if unit == "deg/s" else f"{unit}/s"
+
+
+def trial_label(trial: Injection) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)
     return f"{trial.channel}, {severity}" if severity else trial.channel
 
 
-def repetitions(trials: Sequence[Trial]) -> list[int]:
+def repetitions(trials: Sequence[Injection]) -> list[int]:
     """Return for every trial how many before it broke the same channel in the same scenario, otherwise."""
     seen = Counter[tuple[str, str]]()
     counts = []

@@ -89,10 +89,7 @@ def score(
     after = raised.time_s[~before]
     known = (norm.known_s >= fault.onset_s - 1e-9) & ~np.isnan(norm.values)
     peak_ratio = float(norm.values[known].max() / raised.threshold) if known.any() else 0.0
-    active = fault.active(healthy.time_s)
-    was, became = healthy[fault.channel][active], broken[fault.channel][active]
-    altered = (was != became) & ~(np.isnan(was) & np.isnan(became))
-    altered_share = float(np.mean(altered)) if len(altered) else 0.0
+    altered = altered_share(fault, healthy, broken)
     detected = len(after) > 0
     return Verdict(
         onset_s=fault.onset_s,
@@ -102,18 +99,26 @@ def score(
         look_ahead_s=round(raised.look_ahead_s, 9),
         window_s=round(raised.window_s, 9),
         peak_ratio=peak_ratio,
-        altered_share=altered_share,
+        altered_share=altered,
         false_alarms=int(before.sum()),
-        reason="" if detected else _reason(fault.channel in channels, known.any(), altered_share, raised, peak_ratio),
+        reason="" if detected else _reason(fault.channel in channels, known.any(), altered, raised, peak_ratio),
     )
 
 
-def _reason(used: bool, watched: np.bool_, altered_share: float, raised: Alarms, peak_ratio: float) -> str:
+def altered_share(fault: Fault, healthy: Record, broken: Record) -> float:
+    """Return the share of samples in a fault's active interval at which the broken signal differs from the healthy."""
+    active = fault.active(healthy.time_s)
+    was, became = healthy[fault.channel][active], broken[fault.channel][active]
+    altered = (was != became) & ~(np.isnan(was) & np.isnan(became))
+    return float(np.mean(altered)) if len(altered) else 0.0
+
+
+def _reason(used: bool, watched: np.bool_, altered: float, raised: Alarms, peak_ratio: float) -> str:
     if not used:
         return "the detector doesn't use this channel"
     if not watched:
         return "no complete window ends after the onset"
-    if altered_share == 0.0:
+    if altered == 0.0:
         return "the fault changed no sample"
     if np.isnan(raised.armed_s):
         return "the norm never came down to the threshold, so no alarm was possible"

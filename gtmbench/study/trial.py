@@ -51,8 +51,8 @@ class Baseline:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trial(Verdict):
-    """One fault, tried: the verdict and what it was reached on.
+class Injection:
+    """A fault put into healthy measurements.
 
     Attributes
     ----------
@@ -63,10 +63,8 @@ class Trial(Verdict):
     unit : str
         The channel's.
     injected : Fault
-    record, residual, norm, alarms
-        The broken measurements and what the method made of them.
-    baseline : Baseline
-        Shared by the trials of a study.
+    record : Record
+        The broken measurements.
     """
 
     scenario: str
@@ -76,6 +74,20 @@ class Trial(Verdict):
     unit: str
     injected: Fault = field(repr=False)
     record: Record = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial(Injection, Verdict):
+    """One fault, tried: the verdict and what it was reached on.
+
+    Attributes
+    ----------
+    residual, norm, alarms
+        What the method made of the broken measurements.
+    baseline : Baseline
+        Shared by the trials of a study.
+    """
+
     residual: Residual = field(repr=False)
     norm: WindowedNorm = field(repr=False)
     alarms: Alarms = field(repr=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.method.monitoring.bank import Bank
 from gtmbench.method.monitoring.diagnosis import Finding, diagnose
 from gtmbench.method.monitoring.levels import Crossing, Level, crossings, levels
 from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, bank_residuals
@@ -42,6 +43,16 @@ class Watch:
     def alarm_s(self) -> float | None:
         """When the first alarm could be raised."""
         return self.findings[0].alarm_s if self.findings else None
+
+    @property
+    def given_up(self) -> dict[str, float]:
+        """Residuals (by output) no longer watched, for they tell of a lasting fault, and since when, in seconds."""
+        bank, found = self.monitor.bank, dict[str, float]()
+        for finding in self.findings:
+            if _lasts(finding):
+                for output in _disturbed(bank, finding):
+                    found.setdefault(output, finding.alarm_s)
+        return found
 
     def virtual(self, sensor: str) -> FloatArray:
         """Return what a sensor should have read, shape (samples,), to be used in place of one that failed.
@@ -89,16 +100,26 @@ def _go_on(
     A passing alarm is over at its last judgement. An ended fault's rows are passed over, as if missing. A lasting
     one takes the residuals that the sensor (or any candidate) enters out of the watch.
     """
-    bank = monitor.bank
-    names = finding.last.candidates
-    disturbed = {output for name in names for output in bank.disturbs(name)} or {crossing.output}
-    if bank.attitude_from_gyros and names:
-        disturbed = set(residuals.raw)
-    if names and finding.ended_s is None:
+    disturbed = _disturbed(monitor.bank, finding)
+    if _lasts(finding):
         return _without(residuals, disturbed), crossing.row
-    until_s = finding.ended_s if names and finding.ended_s is not None else finding.last.time_s
+    until_s = finding.ended_s if finding.last.candidates and finding.ended_s is not None else finding.last.time_s
     last = min(round((until_s - record.start_s) / record.sample_period_s) + 1, len(record))
     return _missing(monitor, residuals, disturbed, slice(crossing.onset_row, last)), crossing.row
+
+
+def _lasts(finding: Finding) -> bool:
+    return bool(finding.last.candidates) and finding.ended_s is None
+
+
+def _disturbed(bank: Bank, finding: Finding) -> set[str]:
+    """Return the residuals that the candidates enter; without any, the one that alarmed.
+
+    Where the attitude follows from the gyros, a fault of one enters them all.
+    """
+    if bank.attitude_from_gyros and finding.last.candidates:
+        return {spec.output for spec in bank.residuals}
+    return {output for name in finding.last.candidates for output in bank.disturbs(name)} or {finding.residual}
 
 
 def _without(residuals: BankResiduals, outputs: set[str]) -> BankResiduals:

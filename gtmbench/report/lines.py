@@ -1,0 +1,121 @@
+"""What every recording is made of: where trials stand, lines with names and colours, marks, events, the sensors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import rerun as rr
+
+from gtmbench.channels import SURFACES, unit_of
+from gtmbench.record import FloatArray, Record
+from gtmbench.report.style import colour
+from gtmbench.report.text import repetitions
+from gtmbench.report.timeline import set_time, times
+from gtmbench.study.trial import Injection
+
+GROUPS = {
+    "rates": ("p", "q", "r"),
+    "wind": ("alpha", "beta"),
+    "attitude": ("phi", "theta", "psi"),
+    "load": ("nx", "ny", "nz"),
+    "speed": ("tas",),
+    "altitude": ("altitude",),
+}
+Event = tuple[float, str, str]  # time in seconds, level, text
+
+
+def trial_paths(trials: Sequence[Injection]) -> list[str]:
+    """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
+    often = Counter((trial.scenario, trial.channel) for trial in trials)
+    paths = []
+    for trial, repetition in zip(trials, repetitions(trials), strict=True):
+        several = often[trial.scenario, trial.channel] > 1
+        label = f"{trial.channel}_{repetition + 1}" if several else trial.channel
+        paths.append(rr.new_entity_path(["trials", trial.scenario, label]))  # escapes what a file's name may hold
+    return paths
+
+
+def trial_tints(trials: Sequence[Injection]) -> list[str]:
+    """Return every trial's colour: its channel's, lighter for every further severity."""
+    tints = []
+    for trial, repetition in zip(trials, repetitions(trials), strict=True):
+        tint = colour(trial.channel)
+        for _ in range(repetition):
+            tint = lighter(tint)
+        tints.append(tint)
+    return tints
+
+
+def rgb(tint: str) -> list[int]:
+    """Return a colour's red, green and blue, 0 to 255."""
+    return [int(tint[i : i + 2], 16) for i in (1, 3, 5)]
+
+
+def lighter(tint: str) -> str:
+    """Return a colour half-way to white."""
+    return "#" + "".join(f"{(value + 255) // 2:02x}" for value in rgb(tint))
+
+
+def log_lines(
+    recording: rr.RecordingStream,
+    entity: str,
+    time_s: FloatArray,
+    values: FloatArray,
+    names: list[str],
+    tints: list[str],
+) -> None:
+    """Send one line (or several of a unit, as columns) with names and colours; samples that are missing stay out."""
+    table = values.reshape(len(time_s), -1)
+    there = np.isfinite(table).all(axis=1)
+    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
+    recording.log(entity, style, static=True)
+    columns = rr.Scalars.columns(scalars=table[there].ravel())
+    if table.shape[1] > 1:
+        columns = columns.partition([table.shape[1]] * int(there.sum()))
+    recording.send_columns(entity, indexes=[times(time_s[there])], columns=columns)
+
+
+def log_threshold(recording: rr.RecordingStream, flight: Record, level: float, name: str, tint: str) -> None:
+    """Log ``/threshold``: a level, from the beginning of the flight to its end."""
+    ends = np.array([flight.start_s, flight.end_s])
+    log_lines(recording, "/threshold", ends, np.full(2, level), [name], [tint])
+
+
+def log_mark(
+    recording: rr.RecordingStream,
+    entity: str,
+    time_s: float,
+    level: float,
+    name: str,
+    tint: str,
+    marker: rr.components.MarkerShape,
+) -> None:
+    """Log one point."""
+    style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
+    recording.log(entity, style, static=True)
+    set_time(recording, time_s)
+    recording.log(entity, rr.Scalars(level))
+
+
+def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
+    """Log what happened, in words, in time."""
+    for time_s, level, text in sorted(events):
+        set_time(recording, time_s)
+        recording.log(entity, rr.TextLog(f"{time_s:.2f} s  {text}", level=level))
+
+
+def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) -> None:
+    """Log ``/truth/GROUP``, ``/sensors/GROUP`` and ``/surfaces``."""
+    for root, record, suffix in (("truth", flight, "true"), ("sensors", healthy, "measured")):
+        for group, members in GROUPS.items():
+            there = [name for name in members if name in record]
+            if there:
+                tints = [colour(name, i) for i, name in enumerate(there)]
+                tints = tints if root == "truth" else [lighter(tint) for tint in tints]
+                names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
+                log_lines(recording, f"/{root}/{group}", record.time_s, record.matrix(there), names, tints)
+    tints = [colour(name, i) for i, name in enumerate(SURFACES)]
+    names = [f"{name} (deg)" for name in SURFACES]
+    log_lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints)
