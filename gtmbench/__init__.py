@@ -29,7 +29,9 @@ from gtmbench.method.identify import identify
 from gtmbench.method.monitoring.bank import Bank, load_bank
 from gtmbench.method.monitoring.calibration import calibrate
 from gtmbench.method.monitoring.diagnosis import Finding, Judgement
+from gtmbench.method.monitoring.files import load_monitor, save_monitor
 from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.method.monitoring.signatures import Signatures, signatures
 from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
@@ -45,8 +47,7 @@ from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
-
-__version__ = "0.1.0"
+from gtmbench.version import __version__ as __version__
 
 __all__ = [
     "CHANNELS",
@@ -86,6 +87,7 @@ __all__ = [
     "ResidualStream",
     "Saturation",
     "Scenario",
+    "Signatures",
     "Study",
     "TotalLeastSquares",
     "Transmissibility",
@@ -108,6 +110,7 @@ __all__ = [
     "inject",
     "innovations",
     "load_bank",
+    "load_monitor",
     "load_scenario",
     "measure",
     "modes",
@@ -115,9 +118,11 @@ __all__ = [
     "residual",
     "run",
     "run_study",
+    "save_monitor",
     "score",
     "select_inputs",
     "select_orders",
+    "signatures",
     "threshold",
     "trim",
     "watch",

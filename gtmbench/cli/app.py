@@ -14,10 +14,10 @@ from collections.abc import Sequence
 
 import click
 
-from gtmbench import __version__
 from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
+from gtmbench.version import __version__
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
