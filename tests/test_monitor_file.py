@@ -14,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.files import shipped_banks
 from gtmbench.method.monitoring import files as module
 from tests.monitors import monitor, record
 
 ROOT = Path(__file__).parent.parent
-BANKS = ("B", "C", "leave-one-out", "paper")
+BANKS = tuple(shipped_banks())
 
 
 @pytest.fixture

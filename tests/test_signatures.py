@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.files import shipped_banks
 from gtmbench.method.monitoring.bank import bank_of
 from gtmbench.method.monitoring.monitor import bank_residuals
 from gtmbench.method.monitoring.sizes import slowest_drift, tolerated_shift
 from tests.monitors import monitor, record
 
-BANKS = ("B", "C", "leave-one-out", "paper")
+BANKS = tuple(shipped_banks())
 
 
 def bank(*residuals, **more):

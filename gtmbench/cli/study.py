@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 
 from gtmbench.channels import unit_of
-from gtmbench.cli.output import common_options, print_json, print_table
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
 from gtmbench.study.run import run_study
@@ -52,21 +52,11 @@ def run_command(
 
 
 def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -> Study:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Bar(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-
-        def tell(step: str, done: int, total: int) -> None:
-            bar.update(task, description=step, completed=done, total=total + 3)  # three more are written below
-
-        study = run_study(loaded, seed=seed, progress=tell)
+    with progress_bar(silent=silent) as tell:
+        # three more are written below
+        study = run_study(loaded, seed=seed, progress=lambda step, done, total: tell(step, done, total + 3))
         with folder_aside(out) as folder:
-            _write(study, folder, lambda step: bar.update(task, description=step, advance=1))
+            _write(study, folder, lambda step: tell(step, None, None))
     return study
 
 

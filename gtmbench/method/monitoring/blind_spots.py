@@ -41,6 +41,7 @@ def blind_spots(bank: Bank, pattern: Pattern, monitor: Monitor | None = None) ->
         *_contained(bank, pattern),
         *_unpredicted(bank),
         *_cancelled(pattern),
+        *_driven(bank),
         *_tests(bank, monitor),
         *([] if monitor is None else _unjudged(monitor)),
         "A fault that changes no reading isn't one yet: a saturation that isn't reached, a jam of what stands still.",
@@ -97,6 +98,12 @@ def _cancelled(pattern: Pattern) -> list[str]:
     if not only:
         return []
     return [f"Of {_and(only)} only changes enter: an offset, however large, is seen while it comes and not after."]
+
+
+def _driven(bank: Bank) -> list[str]:
+    if not bank.attitude_from_gyros:
+        return []
+    return ["The gyros drive the attitude: after the first finding nothing can be trusted, so nothing is watched."]
 
 
 def _tests(bank: Bank, monitor: Monitor | None) -> list[str]:

@@ -68,7 +68,7 @@ def parse_monitor(document: Any) -> Monitor:
         )
     _keys("", document, _KEYS)
     name = document["name"]
-    if not isinstance(name, str) or len(name) > 200 or not isinstance(by, str):
+    if not isinstance(name, str) or not name.isprintable() or len(name) > 200 or not isinstance(by, str):
         raise InputError(f"name is {_shown(name)}, gtmbench is {_shown(by)}; they must be short texts")
     try:
         bank = bank_of(name, _table("bank", document["bank"]))
