@@ -41,41 +41,36 @@ def _finite(value: float) -> float | None:
 
 def residual_rows(monitor: Monitor) -> tuple[list[str], list[list[str]], list[str]]:
     """Return a table of the residuals: its columns, rows, and the columns to align to the right."""
-    columns = [
-        "residual",
-        "predicted from",
-        "RMS",
-        "look-ahead (s)",
-        "tolerated: shift",
-        "energy",
-        "drift not seen below",
-    ]
+    columns = ["residual", "unit", "RMS", "ahead (s)", "shift", "energy", "drift per s", "predicted from"]
     rows = []
     for output in monitor.operators:
         found = _residual(monitor, output)
-        unit, (low, high) = found["unit"], found["tolerated_energy"]
         rows.append(
             [
                 output,
-                " ".join(found["inputs"]),
-                f"{found['rms_residual']:.3g} {unit}",
+                found["unit"],
+                f"{found['rms_residual']:.3g}",
                 f"{found['look_ahead_s']:g}",
-                _figure(found["tolerated_shift"], unit),
-                f"{low:.2f}..{high:.2f}",
-                _figure(found["slowest_drift_per_s"], f"{unit} per s"),
+                _figure(found["tolerated_shift"]),
+                "{:.2f}..{:.2f}".format(*found["tolerated_energy"]),
+                _figure(found["slowest_drift_per_s"]),
+                " ".join(found["inputs"]),
             ]
         )
-    return columns, rows, columns[2:]
+    return columns, rows, columns[2:-1]
 
 
-def _figure(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.2g} {unit}"
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
 
 
 def facts_text(monitor: Monitor) -> list[str]:
     """Return what a monitor stands on, line by line; a line is left out where the monitor doesn't know."""
     known = monitor.provenance
-    lines = [f"calibrated on: {_origin(known)}"]
+    lines = [
+        "shift, energy: what the healthy residual's mean and mean square (1: noise) may do; drift: slower ones pass",
+        f"calibrated on: {_origin(known)}",
+    ]
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
     hours = [known.get(key) for key in ("identification_hours", "threshold_hours")]
@@ -84,8 +79,8 @@ def facts_text(monitor: Monitor) -> list[str]:
     wanted, bound = known.get("false_alarms_per_hour"), known.get("false_alarms_per_hour_at_most")
     if _is_number(wanted) and _is_number(bound) and _is_number(hours[1]):
         lines.append(
-            f"false alarms: no more than {bound:.2g} an hour at 95 % from {hours[1]:.2f} h seen; {wanted:g} an hour is "
-            "extrapolated from the tails"
+            f"false alarms: no more than {bound:.2g} an hour at 95 % from {hours[1]:.2f} h seen, those that set the "
+            f"thresholds; {wanted:g} an hour is extrapolated from the tails"
         )
     return lines
 
