@@ -29,7 +29,9 @@ from gtmbench.method.identify import identify
 from gtmbench.method.monitoring.bank import Bank, load_bank
 from gtmbench.method.monitoring.calibration import calibrate
 from gtmbench.method.monitoring.diagnosis import Finding, Judgement
+from gtmbench.method.monitoring.files import load_monitor, save_monitor
 from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.method.monitoring.signatures import Signatures, signatures
 from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
@@ -47,8 +49,7 @@ from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
-
-__version__ = "0.1.0"
+from gtmbench.version import __version__ as __version__
 
 __all__ = [
     "CHANNELS",
@@ -91,6 +92,7 @@ __all__ = [
     "ResidualStream",
     "Saturation",
     "Scenario",
+    "Signatures",
     "Study",
     "TotalLeastSquares",
     "Transmissibility",
@@ -113,6 +115,7 @@ __all__ = [
     "inject",
     "innovations",
     "load_bank",
+    "load_monitor",
     "load_scenario",
     "measure",
     "modes",
@@ -121,10 +124,12 @@ __all__ = [
     "run",
     "run_monitored",
     "run_study",
+    "save_monitor",
     "score",
     "score_watch",
     "select_inputs",
     "select_orders",
+    "signatures",
     "threshold",
     "trim",
     "watch",

@@ -55,6 +55,22 @@ def check_folder(target: Path, *, force: bool) -> None:
         pass
 
 
+def check_file(target: Path, *, force: bool) -> None:
+    """Refuse a result's file that can't be written, or that exists and isn't to be replaced.
+
+    Raises
+    ------
+    InputError
+        Before the long work, not after it.
+    """
+    if target.is_dir():
+        raise InputError(f"{target} is a folder; give a file's name")
+    if target.exists() and not force:
+        raise InputError(f"{target} exists; give another --out, or --force to write over it")
+    with _folder_beside(target.resolve()):
+        pass
+
+
 @contextmanager
 def written_aside(target: Path) -> Iterator[Path]:
     """Give a path to write a file to; it becomes `target` when the block ends well and vanishes when it doesn't.

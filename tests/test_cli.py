@@ -143,7 +143,7 @@ def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_pa
 def test_list_names_everything_there_is(cli):
     _, out, _ = cli("list", "--json")
     listed = json.loads(out)
-    assert set(listed) == {"aircraft", "channels", "excitations", "faults", "scenarios"}
+    assert set(listed) == {"aircraft", "channels", "excitations", "faults", "scenarios", "banks", "pseudo inputs"}
     assert set(listed["scenarios"]) == {"drift", "deadzone", "saturation", "rate_saturation", "jam"}
     _, text, _ = cli("list")
     assert all(name in text for section in listed.values() for name in section)
@@ -151,7 +151,7 @@ def test_list_names_everything_there_is(cli):
 
 def test_version_and_help(cli):
     assert cli("--version")[1] == f"gtmbench, version {gb.__version__}\n"
-    for command in ("run", "trim", "fly", "view", "list", "new"):
+    for command in ("run", "calibrate", "bank", "trim", "fly", "view", "list", "new"):
         code, out, _ = cli(command, "--help")
         assert code == 0
         assert "--json" in out

@@ -14,10 +14,11 @@ from collections.abc import Sequence
 
 import click
 
-from gtmbench import __version__
 from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.monitor import bank_command, calibrate_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
+from gtmbench.version import __version__
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -29,7 +30,16 @@ def app() -> None:
     """
 
 
-for command in (run_command, trim_command, fly_command, view_command, list_command, new_command):
+for command in (
+    run_command,
+    calibrate_command,
+    bank_command,
+    trim_command,
+    fly_command,
+    view_command,
+    list_command,
+    new_command,
+):
     app.add_command(command)
 
 

@@ -17,8 +17,10 @@ from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_aircraft, shipped_scenarios
+from gtmbench.files import shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.logs import check_log_path, write_log
+from gtmbench.method.monitoring.bank import load_bank
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.scenario import load_scenario
 
 _aircraft_option = click.option(
@@ -123,13 +125,15 @@ def _ratio(text: str) -> float:
 @click.command("list")
 @common_options
 def list_command(as_json: bool, quiet: bool) -> None:
-    """List aircraft, channels, excitations, faults and scenarios."""
+    """List aircraft, channels, excitations, faults, scenarios, banks and pseudo inputs."""
     sections = {
         "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()},
         "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
         "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
         "faults": {name: _first_line(of) for name, of in FAULTS.items()},
         "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
+        "banks": {name: load_bank(name).title for name in shipped_banks()},
+        "pseudo inputs": {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()},
     }
     if as_json:
         print_json(sections)

@@ -23,10 +23,11 @@ def run_with_monitor(
     from gtmbench.study.monitored import find_monitor, run_monitored
 
     monitor = find_monitor(source)
-    with progress_bar(silent=as_json or quiet, written=3) as bar:
-        study = run_monitored(loaded, monitor, seed=seed, progress=bar.flown)
+    with progress_bar(silent=as_json or quiet) as tell:
+        # three more are written below
+        study = run_monitored(loaded, monitor, seed=seed, progress=lambda step, done, of: tell(step, done, of + 3))
         with folder_aside(out) as folder:
-            _write(study, folder, bar.writing)
+            _write(study, folder, lambda step: tell(step, None, None))
     if as_json:
         from gtmbench.report.monitor_results import monitored_results
 

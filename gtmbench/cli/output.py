@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
@@ -22,6 +21,26 @@ def common_options(command: F) -> F:
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object."""
     click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+@contextmanager
+def progress_bar(*, silent: bool) -> Iterator[Callable[[str, int | None, int | None], None]]:
+    """Give a function that shows a step, how many are done and of how many; None: one more, of as many as before.
+
+    The bar stands on stderr, on terminals only, and is gone afterwards.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+
+        def tell(step: str, done: int | None = None, total: int | None = None) -> None:
+            bar.update(task, description=step, completed=done, total=total, advance=1 if done is None else None)
+
+        yield tell
 
 
 def print_table(
@@ -42,28 +61,3 @@ def print_table(
     if not console.is_terminal:
         console = Console(highlight=False, width=140)  # a pipe or a log has no width of its own
     console.print(table)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProgressBar:
-    """What the steps of a study are told to: `flown` while it runs, `writing` while its files are written."""
-
-    flown: Callable[[str, int, int], None]
-    writing: Callable[[str], None]
-
-
-@contextmanager
-def progress_bar(*, silent: bool, written: int) -> Iterator[ProgressBar]:
-    """Show a bar on a terminal, `written` steps longer than the study; elsewhere, nothing."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Bar(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-        yield ProgressBar(
-            flown=lambda step, done, of: bar.update(task, description=step, completed=done, total=of + written),
-            writing=lambda step: bar.update(task, description=step, advance=1),
-        )

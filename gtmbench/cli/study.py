@@ -69,10 +69,11 @@ def run_command(
 
 
 def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -> Study:
-    with progress_bar(silent=silent, written=3) as bar:
-        study = run_study(loaded, seed=seed, progress=bar.flown)
+    with progress_bar(silent=silent) as tell:
+        # three more are written below
+        study = run_study(loaded, seed=seed, progress=lambda step, done, total: tell(step, done, total + 3))
         with folder_aside(out) as folder:
-            _write(study, folder, bar.writing)
+            _write(study, folder, lambda step: tell(step, None, None))
     return study
 
 

@@ -11,11 +11,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gtmbench import __version__
 from gtmbench.channels import unit_of
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.study.trial import Study
+from gtmbench.version import __version__
 
 SCHEMA = 1
 _LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")

@@ -123,7 +123,8 @@ def run_monitored(
 ) -> MonitoredStudy:
     """Run scenarios that share a flight, watched by a monitor; their ``[operator]`` and thresholds aren't used.
 
-    Of ``[alarm]``, `watch_from_s` and `healthy_records` hold.
+    Of ``[alarm]``, `watch_from_s` and `healthy_records` hold. Scenarios that state neither snr nor noise have the T2's
+    noise here.
 
     Parameters
     ----------
@@ -161,10 +162,14 @@ def run_monitored(
 
 
 def _without_detector(scenario: Scenario) -> Scenario:
-    """Return a scenario without what a monitor doesn't use, so that it can't keep scenarios apart."""
+    """Return a scenario without what a monitor doesn't use, so that it can't keep scenarios apart.
+
+    Where it doesn't state its sensors' noise, they are the T2's, which monitors are calibrated on unless told.
+    """
     alarm = scenario.setup.alarm
     kept = AlarmSetup(watch_from_s=alarm.watch_from_s, healthy_records=alarm.healthy_records)
-    return replace(scenario, setup=replace(scenario.setup, operator=OperatorSetup(), alarm=kept))
+    setup = replace(scenario.setup, operator=OperatorSetup(), alarm=kept)
+    return replace(scenario, setup=setup if scenario.states_noise else replace(setup, snr=None, noise="t2"))
 
 
 def _baseline(flown: Flown, monitor: Monitor, healthy: Record, watches: list[Watch]) -> MonitoredBaseline:

@@ -62,12 +62,13 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A scenario file: a setup and the faults to try in it, one trial each."""
+    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise."""
 
     name: str
     title: str
     setup: Setup
     faults: tuple[FaultSpec, ...]
+    states_noise: bool = True
 
 
 def load_scenario(source: str | Path) -> Scenario:
@@ -126,7 +127,8 @@ def _scenario(name: str, table: dict[str, Any]) -> Scenario:
     ]
     if len(specs) > _MOST_TRIALS:
         raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
-    return Scenario(name=name, title=title, setup=setup, faults=tuple(specs))
+    states_noise = "snr" in table or "noise" in table
+    return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
 
 
 def _setup(table: dict[str, Any]) -> Setup:

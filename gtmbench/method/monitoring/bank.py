@@ -204,7 +204,7 @@ def _statistic(table: Any) -> Statistic:
     _known("alarm", table, ("statistic", "window_s", "windows_s", "baseline_s", "shift", "ratio", "two_sided"))
     default = Statistic()
     name = table.get("statistic", default.name)
-    if name not in STATISTICS:
+    if not isinstance(name, str) or name not in STATISTICS:
         raise InputError(f"alarm.statistic is {name!r}; there are {', '.join(STATISTICS)}")
     windows = table.get("windows_s", table.get("window_s", list(default.windows_s)))
     windows = windows if isinstance(windows, list) else [windows]

@@ -1,0 +1,163 @@
+"""Commands of monitoring: calibrate, bank."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gtmbench.bench.imperfections import parse_imperfections
+from gtmbench.checks import number
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.errors import InputError
+from gtmbench.files import check_file, shipped_banks
+from gtmbench.method.monitoring.bank import Bank, bank_table, load_bank
+from gtmbench.method.monitoring.calibration import calibrate
+from gtmbench.method.monitoring.files import load_monitor, save_monitor
+from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.method.monitoring.signatures import Signatures, signatures
+from gtmbench.record import Record
+from gtmbench.report.monitor import facts, facts_text, residual_rows
+from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
+
+_DEFAULT = CalibrationFlights()
+
+
+@click.command("calibrate")
+@click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
+@click.option("--bank", "source", default="C", show_default=True, help="A name of `gtmbench bank`, or a TOML file.")
+@click.option(
+    "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
+)
+@click.option(
+    "--false-alarms-per-hour", "rate", default=0.002, show_default=True, help="Wanted of the whole monitor in flight."
+)
+@click.option("--flights", type=int, help=f"How many are flown, without logs.  [default: {_DEFAULT.flights}]")
+@click.option("--duration", type=float, help=f"Seconds each.  [default: {_DEFAULT.duration_s:g}]")
+@click.option("--excitation", help=f"A name of `gtmbench list`, or a sum.  [default: {_DEFAULT.excitation}]")
+@click.option(
+    "--tolerate",
+    metavar="TEXT",
+    help="Imperfections of healthy gyros that must not alarm, such as bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
+)
+@click.option("--seed", default=1, show_default=True, help="Of the first flight, its noise and imperfections.")
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+@common_options
+def calibrate_command(
+    logs: tuple[Path, ...],
+    source: str,
+    out: Path,
+    rate: float,
+    flights: int | None,
+    duration: float | None,
+    excitation: str | None,
+    tolerate: str | None,
+    seed: int,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Identify a bank on healthy records, set its thresholds on others, and write a monitor.
+
+    Without logs: GTM flights with the T2's sensor noise. The file holds numbers and names only, and another process or
+    machine that loads it judges bit for bit alike.
+    """
+    if out.suffix.lower() != ".json":
+        raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
+    check_file(out, force=force)
+    rate = number("--false-alarms-per-hour", rate, 1e-9, 1e3)
+    bank = load_bank(source)
+    imperfections = parse_imperfections(tolerate) if tolerate is not None else _DEFAULT.imperfections
+    of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation}
+    given = {key: value for key, value in of_flights.items() if value is not None}
+    if logs and given:
+        option = next(iter(given)).removesuffix("_s")
+        raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
+    wanted = CalibrationFlights(**given, seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
+    with progress_bar(silent=as_json or quiet) as tell:
+        records: list[Record]
+        if logs:
+            records, origin = logged_records(logs, bank, imperfections=imperfections, seed=seed, progress=tell)
+        else:
+            records, origin = wanted.records(bank, processes=os.cpu_count() or 1, progress=tell), wanted.provenance()
+        monitor = calibrate(records, bank=bank, false_alarms_per_hour=rate, provenance=origin, progress=tell)
+        save_monitor(monitor, out)
+    if as_json:
+        print_json(facts(monitor) | {"out": str(out)})
+    elif not quiet:
+        _print_monitor(monitor)
+        click.echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
+
+
+def _print_monitor(monitor: Monitor) -> None:
+    columns, rows, right = residual_rows(monitor)
+    print_table(f"bank {monitor.bank.name}: {monitor.bank.title}", columns, rows, right=right)
+    for line in facts_text(monitor):
+        click.echo(line)
+
+
+@click.command("bank")
+@click.argument("source", required=False, metavar="[NAME|FILE.toml|MONITOR.json]")
+@common_options
+def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
+    """Show a bank: its residuals, which fault enters which, and what it can't see. Without a name: list the banks.
+
+    Of a monitor's file, also what it was calibrated on and what that lets pass.
+    """
+    if source is None:
+        _list_banks(as_json, quiet)
+        return
+    monitor = load_monitor(source) if source.lower().endswith(".json") else None
+    bank = monitor.bank if monitor is not None else load_bank(source)
+    found = signatures(monitor if monitor is not None else bank)
+    if as_json:
+        print_json(_bank_json(found) | ({} if monitor is None else {"monitor": facts(monitor)}))
+    elif not quiet:
+        if monitor is None:
+            _print_residuals(bank)
+        else:
+            _print_monitor(monitor)
+        _print_signatures(found)
+
+
+def _list_banks(as_json: bool, quiet: bool) -> None:
+    banks = [load_bank(name) for name in shipped_banks()]
+    if as_json:
+        print_json({"banks": {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}})
+    elif not quiet:
+        rows = [[bank.name, bank.title, " ".join(bank.channels)] for bank in banks]
+        print_table("Banks", ["name", "predicts", "needs"], rows)
+        click.echo(
+            "one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml"
+        )
+
+
+def _print_residuals(bank: Bank) -> None:
+    rows = [
+        [spec.output, " ".join(spec.inputs), f"{spec.look_back_s:g}", f"{spec.look_ahead_s:g}"]
+        for spec in bank.residuals
+    ]
+    names = ["residual", "predicted from", "look-back (s)", "look-ahead (s)"]
+    print_table(f"bank {bank.name}: {bank.title}", names, rows, right=names[2:])
+
+
+def _print_signatures(found: Signatures) -> None:
+    rows = [[name, *found.pattern[name]] for name in found.channels]
+    print_table("Fault signatures", ["fault of", *(f"in {output}" for output in found.outputs)], rows)
+    click.echo("level: any error of the channel enters the residual; slope: only changes of the error do")
+    click.echo(click.style("Blind spots", bold=True))
+    for line in found.blind_spots:
+        click.echo(f"- {line}")
+
+
+def _bank_json(found: Signatures) -> dict[str, Any]:
+    pattern = {name: dict(zip(found.outputs, found.pattern[name], strict=True)) for name in found.channels}
+    return {
+        "name": found.bank.name,
+        **bank_table(found.bank),
+        "channels": list(found.channels),
+        "signatures": pattern,
+        "blind_spots": list(found.blind_spots),
+    }

@@ -1,0 +1,234 @@
+"""Healthy records to calibrate a monitor on: flights of the bench, or logs, with imperfect sensors where wanted."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, load_aircraft
+from gtmbench.bench.excitation import parts_of
+from gtmbench.bench.flight import LONGEST_S, fly
+from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.sensors import NOISES, measure
+from gtmbench.channels import SENSORS
+from gtmbench.checks import number, whole
+from gtmbench.clock import same_period
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.logs import read_log
+from gtmbench.method.monitoring.bank import Bank
+from gtmbench.record import Record
+from gtmbench.version import __version__
+
+_GYROS = ("p", "q", "r")  # those whose imperfections are stated
+_MOST_FLIGHTS = 2000
+_LARGEST_SEED = 2**31 - 1
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFlights:
+    """Flights to calibrate on, one a seed: of excitation, turbulence, noise and imperfections.
+
+    Parameters
+    ----------
+    flights : int
+    duration_s : float
+        Of each.
+    aircraft, excitation : str
+        As `fly` takes them.
+    noise : "t2"
+    seed : int
+        Of the first flight; the others follow.
+    imperfections : Imperfections
+        Of the healthy gyros, to be tolerated.
+
+    Raises
+    ------
+    InputError
+        Before anything is flown.
+
+    Examples
+    --------
+    >>> from gtmbench.method.monitoring.bank import load_bank
+    >>> flights = CalibrationFlights(flights=2, duration_s=1.0)
+    >>> [record.channels for record in flights.records(load_bank("paper"))]
+    [('r', 'beta', 'p', 'q'), ('r', 'beta', 'p', 'q')]
+    """
+
+    flights: int = 60
+    duration_s: float = 500.0
+    aircraft: str = "gtm"
+    excitation: str = "multisine+turbulence"
+    noise: str = "t2"
+    seed: int = 1
+    imperfections: Imperfections = field(default_factory=Imperfections)
+
+    def __post_init__(self) -> None:
+        whole("flights", self.flights, 1, _MOST_FLIGHTS)
+        number("duration_s", self.duration_s, SAMPLE_PERIOD_S, LONGEST_S)
+        whole("seed", self.seed, 0, _LARGEST_SEED - self.flights)
+        load_aircraft(self.aircraft)
+        parts_of(self.excitation)
+        if self.noise not in NOISES:
+            raise InputError(f"no noise '{self.noise}'; there is {', '.join(NOISES)}")
+
+    def records(
+        self, bank: Bank, *, processes: int = 1, progress: Progress = lambda _step, _done, _of: None
+    ) -> list[Record]:
+        """Fly, and return what the sensors that a bank uses read, in the order of the seeds.
+
+        Parameters
+        ----------
+        bank : Bank
+        processes : int
+            More than one: flown side by side. The caller's main module is then imported by each of them, so a script
+            needs its ``if __name__ == "__main__":``.
+        progress : callable
+            Told the step, how many are flown, and of how many.
+        """
+        bank.check_channels(SENSORS)
+        tasks = [(self, bank.channels, self.seed + i) for i in range(self.flights)]
+        found: list[Record] = []
+        progress("flying", 0, len(tasks))
+        with _mapped(min(processes, len(tasks))) as mapped:
+            for record in mapped(_flown, tasks):
+                found.append(record)
+                progress("flying", len(found), len(tasks))
+        return found
+
+    def provenance(self) -> dict[str, Any]:
+        """Return where the records come from, as plain values without a date: the same flights, the same words."""
+        return {
+            "source": "flights",
+            "aircraft": self.aircraft,
+            "excitation": self.excitation,
+            "duration_s": float(self.duration_s),
+            "noise": self.noise,
+            "seeds": [self.seed, self.seed + self.flights - 1],
+            **_common(self.imperfections),
+        }
+
+
+def logged_records(
+    paths: Sequence[Path],
+    bank: Bank,
+    *,
+    imperfections: Imperfections | None = None,
+    seed: int = 1,
+    progress: Progress = lambda _step, _done, _of: None,
+) -> tuple[list[Record], dict[str, Any]]:
+    """Read healthy logs; return the channels that a bank uses, and the logs' provenance.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        As `read_log` takes them.
+    bank : Bank
+    imperfections : Imperfections, optional
+        Added to the gyros that the bank uses, to be tolerated.
+    seed : int
+        Of the first log's imperfections; the others follow.
+
+    Raises
+    ------
+    InputError
+        Naming the log: where it can't be read, lacks a channel, has another sample period than the first, or was
+        given before.
+    """
+    added = imperfections or Imperfections()
+    records: list[Record] = []
+    logs: list[dict[str, str]] = []
+    for i, path in enumerate(paths):
+        progress("reading", i, len(paths))
+        record = read_log(path)
+        try:
+            bank.check_channels(record.channels)
+            if records and not same_period(record.sample_period_s, records[0].sample_period_s):
+                raise InputError(
+                    f"it is sampled every {record.sample_period_s:g} s, {paths[0].name} every "
+                    f"{records[0].sample_period_s:g} s; a monitor has one sample period, so resample it"
+                )
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
+        if twin is not None:
+            raise InputError(f"{path} holds the same as {twin}; give every flight once")
+        logs.append({"name": path.name, "sha256": digest})
+        records.append(_with(record.select(bank.channels), added, seed + i))
+    return records, {"source": "logs", "logs": logs, **_common(added)}
+
+
+def _common(imperfections: Imperfections) -> dict[str, str]:
+    tolerated = str(imperfections) if imperfections != Imperfections() else "none"
+    return {"tolerated_imperfections": tolerated, "gtmbench": __version__, "numpy": np.__version__}
+
+
+def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
+    flights, channels, seed = task
+    flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
+    measured = measure(flight, noise=flights.noise, seed=seed)
+    return _with(measured.select(channels), flights.imperfections, seed)
+
+
+def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:
+    gyros = [name for name in _GYROS if name in record]
+    return imperfect(record, imperfections, channels=gyros, seed=seed) if gyros else record
+
+
+@contextmanager
+def _mapped(processes: int) -> Iterator[Callable[..., Any]]:
+    """Give a `map` over processes that end with the block; the plain one for a single process."""
+    if processes <= 1:
+        yield map
+        return
+    context = multiprocessing.get_context("spawn")  # a fork would copy locks that threads of ours hold
+    try:
+        pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_ignore_interrupts)
+    except (OSError, ImportError):  # a machine without semaphores
+        yield map
+        return
+
+    def mapped(work: Callable[[Any], Any], tasks: Sequence[Any]) -> Any:
+        with _interrupts_wait():  # the processes start here; Ctrl-C is ours to handle, not theirs
+            return pool.map(work, tasks)
+
+    others = set(multiprocessing.active_children())
+    try:
+        yield mapped
+    except BrokenProcessPool as error:
+        raise GtmbenchError("a process that flew was killed (no memory?); close others, or fly fewer") from error
+    except BaseException:  # nobody waits for flights that go nowhere
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Hold Ctrl-C back for a moment; processes that start meanwhile never see it."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, former)
