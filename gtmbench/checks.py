@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
@@ -17,7 +18,7 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     50.0
     """
     real = isinstance(value, Real) and not isinstance(value, bool)
-    if real and low <= value <= high and abs(value) < math.inf and not (above and value == low):
+    if real and low <= value <= high and abs(value) <= sys.float_info.max and not (above and value == low):
         return float(value)
     raise InputError(f"{name} is {_shown(value)}; it must be a finite number{_span(low, high, above)}")
 

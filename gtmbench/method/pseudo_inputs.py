@@ -133,7 +133,7 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     Parameters
     ----------
     record : Record
-        With angles in deg and rates in deg/s, as everywhere. psi must be unwrapped.
+        With angles in deg and rates in deg/s, as everywhere. A heading may run from 360 deg to 0.
     wanted : sequence of str
         Names of `PSEUDO_INPUTS`; what they need on the way is computed, not added. Channels that the record has
         already are left as they are.
@@ -216,5 +216,8 @@ def _computed(name: str, record: Record, cache: dict[str, FloatArray]) -> FloatA
 
 def _slope(values: FloatArray, sample_period_s: float) -> FloatArray:
     slope = np.full(len(values), np.nan)
-    slope[1:-1] = (values[2:] - values[:-2]) / (2.0 * sample_period_s)
+    steps = values[2:] - values[:-2]
+    turned = np.abs(steps) > np.pi  # a heading that runs from 360 deg to 0
+    steps[turned] -= 2.0 * np.pi * np.rint(steps[turned] / (2.0 * np.pi))
+    slope[1:-1] = steps / (2.0 * sample_period_s)
     return slope

@@ -19,7 +19,7 @@ import numpy as np
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, load_aircraft
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S, fly
-from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
 from gtmbench.checks import number, whole
@@ -184,7 +184,7 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
 
 def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:
     gyros = [name for name in _GYROS if name in record]
-    return imperfect(record, imperfections, channels=gyros, seed=seed) if gyros else record
+    return imperfect(record, drawn(imperfections, seed=seed), channels=gyros, seed=seed) if gyros else record
 
 
 @contextmanager
