@@ -267,8 +267,8 @@ class Size:
     def __init__(self, *, quick: bool) -> None:
         self.calibration = 12 if quick else 60
         self.healthy = 2 if quick else 216  # 30 h
-        self.faults = 1 if quick else 14
-        self.angles = 1 if quick else 7
+        self.faults = 1 if quick else 12
+        self.angles = 1 if quick else 6
         self.filter_calibration = 6 if quick else 24
         self.filter_faults = 1 if quick else 4
         self.costs = 1 if quick else 6

@@ -140,7 +140,7 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     stops = [known_row + 1 + round(horizon_s / record.sample_period_s) for horizon_s in HORIZONS_S]
     judgements = [_by_signature(monitor, residuals, crossing)]
     suspects = _suspects(monitor, residuals)
-    held: tuple[int, Case, Explanation] | None = None  # the last that explains: how many judgements, what, by what
+    held: tuple[int, Explanation] | None = None  # the last that explains, and how many judgements there were
     ended_s: float | None = None
     for stop in [*stops, *_later(stops[-1], record)]:
         case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
@@ -148,7 +148,7 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
             break
         ranking = explanations(case, suspects) if stop <= stops[-1] else []
         if held is not None:
-            ended_s = _ended_s(case, held[1], held[2], ranking[0].score if ranking else float("inf"))
+            ended_s = _ended_s(case, held[1], ranking[0].score if ranking else float("inf"))
             if ended_s is not None:
                 del judgements[held[0] :]
                 break
@@ -156,7 +156,7 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
             suspects = within_reach(ranking)
             judgements.append(_judge(case, ranking, judgements[0]))
             if judgements[-1].sensor is not None and judgements[-1].kind_margin > _DECISIVE:
-                held = len(judgements), case, next(one for one in ranking if one.channel == judgements[-1].sensor)
+                held = len(judgements), next(one for one in ranking if one.channel == judgements[-1].sensor)
         if stop >= len(record):
             break
     return Finding(
@@ -261,8 +261,8 @@ def _explained(case: Case, best: Explanation) -> bool:
     return bool(over <= max(0.5 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
 
 
-def _ended_s(case: Case, before: Case, best: Explanation, rival: float) -> float | None:
-    """Return when a fault had gone, if it has: what came after `before` is healthy, and the fault would have shown.
+def _ended_s(case: Case, best: Explanation, rival: float) -> float | None:
+    """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
 
     Since then the residuals as they are must look healthy, and explain the record decisively better than with the
     fault undone to the end, and than `rival`, the BIC of the best fault that lasts: a saturation that isn't reached
@@ -273,20 +273,18 @@ def _ended_s(case: Case, before: Case, best: Explanation, rival: float) -> float
         return None
     reads = KINDS[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
     undone = corrected_residuals(case, best.channel, corrected(case, best.channel, virtual, reads))
-    new = before.stop - before.sure
     gain = np.zeros(case.stop - case.sure)  # of leaving the record as it is, in nats
-    total, healthy, count = case.energy(dict(case.residuals.raw))[0], 0.0, 0
+    over = np.zeros(len(gain))  # what the residuals as they are have over what is tolerated
     for output, values in undone.items():
         as_is, better = (_squares(case, output, of) for of in (case.residuals.raw[output], values))
         gain[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
-        there = as_is[new:][np.isfinite(as_is[new:])]
-        healthy, count = healthy + float(there.sum()), count + len(there)
-    rest = np.cumsum(gain[::-1])[::-1]  # from each row on
-    ended = int(np.argmax(rest))
+        over[: len(as_is)] += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
+    ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
+    since = len(gain) - ended
     cost = (len(best.parameters) + 1) * np.log(max(len(gain), 2))
-    if healthy - count > 6.0 * np.sqrt(2.0 * max(count, 1)) or gain[new:].sum() < _END:
-        return None
-    if total + 2.0 * float(gain[:ended].sum()) + cost > rival - _DECISIVE:
+    lasting = case.energy(dict(case.residuals.raw))[0] + 2.0 * float(gain[:ended].sum()) + cost
+    healthy = over[ended:].sum() <= 6.0 * np.sqrt(2.0 * since * len(undone))
+    if not healthy or gain[ended:].sum() < _END or lasting > rival - _DECISIVE:
         return None
     return round(float(case.record.time_s[case.sure + ended]), 9)
 
