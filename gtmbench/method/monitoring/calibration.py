@@ -76,16 +76,21 @@ def calibrate(
     block_s = float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S))
     rows = max(round(block_s / period_s), 1)
     maxima: dict[tuple[str, str], list[FloatArray]] = {}
+    greatest: dict[tuple[str, str], float] = {}
     least: dict[tuple[str, str], Callable[[float], float]] = {}
     for output, pairs in seen.items():
         for raw, white in pairs:
             for series in test.series(raw, white, period_s, tolerances[output]):
-                maxima.setdefault((output, series.label), []).append(block_maxima(series.values, rows))
-                least[output, series.label] = series.least_threshold
+                key = output, series.label
+                maxima.setdefault(key, []).append(block_maxima(series.values, rows))
+                # also of blocks that aren't complete
+                greatest[key] = float(np.fmax.reduce(series.values, initial=greatest.get(key, -np.inf)))
+                least[key] = series.least_threshold
     share = rate / len(maxima) * rows * period_s / 3600.0
     thresholds: dict[str, dict[str, float]] = {spec.output: {} for spec in bank.residuals}
-    for (output, label), parts in maxima.items():
-        thresholds[output][label] = max(_threshold(parts, share), least[output, label](share / rows))
+    for key, parts in maxima.items():
+        output, label = key
+        thresholds[output][label] = max(_threshold(parts, share), greatest[key], least[key](share / rows))
     progress("done", total, total)
     return Monitor(
         bank=bank,
@@ -124,7 +129,8 @@ def _learn(bank: Bank, records: list[Record]) -> tuple[dict[str, Transmissibilit
     whiteners: dict[str, Whitener] = {}
     order = round(bank.whitening_s / period_s)
     for spec in bank.residuals:
-        derived = [_complete(derive(record, spec.inputs).select([*spec.inputs, spec.output])) for record in records]
+        known = [derive(record.select(bank.channels), spec.inputs) for record in records]
+        derived = [_complete(record.select([*spec.inputs, spec.output])) for record in known]
         operators[spec.output] = identify(
             derived,
             inputs=spec.inputs,

@@ -144,8 +144,8 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     ended_s: float | None = None
     for stop in [*stops, *_later(stops[-1], record)]:
         case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
-        if case.stop - case.sure < 10:
-            break
+        if case.stop - case.sure < 10:  # too few rows yet
+            continue
         ranking = explanations(case, suspects) if stop <= stops[-1] else []
         if held is not None:
             ended_s = _ended_s(case, held[1], ranking[0].score if ranking else float("inf"))

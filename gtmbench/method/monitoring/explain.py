@@ -68,9 +68,9 @@ class Case:
         return total, count
 
     def whitened(self, output: str, values: FloatArray) -> FloatArray:
-        """Return a residual whitened about its mean before the fault, over the rows judged."""
+        """Return a residual whitened about its mean before the fault, over the rows judged: known at their end."""
         whitener = self.monitor.whiteners[output]
-        ahead = round(self.monitor.look_ahead_s(output) / self.record.sample_period_s)
+        ahead = round(self.monitor.corrected_look_ahead_s(output) / self.record.sample_period_s)
         begin = max(self.sure - whitener.order, 0)
         white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])
         return white[self.sure - begin :]
@@ -99,7 +99,10 @@ def open_case(
         record=_rows(record, part),
         residuals=BankResiduals(
             raw={name: values[part] for name, values in residuals.raw.items()},
-            predicted={name: values[part] for name, values in residuals.predicted.items()},
+            predicted={
+                name: _known(values[part], round(monitor.look_ahead_s(name) / period_s))
+                for name, values in residuals.predicted.items()
+            },
         ),
         start=start - first,
         sure=max(sure_row - first, start - first + 1),
@@ -220,6 +223,11 @@ def _scorer(case: Case, channel: str, virtual: FloatArray) -> Callable[[FloatArr
         return case.energy(corrected_residuals(case, channel, values))[0]
 
     return score
+
+
+def _known(values: FloatArray, ahead: int) -> FloatArray:
+    """Return predictions without the last, which stand on samples to come."""
+    return np.where(np.arange(len(values)) < len(values) - ahead, values, np.nan)
 
 
 def _mean(values: FloatArray, otherwise: float) -> float:

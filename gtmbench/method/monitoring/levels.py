@@ -83,7 +83,7 @@ def crossings(level: Mapping[str, Level], *, from_row: int = 0) -> list[Crossing
     """Return the upward crossings of 1, in the order in which they can be known; missing values are passed over."""
     found = []
     for output, one in level.items():
-        there = np.flatnonzero(np.isfinite(one.values[from_row:])) + from_row
+        there = np.flatnonzero(~np.isnan(one.values[from_row:])) + from_row
         above = one.values[there] > 1.0
         rising = above & ~np.concatenate([[False], above])[:-1]
         for row in there[rising].tolist():

@@ -47,6 +47,12 @@ class Monitor:
         derivative = any(name in PSEUDO_INPUTS for name in operator.inputs)
         return round(operator.look_ahead_s + derivative * self.sample_period_s, 9)
 
+    def corrected_look_ahead_s(self, output: str) -> float:
+        """How long after a sample its residual exists with virtual sensors in place of channels that it stands on."""
+        spec = next(spec for spec in self.bank.residuals if spec.output == output)
+        virtual = [self.look_ahead_s(name) for name in self.bank.sources(spec) if name in self.operators]
+        return round(self.look_ahead_s(output) + max(virtual, default=0.0), 9)
+
     def history_s(self, output: str) -> float:
         """How long before a sample its whitened residual looks back."""
         return round((self.operators[output].causal_order + self.whiteners[output].order + 1) * self.sample_period_s, 9)
