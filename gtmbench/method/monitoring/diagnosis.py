@@ -76,6 +76,8 @@ class Finding:
         In time: by the signature alone, with the alarm, then one a horizon; the last is what is known at the end.
     ended_s : float or None
         When the fault had gone; None while it lasts, or where the record doesn't tell.
+    resumed_s : float or None
+        When that was known, so that watching goes on; None while it isn't.
     """
 
     alarm_s: float
@@ -84,11 +86,13 @@ class Finding:
     series: str
     judgements: tuple[Judgement, ...] = field(repr=False)
     ended_s: float | None
+    resumed_s: float | None
 
     @property
     def last(self) -> Judgement:
-        """What is known at the end."""
-        return self.judgements[-1]
+        """What is known at the end; of a fault that ended, what was decided while it lasted."""
+        decided = [one for one in self.judgements if one.sensor is not None]
+        return decided[-1] if decided and self.ended_s is not None else self.judgements[-1]
 
     @property
     def sensor(self) -> str | None:
@@ -101,7 +105,7 @@ class Finding:
         if self.sensor is None:
             return None
         time_s = self.last.time_s
-        for judgement in reversed(self.judgements):
+        for judgement in reversed([one for one in self.judgements if one.time_s <= time_s]):
             if judgement.sensor != self.sensor:
                 break
             time_s = judgement.time_s
@@ -140,23 +144,23 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     stops = [known_row + 1 + round(horizon_s / record.sample_period_s) for horizon_s in HORIZONS_S]
     judgements = [_by_signature(monitor, residuals, crossing)]
     suspects = _suspects(monitor, residuals)
-    held: tuple[int, Explanation] | None = None  # the last that explains, and how many judgements there were
-    ended_s: float | None = None
+    held: Explanation | None = None  # the last that was decisive
+    ended_s = resumed_s = None
     for stop in [*stops, *_later(stops[-1], record)]:
         case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
         if case.stop - case.sure < 10:  # too few rows yet
             continue
         ranking = explanations(case, suspects) if stop <= stops[-1] else []
         if held is not None:
-            ended_s = _ended_s(case, held[1], ranking[0].score if ranking else float("inf"))
+            ended_s = _ended_s(case, held, ranking[0].score if ranking else float("inf"))
             if ended_s is not None:
-                del judgements[held[0] :]
+                resumed_s = _end_s(case)
                 break
         if ranking:
             suspects = within_reach(ranking)
             judgements.append(_judge(case, ranking, judgements[0]))
             if judgements[-1].sensor is not None and judgements[-1].kind_margin > _DECISIVE:
-                held = len(judgements), next(one for one in ranking if one.channel == judgements[-1].sensor)
+                held = next(one for one in ranking if one.channel == judgements[-1].sensor)
         if stop >= len(record):
             break
     return Finding(
@@ -166,6 +170,7 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
         series=crossing.series,
         judgements=tuple(judgements),
         ended_s=ended_s,
+        resumed_s=resumed_s,
     )
 
 
@@ -181,6 +186,11 @@ def _case(
     return open_case(monitor, record, residuals, onset_row=crossing.onset_row, sure_row=sure_row, stop_row=stop_row)
 
 
+def _end_s(case: Case) -> float:
+    """Return when the last sample of a case is there."""
+    return round(float(case.record.time_s[case.stop - 1]), 9)
+
+
 def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
     """Return the suspects whose residuals are all still watched."""
     return tuple(name for name in monitor.bank.suspects if set(monitor.bank.disturbs(name)) <= set(residuals.raw))
@@ -192,7 +202,7 @@ def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgemen
     Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one
     suspect only, explanations tell no more than the kind of its fault.
     """
-    time_s = round(float(case.record.time_s[case.stop - 1]), 9)
+    time_s = _end_s(case)
     if first.sensor is not None:
         ranking = [one for one in ranking if one.channel == first.sensor]
     healthy, _ = case.energy(dict(case.residuals.raw))
@@ -280,10 +290,11 @@ def _ended_s(case: Case, best: Explanation, rival: float) -> float | None:
         gain[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
         over[: len(as_is)] += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
     ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
-    since = len(gain) - ended
+    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in undone)  # whitening remembers the fault
+    since = max(len(gain) - clear, 1)
     cost = (len(best.parameters) + 1) * np.log(max(len(gain), 2))
     lasting = case.energy(dict(case.residuals.raw))[0] + 2.0 * float(gain[:ended].sum()) + cost
-    healthy = over[ended:].sum() <= 6.0 * np.sqrt(2.0 * since * len(undone))
+    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(undone))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - _DECISIVE:
         return None
     return round(float(case.record.time_s[case.sure + ended]), 9)

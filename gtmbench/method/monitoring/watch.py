@@ -97,19 +97,19 @@ def _go_on(
 ) -> tuple[BankResiduals, int]:
     """Return the residuals to watch after a finding, and from which row on.
 
-    A passing alarm is over at its last judgement. An ended fault's rows are passed over, as if missing. A lasting
-    one takes the residuals that the sensor (or any candidate) enters out of the watch.
+    A passing alarm is over at its last judgement. An ended fault's rows, until its end was known, are passed over, as
+    if missing. A lasting one takes the residuals that the sensor (or any candidate) enters out of the watch.
     """
     disturbed = _disturbed(monitor.bank, finding)
     if _lasts(finding):
         return _without(residuals, disturbed), crossing.row
-    until_s = finding.ended_s if finding.last.candidates and finding.ended_s is not None else finding.last.time_s
+    until_s = finding.last.time_s if finding.resumed_s is None else finding.resumed_s
     last = min(round((until_s - record.start_s) / record.sample_period_s) + 1, len(record))
     return _missing(monitor, residuals, disturbed, slice(crossing.onset_row, last)), crossing.row
 
 
 def _lasts(finding: Finding) -> bool:
-    return bool(finding.last.candidates) and finding.ended_s is None
+    return bool(finding.last.candidates) and finding.resumed_s is None
 
 
 def _disturbed(bank: Bank, finding: Finding) -> set[str]:
