@@ -240,6 +240,7 @@ CONSOLE = Console(stderr=True)
 def alarm_rows(
     seed: int,
     watching: Sequence[str],
+    channels: Sequence[str],
     faults: dict[str, dict[str, dict[str, object]]],
     imperfections: dict[str, gb.Imperfections],
 ) -> list[Row]:
@@ -248,7 +249,7 @@ def alarm_rows(
     rows: list[Row] = []
     for name in watching:
         healthy = sensed(flight, seed, imperfections.get(name))
-        for channel in GYROS:
+        for channel in channels:
             for kind, severities in faults.items():
                 for severity, figures in severities.items():
                     fault = fault_of(kind, channel, figures, flight)
@@ -265,13 +266,18 @@ class Size:
     """How much is flown: for the report, or for a look in a minute."""
 
     def __init__(self, *, quick: bool) -> None:
-        self.calibration = 12 if quick else 60
-        self.healthy = 2 if quick else 216  # 30 h
+        self.calibration = 6 if quick else 60
+        self.healthy = 1 if quick else 216  # 30 h
         self.faults = 1 if quick else 12
         self.angles = 1 if quick else 6
-        self.filter_calibration = 6 if quick else 24
+        self.other_calibration = 3 if quick else 24
         self.filter_faults = 1 if quick else 4
         self.costs = 1 if quick else 6
+        self.gyros = ("q",) if quick else GYROS
+        self.broken_angles = ("psi",) if quick else ANGLES
+        self.gyro_faults = {"jam": {STRONG: {}}} if quick else GYRO_FAULTS
+        self.angle_faults = {"jam": {STRONG: {}}} if quick else ANGLE_FAULTS
+        self.magnitudes = {"drift": dict(list(MAGNITUDES["drift"].items())[-1:])} if quick else MAGNITUDES
 
 
 def calibrated(size: Size, jobs: int) -> dict[str, gb.Monitor]:
@@ -296,7 +302,7 @@ def banks(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> tuple[pd.Da
         "healthy flights",
     )
     broken = spread(
-        partial(fault_rows, watching=names, channels=GYROS, faults=GYRO_FAULTS),
+        partial(fault_rows, watching=names, channels=size.gyros, faults=size.gyro_faults),
         range(FAULT_SEED, FAULT_SEED + size.faults),
         monitors,
         jobs,
@@ -308,7 +314,7 @@ def banks(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> tuple[pd.Da
 def attitude(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> pd.DataFrame:
     """Break the attitude sensors, watched by bank C."""
     seeds = range(FAULT_SEED + 1000, FAULT_SEED + 1000 + size.angles)
-    task = partial(fault_rows, watching=["C"], channels=ANGLES, faults=ANGLE_FAULTS)
+    task = partial(fault_rows, watching=["C"], channels=size.broken_angles, faults=size.angle_faults)
     return flat(spread(task, seeds, {"C": monitors["C"]}, jobs, "faults of the attitude"))
 
 
@@ -317,10 +323,12 @@ def filters(size: Size, jobs: int) -> pd.DataFrame:
     constants = {"1 s": 1.0, "5 s": 5.0, "20 s": 20.0}
     monitors = {}
     for name, constant_s in constants.items():
-        seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.filter_calibration)
+        seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.other_calibration)
         records = spread(partial(calibration_record, time_constant_s=constant_s), seeds, {}, jobs, f"filter of {name}")
         monitors[name] = gb.calibrate(records, bank=gb.load_bank("C-filtered"))
-    task = partial(fault_rows, watching=list(constants), channels=GYROS, faults=GYRO_FAULTS, time_constants_s=constants)
+    task = partial(
+        fault_rows, watching=list(constants), channels=size.gyros, faults=size.gyro_faults, time_constants_s=constants
+    )
     seeds = range(FAULT_SEED + 2000, FAULT_SEED + 2000 + size.filter_faults)
     return flat(spread(task, seeds, monitors, jobs, "faults within the filter"))
 
@@ -329,7 +337,7 @@ def imperfect(size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Calibrate for imperfect sensors: what stays quiet, and what magnitudes are still seen."""
     monitors = {}
     for name, imperfections in IMPERFECT.items():
-        seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.filter_calibration)
+        seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.other_calibration)
         task = partial(calibration_record, imperfections=imperfections)
         monitors[name] = gb.calibrate(spread(task, seeds, {}, jobs, f"{name} sensors"), bank=gb.load_bank("C"))
     careless = {f"perfect, on {name} sensors": IMPERFECT[name] for name in ("fair", "poor")}
@@ -338,18 +346,24 @@ def imperfect(size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     watching = partial(healthy_rows, watching=list(everyone), imperfections=IMPERFECT | careless)
     healthy = flat(spread(watching, seeds, everyone, jobs, "healthy, imperfect"))
     seeds = range(FAULT_SEED + 3000, FAULT_SEED + 3000 + size.costs)
-    task = partial(alarm_rows, watching=list(monitors), faults=MAGNITUDES, imperfections=IMPERFECT)
+    task = partial(
+        alarm_rows,
+        watching=list(monitors),
+        channels=size.gyros,
+        faults=size.magnitudes,
+        imperfections=IMPERFECT,
+    )
     return healthy, flat(spread(task, seeds, monitors, jobs, "small faults, imperfect"))
 
 
 def tests(size: Size, jobs: int) -> pd.DataFrame:
     """Judge bank C's residuals by every test statistic, calibrated for the same false-alarm rate."""
-    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.filter_calibration)
+    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.other_calibration)
     records = spread(calibration_record, seeds, {}, jobs, "flights for the tests")
     bank = gb.load_bank("C")
     monitors = {name: gb.calibrate(records, bank=replace(bank, statistic=test)) for name, test in TESTS.items()}
     seeds = range(FAULT_SEED + 4000, FAULT_SEED + 4000 + size.costs)
-    task = partial(alarm_rows, watching=list(monitors), faults=GYRO_FAULTS, imperfections={})
+    task = partial(alarm_rows, watching=list(monitors), channels=size.gyros, faults=size.gyro_faults, imperfections={})
     return flat(spread(task, seeds, monitors, jobs, "faults, every test"))
 
 

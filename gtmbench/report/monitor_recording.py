@@ -140,8 +140,8 @@ def _told(finding: Finding, what: str) -> list[Event]:
         before = now
     if events[-1][0] < finding.last.time_s:
         events.append((finding.last.time_s, "INFO", f"last word: {judgement_text(finding.last)}"))
-    if finding.ended_s is not None:
-        events.append((finding.ended_s, "INFO", "the fault has gone"))
+    if finding.ended_s is not None and finding.resumed_s is not None:
+        events.append((finding.resumed_s, "INFO", f"the fault has gone, since {finding.ended_s:.2f} s"))
     return events
 
 
