@@ -66,7 +66,7 @@ def test_every_file_that_is_named_exists():
     named = re.findall(r"`((?:gtmbench|aircraft|experiments|faults|tests)/[\w./]+)`", text)
     pictures = re.findall(r"\]\((experiments/[^)]+)\)", text)
     assert len(named) > 10
-    assert len(pictures) == 5
+    assert len(pictures) == 7
     for name in named + pictures:
         if "NAME" not in name:
             assert (ROOT / name).exists(), name
@@ -86,6 +86,7 @@ def test_every_scenario_key_stands_in_its_table():
     [
         ("aircraft_gyros.py", "0.36 and 9.1 deg/s"),  # what the README says of it
         ("choices.py", "r = 28, d = 38"),  # what its picture shows
+        ("which_gyro.py", "Which gyro failed?"),
     ],
 )
 def test_the_experiments_agree_with_the_dissertation(script, printed, tmp_path):
