@@ -178,16 +178,12 @@ def test_a_turn_on_bias_needs_no_calibration():
 # what is refused
 
 
-@pytest.mark.parametrize("samples", [0, 1, 3, 19, 20, 60, 150])
-def test_records_too_short_are_refused_in_words(samples):
+@pytest.mark.parametrize("samples", [0, 1, 3, 19, 20, 60])
+def test_records_too_short_are_refused_in_a_line(samples):
     for records in (plant(samples, 1), [plant(samples, 1), plant(6000, 2)]):
-        try:
-            monitor = calibrate(records, bank=bank())
-        except InputError as error:
-            assert "\n" not in str(error)
-        else:
-            assert samples == 150
-            assert all(np.isfinite(list(one.values())).all() or samples < 600 for one in monitor.thresholds.values())
+        with pytest.raises(InputError) as refusal:
+            calibrate(records, bank=bank())
+        assert "\n" not in str(refusal.value)
 
 
 def test_a_window_longer_than_the_healthy_records_doesnt_alarm():
@@ -207,10 +203,10 @@ def test_missing_channels_are_named():
 
 
 def test_records_of_two_sample_periods_are_refused():
-    with pytest.raises(InputError, match="0.04, 0.1 s"):
+    with pytest.raises(InputError, match=r"0.04, 0.1 s"):
         calibrate([plant(1000, 1), plant(1000, 2, 0.04)], bank=bank())
     monitor = calibrate([plant(6000, seed) for seed in range(2)], bank=bank())
-    with pytest.raises(InputError, match="sampled every 0.04 s, the monitor was calibrated at 0.1 s"):
+    with pytest.raises(InputError, match=r"sampled every 0.04 s, the monitor was calibrated at 0.1 s"):
         watch(monitor, plant(1000, 2, 0.04))
 
 

@@ -28,6 +28,8 @@ HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the
 _DECISIVE = 20.0  # of BIC: odds of e^10
 _END = 20.0  # nats
 _LOOK_S = 20.0
+_CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
+_PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
 _CLIPPED = 20.0
 
 
@@ -228,7 +230,7 @@ def _judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgemen
 
 def _unexplained(case: Case, first: Judgement) -> tuple[str, ...]:
     """Return whom an alarm leaves under suspicion that no fault explains: none, if residuals are healthy by now."""
-    if first.sensor is not None:
+    if first.sensor is not None or (case.stop - case.sure) * case.record.sample_period_s < _PASSED_S:
         return first.candidates
     return tuple(_untestable(case)) if _excess(case, list(case.residuals.raw)) > 0.0 else ()
 
@@ -291,7 +293,9 @@ def _ended_s(case: Case, best: Explanation, rival: float) -> float | None:
         over[: len(as_is)] += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
     ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
     clear = ended + 1 + max(case.monitor.whiteners[output].order for output in undone)  # whitening remembers the fault
-    since = max(len(gain) - clear, 1)
+    since = len(gain) - clear
+    if since * case.record.sample_period_s < _CLEAR_S:
+        return None
     cost = (len(best.parameters) + 1) * np.log(max(len(gain), 2))
     lasting = case.energy(dict(case.residuals.raw))[0] + 2.0 * float(gain[:ended].sum()) + cost
     healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(undone))
