@@ -28,8 +28,8 @@ from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.monitoring.bank import Bank, load_bank
 from gtmbench.method.monitoring.calibration import calibrate
-from gtmbench.method.monitoring.diagnosis import Finding, Judgement
 from gtmbench.method.monitoring.files import load_monitor, save_monitor
+from gtmbench.method.monitoring.findings import Finding, Judgement
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.signatures import Signatures, signatures
 from gtmbench.method.monitoring.watch import Watch, watch

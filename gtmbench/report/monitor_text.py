@@ -8,7 +8,7 @@ from itertools import groupby
 
 from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.diagnosis import Judgement
+from gtmbench.method.monitoring.findings import Judgement
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.report.text import per_second, severity_text

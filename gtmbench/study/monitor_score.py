@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.bench.fault import Fault
-from gtmbench.method.monitoring.diagnosis import Finding, Judgement
+from gtmbench.method.monitoring.findings import Finding, Judgement
 from gtmbench.method.monitoring.watch import Watch
 from gtmbench.record import Record
 from gtmbench.study.score import altered_share

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.diagnosis import Finding, diagnose
+from gtmbench.method.monitoring.diagnosis import diagnose
+from gtmbench.method.monitoring.findings import Finding
 from gtmbench.method.monitoring.levels import Crossing, Level, crossings, levels
 from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, bank_residuals
 from gtmbench.method.monitoring.virtual import integrable, integrated_angle
