@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.bench.imperfections import drawn
 from gtmbench.cli.app import main
 from gtmbench.files import shipped_banks
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
@@ -58,7 +59,7 @@ def test_without_logs_it_flies_and_writes_what_python_calibrates(cli, tmp_path):
     flown = [
         gb.imperfect(
             gb.measure(gb.fly("gtm", "multisine+turbulence", 40.0, seed), noise="t2", seed=seed),
-            imperfections,
+            drawn(imperfections, seed=seed),
             seed=seed,
         )
         for seed in (5, 6)
