@@ -20,7 +20,7 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     real = isinstance(value, Real) and not isinstance(value, bool)
     if real and low <= value <= high and abs(value) <= sys.float_info.max and not (above and value == low):
         return float(value)
-    raise InputError(f"{name} is {_shown(value)}; it must be a finite number{_span(low, high, above)}")
+    raise InputError(f"{name} is {shown(value)}; it must be a finite number{_span(low, high, above)}")
 
 
 def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
@@ -31,7 +31,7 @@ def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
     """
     if isinstance(value, Integral) and not isinstance(value, bool) and low <= int(value) <= high:
         return int(value)
-    raise InputError(f"{name} is {_shown(value)}; it must be a whole number{_span(low, high, above=False)}")
+    raise InputError(f"{name} is {shown(value)}; it must be a whole number{_span(low, high, above=False)}")
 
 
 def names(what: str, given: Any) -> tuple[str, ...]:
@@ -43,13 +43,14 @@ def names(what: str, given: Any) -> tuple[str, ...]:
     found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
     for name in found:
         if not isinstance(name, str):
-            raise InputError(f"{what} holds {_shown(name)}; give names of channels")
+            raise InputError(f"{what} holds {shown(name)}; give names of channels")
         if found.count(name) > 1:
             raise InputError(f"'{name}' is given twice in {what}; name every channel once")
     return found
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a value as a message shows it: as written, and not too much of it."""
     try:
         text = str(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
     except ValueError:  # an integer of thousands of digits

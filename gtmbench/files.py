@@ -7,13 +7,16 @@ import shutil
 import signal
 import tempfile
 import threading
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from gtmbench.errors import InputError
 
 _PACKAGE = Path(__file__).parent
+_LARGEST_TOML_BYTES = 100_000
 
 
 def share() -> Path:
@@ -35,6 +38,24 @@ def shipped_scenarios() -> dict[str, Path]:
 def shipped_banks() -> dict[str, Path]:
     """Return the banks of operators that come with the package, by name."""
     return {path.stem: path for path in sorted((_PACKAGE / "banks").glob("*.toml"))}
+
+
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank.
+
+    Raises
+    ------
+    InputError
+        Where it is too large to be meant, can't be read or isn't TOML.
+    """
+    try:
+        if path.stat().st_size > _LARGEST_TOML_BYTES:
+            raise InputError(f"{path} has {path.stat().st_size} bytes; a {what} has at most {_LARGEST_TOML_BYTES}")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except InputError:
+        raise
+    except (ValueError, RecursionError, OSError) as error:  # tomllib's and Unicode's errors are ValueErrors
+        raise InputError(f"{path} isn't a readable TOML file: {error}") from error
 
 
 def check_folder(target: Path, *, force: bool) -> None:

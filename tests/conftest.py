@@ -5,6 +5,7 @@ import os
 import pytest
 from hypothesis import settings
 
+from gtmbench.cli.app import main
 from gtmbench.files import share
 from gtmbench.method.regression import triangle
 
@@ -28,6 +29,19 @@ def copied_gtm(tmp_path):
         return folder
 
     return copy
+
+
+@pytest.fixture
+def cli(capsys, tmp_path, monkeypatch):
+    """Run a command line in an empty folder; return its exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        return ended.value.code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import sys
 import pytest
 
 import gtmbench as gb
-from gtmbench.cli.app import main
 
 SHORT = """
 duration_s = 60.0
@@ -26,19 +25,6 @@ kind = "jam"
 channels = ["r"]
 onset_s = 40.0
 """
-
-
-@pytest.fixture
-def cli(capsys, tmp_path, monkeypatch):
-    """Run a command line in an empty folder; return its exit code, stdout and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as ended:
-            main([str(argument) for argument in arguments])
-        return ended.value.code, *capsys.readouterr()
-
-    return run
 
 
 @pytest.fixture

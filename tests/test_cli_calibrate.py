@@ -13,7 +13,6 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
-from gtmbench.cli.app import main
 from gtmbench.files import shipped_banks
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
@@ -21,18 +20,10 @@ from tests.monitors import monitor, record
 SHORT = ("--flights", 2, "--duration", 40)
 
 
-@pytest.fixture
-def cli(capsys, tmp_path, monkeypatch):
-    """Run a command line in an empty folder; return its exit code, stdout and stderr. Flights are flown in turn."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def one_processor(monkeypatch):
+    """Flights are flown in turn."""
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as ended:
-            main([str(argument) for argument in arguments])
-        return ended.value.code, *capsys.readouterr()
-
-    return run
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -15,11 +14,10 @@ from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_scenarios
+from gtmbench.files import read_toml, shipped_scenarios
 from gtmbench.record import Span
 from gtmbench.study.fault_spec import FaultSpec, fault_specs
 
-_LARGEST_FILE_BYTES = 100_000
 _MOST_TRIALS = 1000
 
 
@@ -86,14 +84,7 @@ def load_scenario(source: str | Path) -> Scenario:
     ('drift', 'p', 300.0)
     """
     path = _find(source)
-    try:
-        if path.stat().st_size > _LARGEST_FILE_BYTES:
-            raise InputError(f"{path} has {path.stat().st_size} bytes; a scenario has at most {_LARGEST_FILE_BYTES}")
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except InputError:
-        raise
-    except (ValueError, RecursionError, OSError) as error:  # tomllib's and Unicode's errors are ValueErrors
-        raise InputError(f"{path} isn't a readable TOML file: {error}") from error
+    table = read_toml(path, "scenario")
     try:
         return _scenario(path.stem, table)
     except InputError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +9,10 @@ from typing import Any
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
+from gtmbench.files import read_toml, shipped_banks
 from gtmbench.method.monitoring.statistics import STATISTICS, Statistic
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
 
-_LARGEST_FILE_BYTES = 100_000
 _MOST_RESIDUALS = 50
 
 
@@ -110,15 +108,12 @@ def load_bank(source: str | Path) -> Bank:
     shipped = shipped_banks()
     path = shipped.get(str(source), Path(source))
     try:
-        if not path.is_file():
-            raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
-        if path.stat().st_size > _LARGEST_FILE_BYTES:
-            raise InputError(f"{path} has {path.stat().st_size} bytes; a bank has at most {_LARGEST_FILE_BYTES}")
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except InputError:
-        raise
-    except (ValueError, RecursionError, OSError) as error:
+        found = path.is_file()
+    except (ValueError, OSError) as error:
         raise InputError(f"{path} isn't a readable TOML file: {error}") from error
+    if not found:
+        raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
+    table = read_toml(path, "bank")
     try:
         return bank_of(path.stem, table)
     except InputError as error:

@@ -23,7 +23,7 @@ from gtmbench.method.monitoring.kinds import KINDS
 from gtmbench.method.monitoring.levels import Crossing
 from gtmbench.method.monitoring.monitor import BankResiduals, Monitor
 from gtmbench.method.monitoring.virtual import ANGLES, integrable
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import Record
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _DECISIVE = 20.0  # of BIC: odds of e^10
@@ -31,7 +31,6 @@ _END = 20.0  # nats
 _LOOK_S = 20.0
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
-_CLIPPED = 20.0
 
 
 def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossing: Crossing) -> Finding:
@@ -53,7 +52,8 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
     held: Explanation | None = None  # the last that was decisive
     ended_s = resumed_s = None
     for stop in [*stops, *_later(stops[-1], record)]:
-        case = _case(monitor, record, residuals, crossing, known_row + 2, min(stop, len(record)))
+        rows = {"onset_row": crossing.onset_row, "sure_row": known_row + 2, "stop_row": min(stop, len(record))}
+        case = open_case(monitor, record, residuals, **rows)
         if case.stop - case.sure < 10:  # too few rows yet
             continue
         ranking = explanations(case, suspects) if stop <= stops[-1] else []
@@ -84,12 +84,6 @@ def _later(last: int, record: Record) -> list[int]:
     """Return rows after the last horizon: there a fault's end is looked for, nothing else."""
     step = round(_LOOK_S / record.sample_period_s)
     return list(range(last + step, len(record) + step, step))
-
-
-def _case(
-    monitor: Monitor, record: Record, residuals: BankResiduals, crossing: Crossing, sure_row: int, stop_row: int
-) -> Case:
-    return open_case(monitor, record, residuals, onset_row=crossing.onset_row, sure_row=sure_row, stop_row=stop_row)
 
 
 def _end_s(case: Case) -> float:
@@ -192,7 +186,7 @@ def _ended_s(case: Case, best: Explanation, rival: float) -> float | None:
     gain = np.zeros(case.stop - case.sure)  # of leaving the record as it is, in nats
     over = np.zeros(len(gain))  # what the residuals as they are have over what is tolerated
     for output, values in undone.items():
-        as_is, better = (_squares(case, output, of) for of in (case.residuals.raw[output], values))
+        as_is, better = (case.squares(output, of) for of in (case.residuals.raw[output], values))
         gain[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
         over[: len(as_is)] += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
     ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
@@ -206,7 +200,3 @@ def _ended_s(case: Case, best: Explanation, rival: float) -> float | None:
     if not healthy or gain[ended:].sum() < _END or lasting > rival - _DECISIVE:
         return None
     return round(float(case.record.time_s[case.sure + ended]), 9)
-
-
-def _squares(case: Case, output: str, values: FloatArray) -> FloatArray:
-    return np.asarray(np.square(np.clip(case.whitened(output, values), -_CLIPPED, _CLIPPED)))

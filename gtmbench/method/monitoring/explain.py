@@ -61,19 +61,22 @@ class Case:
         """Return the sum of squares of some residuals, whitened, over the rows judged, and how many they are."""
         total, count = 0.0, 0
         for output, values in raw.items():
-            white = self.whitened(output, values)
-            there = white[np.isfinite(white)]
-            total += float(np.sum(np.square(np.clip(there, -_MOST, _MOST))))
+            squares = self.squares(output, values)
+            there = squares[np.isfinite(squares)]
+            total += float(np.sum(there))
             count += len(there)
         return total, count
 
-    def whitened(self, output: str, values: FloatArray) -> FloatArray:
-        """Return a residual whitened about its mean before the fault, over the rows judged: known at their end."""
+    def squares(self, output: str, values: FloatArray) -> FloatArray:
+        """Return the squares of a residual, whitened about its mean before the fault, over the rows judged.
+
+        Only rows that are known at their end; none counts for more than `_MOST` deviations.
+        """
         whitener = self.monitor.whiteners[output]
         ahead = round(self.monitor.corrected_look_ahead_s(output) / self.record.sample_period_s)
         begin = max(self.sure - whitener.order, 0)
         white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])
-        return white[self.sure - begin :]
+        return np.asarray(np.square(np.clip(white[self.sure - begin :], -_MOST, _MOST)))
 
 
 def open_case(
@@ -81,14 +84,11 @@ def open_case(
 ) -> Case:
     """Cut out of a record what a diagnosis needs."""
     period_s = record.sample_period_s
-    rows = {
-        name: round(span / period_s)
-        for name, span in (("margin", _MARGIN_S), ("baseline", monitor.bank.statistic.baseline_s))
-    }
-    start = max(onset_row - rows["margin"], 0)
+    margin, baseline = (round(span_s / period_s) for span_s in (_MARGIN_S, monitor.bank.statistic.baseline_s))
+    start = max(onset_row - margin, 0)
     history = max(round(monitor.history_s(output) / period_s) for output in residuals.raw)
-    first = max(start - history - rows["margin"] - 2, 0)
-    base = slice(max(start - rows["baseline"], 0), start)
+    first = max(start - history - margin - 2, 0)
+    base = slice(max(start - baseline, 0), start)
     shift = {
         output: _mean(raw[base], monitor.whiteners[output].mean) - monitor.whiteners[output].mean
         for output, raw in residuals.raw.items()
@@ -96,7 +96,7 @@ def open_case(
     part = slice(first, stop_row)
     return Case(
         monitor=monitor,
-        record=_rows(record, part),
+        record=record.between(record.time_s[first], record.time_s[stop_row - 1]),
         residuals=BankResiduals(
             raw={name: values[part] for name, values in residuals.raw.items()},
             predicted={
@@ -233,12 +233,3 @@ def _known(values: FloatArray, ahead: int) -> FloatArray:
 def _mean(values: FloatArray, otherwise: float) -> float:
     there = values[np.isfinite(values)]
     return float(there.mean()) if len(there) else otherwise
-
-
-def _rows(record: Record, rows: slice) -> Record:
-    return Record(
-        record.values[rows],
-        channels=record.channels,
-        sample_period_s=record.sample_period_s,
-        start_s=float(record.time_s[rows.start]),
-    )

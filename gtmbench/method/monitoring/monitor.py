@@ -106,15 +106,12 @@ def residuals_of(
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))
 
 
-def whitened(monitor: Monitor, residuals: BankResiduals) -> dict[str, FloatArray]:
-    """Return every residual whitened, row for row."""
-    return {output: monitor.whiteners[output].whiten(raw) for output, raw in residuals.raw.items()}
-
-
 def all_series(monitor: Monitor, residuals: BankResiduals) -> dict[str, list[Series]]:
     """Return every residual's test statistics."""
-    test, white = monitor.bank.statistic, whitened(monitor, residuals)
+    test = monitor.bank.statistic
     return {
-        output: test.series(raw, white[output], monitor.sample_period_s, monitor.tolerances[output])
+        output: test.series(
+            raw, monitor.whiteners[output].whiten(raw), monitor.sample_period_s, monitor.tolerances[output]
+        )
         for output, raw in residuals.raw.items()
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.checks import number, whole
+from gtmbench.checks import number, shown, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.monitoring.bank import Bank, ResidualSpec, bank_of
@@ -63,13 +63,13 @@ def parse_monitor(document: Any) -> Monitor:
     version, by = document.get("version"), document.get("gtmbench")
     if type(version) is not int or version != VERSION:
         raise InputError(
-            f"version is {_shown(version)}, written by gtmbench {_shown(by)}; this is gtmbench {__version__}, which "
+            f"version is {shown(version)}, written by gtmbench {shown(by)}; this is gtmbench {__version__}, which "
             f"reads version {VERSION}: use the other, or run `gtmbench calibrate`"
         )
     _keys("", document, _KEYS)
     name = document["name"]
     if not isinstance(name, str) or not name.isprintable() or len(name) > 200 or not isinstance(by, str):
-        raise InputError(f"name is {_shown(name)}, gtmbench is {_shown(by)}; they must be short texts")
+        raise InputError(f"name is {shown(name)}, gtmbench is {shown(by)}; they must be short texts")
     try:
         bank = bank_of(name, _table("bank", document["bank"]))
     except InputError as error:
@@ -101,7 +101,7 @@ def _operator(where: str, table: Any, spec: ResidualSpec, period_s: float) -> Tr
     found = _keys(where, table, OPERATOR_KEYS)
     for key, of_bank in (("inputs", list(spec.inputs)), ("outputs", [spec.output])):
         if found[key] != of_bank:
-            raise InputError(f"{where}.{key} is {_shown(found[key])}; the bank says {_shown(of_bank)}")
+            raise InputError(f"{where}.{key} is {shown(found[key])}; the bank says {shown(of_bank)}")
     causal, noncausal = (
         whole(f"{where}.{key}", found[key], 0, _MOST_LAGS) for key in ("causal_order", "noncausal_order")
     )
@@ -113,7 +113,7 @@ def _operator(where: str, table: Any, spec: ResidualSpec, period_s: float) -> Tr
         raise InputError(f"{where}.sample_period_s is {own_s:g}; the monitor's is {period_s:g}, and they must be one")
     for key in ("estimator", "solver"):
         if not isinstance(found[key], str):
-            raise InputError(f"{where}.{key} is {_shown(found[key])}; it must be a text")
+            raise InputError(f"{where}.{key} is {shown(found[key])}; it must be a text")
     return Transmissibility(
         markov=_array(f"{where}.markov", found["markov"], (lags, 1, inputs)),
         inputs=spec.inputs,
@@ -135,7 +135,7 @@ def _whitener(where: str, table: Any, _: ResidualSpec) -> Whitener:
     found = _keys(where, table, ("coefficients", "mean", "deviation"))
     given = found["coefficients"]
     if not isinstance(given, list) or not 0 < len(given) <= _LONGEST_WHITENER:
-        raise InputError(f"{where}.coefficients is {_shown(given)}; it must be a list of 1 to {_LONGEST_WHITENER}")
+        raise InputError(f"{where}.coefficients is {shown(given)}; it must be a list of 1 to {_LONGEST_WHITENER}")
     return Whitener(
         coefficients=_array(f"{where}.coefficients", given, (len(given),)),
         mean=number(f"{where}.mean", found["mean"]),
@@ -167,14 +167,14 @@ def _keys(where: str, table: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
     missing = [key for key in keys if key not in found]
     strange = [key for key in found if key not in keys]
     if missing or strange:
-        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {_shown(strange[0])}"
+        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {shown(strange[0])}"
         raise InputError(f"{where + ': ' if where else ''}{what}; there must be {', '.join(keys)}")
     return found
 
 
 def _table(where: str, given: Any) -> dict[str, Any]:
     if not isinstance(given, dict):
-        raise InputError(f"{where} is {_shown(given)}; it must be a table, {{...}}")
+        raise InputError(f"{where} is {shown(given)}; it must be a table, {{...}}")
     return given
 
 
@@ -188,12 +188,7 @@ def _check_numbers(where: str, given: Any, left: tuple[int, ...], shape: tuple[i
         number(where, given)
         return
     if not isinstance(given, list) or len(given) != left[0]:
-        held = f"a list of {len(given)}" if isinstance(given, list) else _shown(given)
+        held = f"a list of {len(given)}" if isinstance(given, list) else shown(given)
         raise InputError(f"{where} holds {held} where {left[0]} numbers or lists belong; its shape must be {shape}")
     for entry in given:
         _check_numbers(where, entry, left[1:], shape)
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

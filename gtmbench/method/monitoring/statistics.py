@@ -131,7 +131,7 @@ def _whitened_energy(test: Statistic, w: FloatArray, sample_period_s: float, _: 
 
 def _cusum(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
-    base = _baseline(w, test, sample_period_s, gap=0)
+    base, _ = _baseline(_sums(w), test, sample_period_s, gap=1)  # a sample isn't compared with itself
     centred = w - base
     ready = np.isfinite(centred)
     x = np.where(ready, centred, 0.0)
@@ -189,7 +189,7 @@ def _windows(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the last rows' mean and mean square about the mean before them, and how many rows that stands on."""
     sums, squares = _sums(w), _sums(np.square(w))
-    base, length = _baseline_and_length(sums, test, sample_period_s, gap=rows)
+    base, length = _baseline(sums, test, sample_period_s, gap=rows)
     mean, power = np.full(len(w), np.nan), np.full(len(w), np.nan)
     mean[rows - 1 :] = (sums[rows:] - sums[:-rows]) / rows
     power[rows - 1 :] = (squares[rows:] - squares[:-rows]) / rows
@@ -214,18 +214,10 @@ def _sums(values: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(values)])
 
 
-def _baseline(w: FloatArray, test: Statistic, sample_period_s: float, *, gap: int) -> FloatArray:
-    return _baseline_and_length(_sums(w), test, sample_period_s, gap=gap)[0]
-
-
-def _baseline_and_length(
-    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int
-) -> tuple[FloatArray, FloatArray]:
+def _baseline(sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int) -> tuple[FloatArray, FloatArray]:
     """Return the mean of up to `baseline_s` before the last `gap` rows, and how many rows it stands on."""
     longest = max(round(test.baseline_s / sample_period_s), 6)
     end = np.arange(1, len(sums)) - gap  # one past the last row of the baseline
-    if gap == 0:
-        end -= 1  # a sample isn't compared with itself
     begin = np.maximum(end - longest, 0)
     length = end - begin
     enough = length >= longest // 6

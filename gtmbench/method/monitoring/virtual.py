@@ -41,10 +41,9 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
     if channel not in ANGLES:
         raise InputError(f"'{channel}' isn't an attitude angle; there are {', '.join(ANGLES)}")
     begin = max(start_row - _SETTLE, 0)
-    part = record.select(["p", "q", "r", "phi", "theta", "psi"] if "psi" in record else ["p", "q", "r", "phi", "theta"])
     rows = slice(begin, None)
-    p, q, r = (_filled(part[name][rows]) for name in "pqr")
-    phi, theta = (np.deg2rad(_filled(part[name][rows])) for name in ("phi", "theta"))
+    p, q, r = (_filled(record[name][rows]) for name in "pqr")
+    phi, theta = (np.deg2rad(_filled(record[name][rows])) for name in ("phi", "theta"))
     if channel == "phi":
         turned = _rolled(p, q, r, np.tan(theta), float(phi[0]), record.sample_period_s)
     else:
@@ -53,12 +52,10 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
             slope = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
         steps = 0.5 * (slope[1:] + slope[:-1]) * record.sample_period_s
         turned = np.concatenate([[0.0], np.cumsum(steps)])
-    measured = record[channel]
-    settle = slice(0, max(start_row - begin, 1))
-    angle = np.array(measured)
-    offset = (
-        np.nanmean(measured[begin:][settle] - turned[settle]) if np.isfinite(measured[begin:][settle]).any() else 0.0
-    )
+    angle = np.array(record[channel])
+    settle = max(start_row - begin, 1)
+    off = angle[begin : begin + settle] - turned[:settle]
+    offset = np.nanmean(off) if np.isfinite(off).any() else 0.0
     angle[start_row:] = (turned + offset)[start_row - begin :]
     return angle
 
