@@ -8,7 +8,7 @@ run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
 
 test: .venv/ready ## every test; those that need a viewer skip by name where there is none
-	$(BIN)/python -m pytest
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .
