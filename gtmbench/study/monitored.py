@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
-import numpy as np
-
 from gtmbench.bench.trim import Trim
 from gtmbench.errors import InputError
 from gtmbench.files import shipped_banks
@@ -181,7 +179,7 @@ def _baseline(flown: Flown, monitor: Monitor, healthy: Record, watches: list[Wat
         monitor=monitor,
         watched=watches[0],
         false_alarms=sum(len(seen.findings) for seen in watches),
-        healthy_hours=sum(_hours(seen) for seen in watches),
+        healthy_hours=sum(seen.armed_hours for seen in watches),
     )
 
 
@@ -189,15 +187,6 @@ def _watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
     """Watch a record; the series behind the levels are let go: they are most of the memory."""
     seen = watch(monitor, record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
     return replace(seen, levels={output: replace(level, series=()) for output, level in seen.levels.items()})
-
-
-def _hours(seen: Watch) -> float:
-    """Return how long an alarm was possible: some level existed and its residual hadn't been given up."""
-    given_up = seen.given_up
-    possible = np.zeros(len(seen.record), dtype=bool)
-    for output, level in seen.levels.items():
-        possible |= np.isfinite(level.values) & (level.known_s <= given_up.get(output, np.inf))
-    return float(np.count_nonzero(possible)) * seen.record.sample_period_s / 3600.0
 
 
 def _trial(broken: Injection, baseline: MonitoredBaseline) -> MonitoredTrial:

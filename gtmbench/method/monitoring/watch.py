@@ -55,6 +55,15 @@ class Watch:
                     found.setdefault(output, finding.alarm_s)
         return found
 
+    @property
+    def armed_hours(self) -> float:
+        """How long an alarm was possible: some level existed and its residual hadn't been given up."""
+        given_up = self.given_up
+        possible = np.zeros(len(self.record), dtype=bool)
+        for output, level in self.levels.items():
+            possible |= np.isfinite(level.values) & (level.known_s <= given_up.get(output, np.inf))
+        return float(np.count_nonzero(possible)) * self.record.sample_period_s / 3600.0
+
     def virtual(self, sensor: str) -> FloatArray:
         """Return what a sensor should have read, shape (samples,), to be used in place of one that failed.
 
