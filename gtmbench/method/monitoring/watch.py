@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -133,7 +133,8 @@ def _disturbed(bank: Bank, finding: Finding) -> set[str]:
 
 
 def _without(residuals: BankResiduals, outputs: set[str]) -> BankResiduals:
-    return BankResiduals(
+    return replace(
+        residuals,
         raw={name: values for name, values in residuals.raw.items() if name not in outputs},
         predicted={name: values for name, values in residuals.predicted.items() if name not in outputs},
     )
@@ -147,4 +148,4 @@ def _missing(monitor: Monitor, residuals: BankResiduals, outputs: set[str], rows
         reach = round(monitor.history_s(name) / monitor.sample_period_s)
         values[max(rows.start - reach, 0) : rows.stop + reach] = np.nan
         raw[name] = values
-    return BankResiduals(raw=raw, predicted=residuals.predicted)
+    return replace(residuals, raw=raw)
