@@ -171,7 +171,7 @@ def _prior(
             delay = np.zeros(lags * inputs)  # of a second: a central difference
             delay[places[[noncausal_order - 1, noncausal_order + 1]]] = np.array([0.5, -0.5]) / period_s
             covariance += _DELAY_S**2 * np.outer(delay, delay)
-    return mean, np.linalg.inv(covariance)
+    return mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
 
 def _signal(
