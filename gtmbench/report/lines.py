@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from gtmbench.channels import SURFACES, unit_of
 from gtmbench.record import FloatArray, Record
@@ -66,15 +67,37 @@ def log_lines(
     names: list[str],
     tints: list[str],
 ) -> None:
-    """Send one line (or several of a unit, as columns) with names and colours; samples that are missing stay out."""
+    """Send one line (or several of a unit, as columns) with names and colours.
+
+    Rows that are missing stay out, but for the first between others: its NaN breaks the line.
+    """
     table = values.reshape(len(time_s), -1)
-    there = np.isfinite(table).all(axis=1)
+    there = _drawn(np.isfinite(table).any(axis=1))
     style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
     recording.log(entity, style, static=True)
     columns = rr.Scalars.columns(scalars=table[there].ravel())
     if table.shape[1] > 1:
         columns = columns.partition([table.shape[1]] * int(there.sum()))
     recording.send_columns(entity, indexes=[times(time_s[there])], columns=columns)
+
+
+def _drawn(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rows to send: those that are there, and the first of every interruption.
+
+    >>> _drawn(np.array([False, True, False, False, True, False])).tolist()
+    [False, True, True, False, True, False]
+    """
+    rows = np.flatnonzero(there)
+    drawn = np.array(there)
+    drawn[rows[:-1][np.diff(rows) > 1] + 1] = True
+    return drawn
+
+
+def across(parts: Sequence[tuple[FloatArray, FloatArray]], sample_period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return times and values of stretches of a signal as one, a missing row after each: no line runs over a gap."""
+    time_s = [stamp for when, _ in parts for stamp in (when, when[-1:] + sample_period_s)]
+    values = [row for _, of in parts for row in (of, np.full_like(of[-1:], np.nan))]
+    return np.concatenate(time_s), np.concatenate(values)
 
 
 def log_threshold(recording: rr.RecordingStream, flight: Record, level: float, name: str, tint: str) -> None:

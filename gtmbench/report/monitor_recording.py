@@ -22,6 +22,7 @@ its onset to 30 s after the last that is said of it, at least 120 s: before, the
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ from gtmbench.method.monitoring.watch import Watch
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.lines import (
     Event,
+    across,
     lighter,
     log_events,
     log_lines,
@@ -45,7 +47,7 @@ from gtmbench.report.lines import (
 from gtmbench.report.monitor_blueprint import monitored_blueprint
 from gtmbench.report.monitor_text import judgement_text
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.text import trial_label
+from gtmbench.report.text import trial_label, with_unit
 from gtmbench.study.monitored import MonitoredBaseline, MonitoredStudy, MonitoredTrial
 
 _ONSET = "#d0d0d0"  # seen on light and on dark
@@ -71,12 +73,10 @@ def _shared(recording: rr.RecordingStream, baseline: MonitoredBaseline) -> None:
     log_sensors(recording, baseline.flight, baseline.healthy)
     outputs = tuple(baseline.watched.levels)
     tints = [lighter(colour(name, i)) for i, name in enumerate(outputs)]
-    _judged(
-        recording, "/healthy", baseline.watched, dict(zip(outputs, tints, strict=True)), ", healthy", (-np.inf, np.inf)
-    )
+    log_judged(recording, "/healthy", [baseline.watched], dict(zip(outputs, tints, strict=True)), ", healthy")
     log_threshold(recording, baseline.flight, 1.0, "threshold", COLOURS["threshold"])
     found = baseline.watched.findings
-    log_events(recording, "/events", [event for one in found for event in _told(one, "healthy record: false alarm")])
+    log_events(recording, "/events", [event for one in found for event in told(one, "healthy record: false alarm")])
 
 
 def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint: str) -> None:
@@ -90,7 +90,7 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
     bank = seen.monitor.bank
     tints = {spec.output: colour(spec.output, i) for i, spec in enumerate(bank.residuals)}
     own = bank.disturbs(trial.channel)
-    _judged(recording, root, seen, {output: tints[output] for output in own}, "", span)
+    log_judged(recording, root, [seen], {output: tints[output] for output in own}, "", span)
     shapes = rr.components.MarkerShape
     marks = {
         "onset": (trial.onset_s, 1.0, _ONSET, shapes.Up),
@@ -102,17 +102,23 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
             log_mark(recording, f"{root}/{name}", time_s, level, name, of, shape)
 
 
-def _judged(
-    recording: rr.RecordingStream, root: str, seen: Watch, tints: dict[str, str], suffix: str, span: Span
+def log_judged(
+    recording: rr.RecordingStream,
+    root: str,
+    watches: Sequence[Watch],
+    tints: Mapping[str, str],
+    suffix: str = "",
+    span: Span = (-np.inf, np.inf),
 ) -> None:
-    """Log residuals and levels of some outputs."""
+    """Log ``residuals/OUTPUT`` and ``levels/OUTPUT`` of some outputs, of one stretch or several."""
     for output, tint in tints.items():
-        raw = _part(seen.record.time_s, seen.residuals.raw[output], span)
-        log_lines(
-            recording, f"{root}/residuals/{output}", *raw, [f"residual of {output}{suffix} ({unit_of(output)})"], [tint]
-        )
-        level = _part(seen.levels[output].known_s, seen.levels[output].values, span)
-        log_lines(recording, f"{root}/levels/{output}", *level, [f"level of {output}{suffix}"], [tint])
+        part, period_s = rr.escape_entity_path_part(output), watches[0].record.sample_period_s
+        raw = [_part(seen.record.time_s, seen.residuals.raw[output], span) for seen in watches]
+        name = with_unit(f"residual of {output}{suffix}", unit_of(output))
+        log_lines(recording, f"{root}/residuals/{part}", *across(raw, period_s), [name], [tint])
+        level = [_part(seen.levels[output].known_s, seen.levels[output].values, span) for seen in watches]
+        name = f"level of {output}{suffix}"
+        log_lines(recording, f"{root}/levels/{part}", *across(level, period_s), [name], [tint])
 
 
 def _events(trial: MonitoredTrial) -> list[Event]:
@@ -123,13 +129,13 @@ def _events(trial: MonitoredTrial) -> list[Event]:
     for finding in trial.watched.findings:
         early = finding.alarm_s < trial.onset_s - 1e-9
         late = "false alarm" if early else f"alarm, {finding.alarm_s - trial.onset_s:.2f} s after the onset"
-        events += _told(finding, late)
+        events += told(finding, late)
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
 
 
-def _told(finding: Finding, what: str) -> list[Event]:
+def told(finding: Finding, what: str) -> list[Event]:
     """Return an alarm, every change of judgement after it, and the fault's end."""
     events: list[Event] = [(finding.alarm_s, "ERROR", f"{what}: residual of {finding.residual}, {finding.series}")]
     before = None

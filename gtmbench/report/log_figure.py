@@ -1,0 +1,172 @@
+"""The figure of a watched log: signals and their virtual sensors, residuals, levels, and what was watched when."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.record import FloatArray, Span
+from gtmbench.report.figures import panels
+from gtmbench.report.log_faults import about, began_s, faults_of, signals_of, tints_of, whole_of
+from gtmbench.report.log_spans import TINTS, State, Stretch, stretches
+from gtmbench.report.log_text import outcome_text
+from gtmbench.report.monitor_text import judgement_text
+from gtmbench.report.style import COLOURS
+from gtmbench.report.text import with_unit
+from gtmbench.study.watched_log import WatchedLog
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 130
+_POINTS = 2500  # of a line: more than a panel has pixels
+_LOWEST, _HIGHEST = 0.03, 1e6  # of levels on their logarithmic axis
+_MOST_FAULTS = 2
+_TITLE = 105  # letters in a line
+
+
+def write_log_figure(watched: WatchedLog, path: Path) -> None:
+    """Draw one PNG: the whole log, and beside it the time about each of the first faults."""
+    import matplotlib as mpl
+
+    with mpl.rc_context({"text.parse_math": False}):  # channels may be called anything
+        _figure(watched).savefig(path, dpi=_DPI)
+
+
+def _figure(watched: WatchedLog) -> Figure:
+    faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
+    found = stretches(watched)
+    whole = whole_of(watched)
+    spans, signals = [whole, *(about(fault, whole) for fault in faults)], signals_of(watched)
+    outputs = [name for name in signals if name in watched.monitor.operators]
+    heights = [0.35, 2.4, *(height for name in signals for height in ((1.7, 1.2) if name in outputs else (1.7,)))]
+    widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
+    figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
+    for column, span in enumerate(spans):
+        state, level, *rest = (row[column] for row in axes)
+        _states(state, watched, found)
+        _levels(level, watched, span)
+        for name in signals:
+            _signal(rest.pop(0), watched, name, span)
+            if name in outputs:
+                _residual(rest.pop(0), watched, name, span)
+        for row in axes:
+            row[column].set_xlim(*span)
+        axes[-1][column].set_xlabel("time (s)")
+    for axis, fault in zip(axes[0][1:], faults, strict=True):
+        axis.set_title(textwrap.fill(judgement_text(fault.last), 45), fontsize="medium")
+    for row in axes[1:]:
+        for axis in row:
+            _marked(axis, watched, found)
+    for row in axes[:-1]:
+        for axis in row:
+            axis.tick_params(labelbottom=False)
+    _finished(figure, [axis for row in axes for axis in row], watched)
+    return figure
+
+
+def _states(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
+    """Draw what became of the log as one bar, and the remarks on it."""
+    _bands(axis, found, alpha=1.0)
+    for remark in watched.log.remarks:
+        axis.plot([remark.start_s, remark.end_s], [0.5, 0.5], "d-", color="k", ms=4, lw=1.0, label="remark")
+    axis.set_ylim(0.0, 1.0)
+    axis.set_yticks([])
+    axis.grid(visible=False)
+
+
+def _bands(axis: Axes, found: Sequence[Stretch], alpha: float) -> None:
+    for state in State:
+        spans = [(one.start_s, one.duration_s) for one in found if one.state is state]
+        if spans:
+            look = {"facecolor": TINTS[state], "hatch": "////" if state is State.GAP else None, "edgecolor": "#9a9a9a"}
+            across = axis.get_xaxis_transform()
+            axis.broken_barh(spans, (0.0, 1.0), transform=across, lw=0.0, alpha=alpha, zorder=0, label=state, **look)
+
+
+def _marked(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
+    """Draw what wasn't watched, when faults began, and alarms."""
+    _bands(axis, [one for one in found if one.state is not State.WATCHED], alpha=0.35)
+    for finding in watched.findings:
+        axis.axvline(began_s(finding), color="k", lw=1.2, ls=":", label="fault began, estimated")
+        axis.axvline(finding.alarm_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
+        if finding.isolated_s is not None:
+            axis.axvline(finding.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+
+
+def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
+    """Draw every residual's level over its threshold."""
+    top, tints = 10.0, tints_of(watched)
+    for seen in watched.watches:
+        for output, level in seen.levels.items():
+            values = np.maximum(level.values, _LOWEST)
+            _line(axis, level.known_s, values, span, color=tints[output], label=f"level, residual of {output}")
+            top = max(top, float(np.nanmax(level.values, initial=top)))
+    axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
+    axis.set_yscale("log")
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.set_ylim(_LOWEST, 2.0 * min(top, _HIGHEST))
+    axis.set_ylabel("level\n(alarm above 1)")
+
+
+def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
+    for segment in watched.log.segments:
+        _line(axis, segment.time_s, segment[name], span, color=COLOURS["healthy"], label="measured")
+    for seen in watched.watches:
+        virtual = seen.virtual(name)
+        _line(axis, seen.record.time_s, virtual, span, color=COLOURS["virtual"], label="virtual sensor", lw=0.9)
+    axis.set_ylabel(textwrap.fill(with_unit(name, unit_of(name)), 18))
+
+
+def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
+    tint = tints_of(watched)[output]
+    for seen in watched.watches:
+        _line(axis, seen.record.time_s, seen.residuals.raw[output], span, color=tint)
+    usual = 3.0 * float(watched.monitor.operators[output].rms_residual[0])
+    for level in (-usual, usual):
+        axis.axhline(level, color="k", lw=0.8, ls="--", label="3 RMS where identified")
+    axis.set_ylabel(textwrap.fill(f"residual of {output}", 18))
+
+
+def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, lw: float = 1.1, **look: str) -> None:
+    shown = (time_s >= span[0]) & (time_s <= span[1])
+    if shown.any():
+        rows = int((span[1] - span[0]) / (time_s[-1] - time_s[0] + 1e-9) * len(time_s))  # of a line from end to end
+        axis.plot(*thinned(time_s[shown], values[shown], every=2 * rows // _POINTS), lw=lw, **look)
+
+
+def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the greatest value of every so many samples: a spike of one sample stays.
+
+    NaN where there are none; samples as they are, where every second or each is wanted.
+
+    >>> thinned(np.arange(6.0), np.array([0.0, 9.0, 1.0, 2.0, 2.0, 2.0]), every=3)
+    (array([0. , 1.5, 3. , 4.5]), array([0., 9., 2., 2.]))
+    """
+    if every <= 2:
+        return time_s, values
+    starts = np.arange(0, len(values), every)
+    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+    begun_s = time_s[starts]
+    half_s = 0.5 * every * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    times = np.column_stack([begun_s, np.minimum(begun_s + half_s, time_s[-1])])
+    return times.ravel(), np.column_stack([low, high]).ravel()
+
+
+def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:
+    """Give the figure its title and one legend."""
+    shown: dict[str, Artist] = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            shown.setdefault(label, handle)
+    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=5)
+    bank = watched.monitor.bank.name
+    said = textwrap.wrap(f"{watched.log.path.name}, bank {bank}: {outcome_text(watched)}", _TITLE)
+    figure.suptitle("\n".join(said), fontweight="bold")
