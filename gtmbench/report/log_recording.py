@@ -13,8 +13,8 @@ entity                                         holds
 ``/events``                                    remarks, stretches, alarms, every change of judgement, the outcome, in words
 =============================================  ========================================================
 
-All on the timeline ``time``, the log's clock; values are doubles, bit for bit those watched. A row of NaN stands where
-samples are missing and between segments: no line runs over a gap.
+All on the timeline ``time``, the log's clock; values are doubles, bit for bit those watched. A row without values stands
+where samples are missing and between segments: no line runs over a gap.
 """
 
 from __future__ import annotations

@@ -12,12 +12,14 @@ entity                                      holds
 ``/trials/.../residuals/OUTPUT``            those that the broken channel enters; the others are the healthy ones
 ``/trials/.../levels/OUTPUT``               the same
 ``/trials/.../onset``, ``alarm``, ``named``  one point each; ``named``: when the sensor was named
+``/trials/.../verdict``                     every field of the trial's row; ``/healthy/verdict``: false alarms
 ``/trials/.../events``                      onset, alarms, every change of judgement, ends and misses, in words
 ``/events``                                 false alarms on the healthy record
 ==========================================  ===========================================================
 
 All on the timeline ``time``; values are doubles, bit for bit those of the study. A trial's signals run from 30 s before
-its onset to 30 s after the last that is said of it, at least 120 s: before, they are the healthy ones.
+its onset to 30 s after the last that is said of it, at least 120 s: before, they are the healthy ones. No view shows
+the verdicts: they are for `read_recording`, which gives all of it back as a table.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from gtmbench.report.lines import (
     log_mark,
     log_sensors,
     log_threshold,
+    log_verdict,
     trial_paths,
     trial_tints,
 )
@@ -75,6 +78,8 @@ def _shared(recording: rr.RecordingStream, baseline: MonitoredBaseline) -> None:
     tints = [lighter(colour(name, i)) for i, name in enumerate(outputs)]
     log_judged(recording, "/healthy", [baseline.watched], dict(zip(outputs, tints, strict=True)), ", healthy")
     log_threshold(recording, baseline.flight, 1.0, "threshold", COLOURS["threshold"])
+    told = ("false_alarms", "healthy_hours")
+    log_verdict(recording, "/healthy/verdict", {name: getattr(baseline, name) for name in told})
     found = baseline.watched.findings
     log_events(recording, "/events", [event for one in found for event in told(one, "healthy record: false alarm")])
 
@@ -83,10 +88,12 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
     seen, unit = trial.watched, unit_of(trial.channel)
     span = _logged_s(trial)
     measured = _part(trial.record.time_s, trial.record[trial.channel], span)
-    log_lines(recording, f"{root}/measured", *measured, [f"{trial.channel} measured ({unit})"], [tint])
+    names = [f"{trial.channel} measured ({unit})"]
+    log_lines(recording, f"{root}/measured", *measured, names, [tint], channels=[trial.channel])
     virtual = _part(seen.record.time_s, seen.virtual(trial.channel), span)
     if np.isfinite(virtual[1]).any():
-        log_lines(recording, f"{root}/virtual", *virtual, [f"virtual sensor ({unit})"], [COLOURS["virtual"]])
+        names = [f"virtual sensor ({unit})"]
+        log_lines(recording, f"{root}/virtual", *virtual, names, [COLOURS["virtual"]], channels=[trial.channel])
     bank = seen.monitor.bank
     tints = {spec.output: colour(spec.output, i) for i, spec in enumerate(bank.residuals)}
     own = bank.disturbs(trial.channel)
@@ -100,6 +107,7 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
     for name, (time_s, level, of, shape) in marks.items():
         if time_s is not None:
             log_mark(recording, f"{root}/{name}", time_s, level, name, of, shape)
+    log_verdict(recording, f"{root}/verdict", trial.row())
 
 
 def log_judged(
