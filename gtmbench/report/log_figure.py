@@ -86,9 +86,12 @@ def _bands(axis: Axes, found: Sequence[Stretch], alpha: float) -> None:
     for state in State:
         spans = [(one.start_s, one.duration_s) for one in found if one.state is state]
         if spans:
-            look = {"facecolor": TINTS[state], "hatch": "////" if state is State.GAP else None, "edgecolor": "#9a9a9a"}
-            across = axis.get_xaxis_transform()
-            axis.broken_barh(spans, (0.0, 1.0), transform=across, lw=0.0, alpha=alpha, zorder=0, label=state, **look)
+            bars = axis.broken_barh(
+                spans, (0.0, 1.0), transform=axis.get_xaxis_transform(), lw=0.0, zorder=0, label=state
+            )
+            bars.set(
+                facecolor=TINTS[state], edgecolor="#9a9a9a", hatch="////" if state is State.GAP else "", alpha=alpha
+            )
 
 
 def _marked(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
@@ -107,7 +110,7 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     for seen in watched.watches:
         for output, level in seen.levels.items():
             values = np.maximum(level.values, _LOWEST)
-            _line(axis, level.known_s, values, span, color=tints[output], label=f"level, residual of {output}")
+            _line(axis, level.known_s, values, span, tints[output], f"level, residual of {output}")
             top = max(top, float(np.nanmax(level.values, initial=top)))
     axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
     axis.set_yscale("log")
@@ -118,28 +121,28 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
     for segment in watched.log.segments:
-        _line(axis, segment.time_s, segment[name], span, color=COLOURS["healthy"], label="measured")
+        _line(axis, segment.time_s, segment[name], span, COLOURS["healthy"], "measured")
     for seen in watched.watches:
         virtual = seen.virtual(name)
-        _line(axis, seen.record.time_s, virtual, span, color=COLOURS["virtual"], label="virtual sensor", lw=0.9)
+        _line(axis, seen.record.time_s, virtual, span, COLOURS["virtual"], "virtual sensor")
     axis.set_ylabel(textwrap.fill(with_unit(name, unit_of(name)), 18))
 
 
 def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
     tint = tints_of(watched)[output]
     for seen in watched.watches:
-        _line(axis, seen.record.time_s, seen.residuals.raw[output], span, color=tint)
+        _line(axis, seen.record.time_s, seen.residuals.raw[output], span, tint)
     usual = 3.0 * float(watched.monitor.operators[output].rms_residual[0])
     for level in (-usual, usual):
         axis.axhline(level, color="k", lw=0.8, ls="--", label="3 RMS where identified")
     axis.set_ylabel(textwrap.fill(f"residual of {output}", 18))
 
 
-def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, lw: float = 1.1, **look: str) -> None:
+def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, tint: str, label: str | None = None) -> None:
     shown = (time_s >= span[0]) & (time_s <= span[1])
     if shown.any():
         rows = int((span[1] - span[0]) / (time_s[-1] - time_s[0] + 1e-9) * len(time_s))  # of a line from end to end
-        axis.plot(*thinned(time_s[shown], values[shown], every=2 * rows // _POINTS), lw=lw, **look)
+        axis.plot(*thinned(time_s[shown], values[shown], every=2 * rows // _POINTS), lw=1.0, color=tint, label=label)
 
 
 def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[FloatArray, FloatArray]:

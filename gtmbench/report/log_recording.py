@@ -10,11 +10,12 @@ entity                                         holds
 ``/threshold``                                 1: an alarm above it
 ``/began``, ``/alarm``, ``/named``             a point a finding; ``named``: when the sensor was named
 ``/state``                                     what became of every stretch: watched, or why not
-``/events``                                    remarks, stretches, alarms, every change of judgement, the outcome, in words
+``/events``                                    remarks, stretches, alarms, judgements, the outcome, in words
+``/verdict``, ``/findings/N/verdict``          the outcome and every finding, field by field, as in the results
 =============================================  ========================================================
 
-All on the timeline ``time``, the log's clock; values are doubles, bit for bit those watched. A row without values stands
-where samples are missing and between segments: no line runs over a gap.
+All on the timeline ``time``, the log's clock; values are doubles, bit for bit those watched. A row without values
+stands where samples are missing and between segments: no line runs over a gap.
 """
 
 from __future__ import annotations
@@ -26,17 +27,27 @@ import rerun as rr
 
 from gtmbench.channels import unit_of
 from gtmbench.method.monitoring.findings import Finding
-from gtmbench.report.lines import Event, across, log_events, log_lines, log_mark, rgb
+from gtmbench.report.lines import Event, across, log_events, log_lines, log_mark, log_verdict, rgb
 from gtmbench.report.log_blueprint import entity, log_blueprint, sensor_entity
 from gtmbench.report.log_faults import began_s, signals_of, tints_of, whole_of
+from gtmbench.report.log_results import log_results
 from gtmbench.report.log_spans import TINTS, State, stretches
 from gtmbench.report.log_text import outcome_text, remark_text
-from gtmbench.report.monitor_recording import log_judged, told
+from gtmbench.report.monitor_recording import finding_events, log_judged
 from gtmbench.report.style import COLOURS
 from gtmbench.report.text import with_unit
 from gtmbench.report.timeline import set_time
 from gtmbench.study.watched_log import Outcome, WatchedLog
 
+_OUTCOME = (
+    "outcome",
+    "exit_code",
+    "verdict",
+    "reasons",
+    "watched_hours",
+    "alarms_unexplained",
+    "false_alarms_per_hour_at_most",
+)
 _BEGAN = "#d0d0d0"  # seen on light and on dark
 
 
@@ -57,6 +68,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
         _marks(recording, finding)
     _states(recording, watched)
     log_events(recording, "/events", _events(watched))
+    _verdicts(recording, watched)
     recording.disconnect()  # writes the footer
 
 
@@ -65,16 +77,16 @@ def _sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     for name in log.channels:
         parts = [(segment.time_s, segment[name]) for segment in log.segments]
         label = [with_unit(f"{name} measured", unit_of(name))]
-        log_lines(recording, sensor_entity(name), *across(parts, log.sample_period_s), label, [tints[name]])
+        line = across(parts, log.sample_period_s)
+        log_lines(recording, sensor_entity(name), *line, label, [tints[name]], channels=[name])
 
 
 def _virtual(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     for name in signals_of(watched):
-        parts = across(
-            [(seen.record.time_s, seen.virtual(name)) for seen in watched.watches], watched.log.sample_period_s
-        )
+        parts = [(seen.record.time_s, seen.virtual(name)) for seen in watched.watches]
         label = [with_unit(f"{name} virtual sensor", unit_of(name))]
-        log_lines(recording, entity("/virtual", name), *parts, label, [COLOURS["virtual"]])
+        line = across(parts, watched.log.sample_period_s)
+        log_lines(recording, entity("/virtual", name), *line, label, [COLOURS["virtual"]], channels=[name])
 
 
 def _marks(recording: rr.RecordingStream, finding: Finding) -> None:
@@ -96,11 +108,19 @@ def _states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     recording.log("/state", rr.StateChange(state=""))  # it ends there
 
 
+def _verdicts(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+    found = log_results(watched)
+    log_verdict(recording, "/verdict", {name: found[name] for name in _OUTCOME})
+    for number, finding in enumerate(found["findings"], 1):
+        row = {name: value for name, value in finding.items() if name != "judgements"}
+        log_verdict(recording, f"/findings/{number}/verdict", row)
+
+
 def _events(watched: WatchedLog) -> list[Event]:
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in watched.log.remarks]
     events += [(one.start_s, "INFO", f"until {one.end_s:.2f} s: {one.state}") for one in stretches(watched)]
     for finding in watched.findings:
         events.append((began_s(finding), "WARN", f"{finding.verdict}: it began about here"))
-        events += told(finding, "alarm")
+        events += finding_events(finding, "alarm")
     level = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
     return [*events, (whole_of(watched)[1], level, f"outcome: {outcome_text(watched)}")]

@@ -81,7 +81,9 @@ def _shared(recording: rr.RecordingStream, baseline: MonitoredBaseline) -> None:
     told = ("false_alarms", "healthy_hours")
     log_verdict(recording, "/healthy/verdict", {name: getattr(baseline, name) for name in told})
     found = baseline.watched.findings
-    log_events(recording, "/events", [event for one in found for event in told(one, "healthy record: false alarm")])
+    log_events(
+        recording, "/events", [event for one in found for event in finding_events(one, "healthy record: false alarm")]
+    )
 
 
 def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint: str) -> None:
@@ -123,10 +125,10 @@ def log_judged(
         part, period_s = rr.escape_entity_path_part(output), watches[0].record.sample_period_s
         raw = [_part(seen.record.time_s, seen.residuals.raw[output], span) for seen in watches]
         name = with_unit(f"residual of {output}{suffix}", unit_of(output))
-        log_lines(recording, f"{root}/residuals/{part}", *across(raw, period_s), [name], [tint])
+        log_lines(recording, f"{root}/residuals/{part}", *across(raw, period_s), [name], [tint], channels=[output])
         level = [_part(seen.levels[output].known_s, seen.levels[output].values, span) for seen in watches]
         name = f"level of {output}{suffix}"
-        log_lines(recording, f"{root}/levels/{part}", *across(level, period_s), [name], [tint])
+        log_lines(recording, f"{root}/levels/{part}", *across(level, period_s), [name], [tint], channels=[output])
 
 
 def _events(trial: MonitoredTrial) -> list[Event]:
@@ -137,13 +139,13 @@ def _events(trial: MonitoredTrial) -> list[Event]:
     for finding in trial.watched.findings:
         early = finding.alarm_s < trial.onset_s - 1e-9
         late = "false alarm" if early else f"alarm, {finding.alarm_s - trial.onset_s:.2f} s after the onset"
-        events += told(finding, late)
+        events += finding_events(finding, late)
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
 
 
-def told(finding: Finding, what: str) -> list[Event]:
+def finding_events(finding: Finding, what: str) -> list[Event]:
     """Return an alarm, every change of judgement after it, and the fault's end."""
     events: list[Event] = [(finding.alarm_s, "ERROR", f"{what}: residual of {finding.residual}, {finding.series}")]
     before = None
