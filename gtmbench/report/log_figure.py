@@ -42,41 +42,44 @@ def write_log_figure(watched: WatchedLog, path: Path) -> None:
 
 def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    found = stretches(watched)
-    whole = whole_of(watched)
-    spans, signals = [whole, *(about(fault, whole) for fault in faults)], signals_of(watched)
-    outputs = [name for name in signals if name in watched.monitor.operators]
-    heights = [0.35, 2.4, *(height for name in signals for height in ((1.7, 1.2) if name in outputs else (1.7,)))]
+    found, whole = stretches(watched), whole_of(watched)
+    spans = [whole, *(about(fault, whole) for fault in faults)]
+    heights = [0.35, 2.4]
+    for name in signals_of(watched):
+        heights += [1.7, 1.2] if name in watched.monitor.operators else [1.7]
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
     for column, span in enumerate(spans):
-        state, level, *rest = (row[column] for row in axes)
-        _states(state, watched, found)
-        _levels(level, watched, span)
-        for name in signals:
-            _signal(rest.pop(0), watched, name, span)
-            if name in outputs:
-                _residual(rest.pop(0), watched, name, span)
-        for row in axes:
-            row[column].set_xlim(*span)
-        axes[-1][column].set_xlabel("time (s)")
+        _column([row[column] for row in axes], watched, found, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
         axis.set_title(textwrap.fill(judgement_text(fault.last), 45), fontsize="medium")
-    for row in axes[1:]:
-        for axis in row:
-            _marked(axis, watched, found)
-    for row in axes[:-1]:
-        for axis in row:
-            axis.tick_params(labelbottom=False)
     _finished(figure, [axis for row in axes for axis in row], watched)
     return figure
+
+
+def _column(axes: Sequence[Axes], watched: WatchedLog, found: Sequence[Stretch], span: Span) -> None:
+    """Draw a span: what became of it, levels, then every signal with its residual."""
+    rest = iter(axes)
+    _states(next(rest), watched, found)
+    _levels(next(rest), watched, span)
+    for name in signals_of(watched):
+        _signal(next(rest), watched, name, span)
+        if name in watched.monitor.operators:
+            _residual(next(rest), watched, name, span)
+    for axis in axes:
+        axis.set_xlim(*span)
+        axis.tick_params(labelbottom=axis is axes[-1])
+    for axis in axes[1:]:
+        _marked(axis, watched, found)
+    axes[-1].set_xlabel("time (s)")
 
 
 def _states(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
     """Draw what became of the log as one bar, and the remarks on it."""
     _bands(axis, found, alpha=1.0)
-    for remark in watched.log.remarks:
-        axis.plot([remark.start_s, remark.end_s], [0.5, 0.5], "d-", color="k", ms=4, lw=1.0, label="remark")
+    ends = [time_s for remark in watched.log.remarks for time_s in (remark.start_s, remark.end_s, np.nan)]
+    if ends:
+        axis.plot(ends, np.full(len(ends), 0.5), "d-", color="k", ms=4, lw=1.0, label="remark")
     axis.set_ylim(0.0, 1.0)
     axis.set_yticks([])
     axis.grid(visible=False)

@@ -54,8 +54,9 @@ def outcome_text(watched: WatchedLog) -> str:
 
 
 def _fault_text(same: Sequence[Finding]) -> str:
-    first, times = same[0], len(same) - 1
-    at = f"at {first.alarm_s:.2f} s" + (f" and {times} times more up to {same[-1].alarm_s:.2f} s" if times else "")
+    first, at = same[0], f"at {same[0].alarm_s:.2f} s"
+    if len(same) > 1:
+        at += f" (found {len(same)} times, last at {same[-1].alarm_s:.2f} s)"
     named = not first.verdict.startswith("undecided")
     return f"{first.verdict} {at}" if named else f"something failed {at}, {first.verdict}"
 
@@ -147,7 +148,7 @@ def _residual_text(output: str, known: dict[str, Any], watches: Sequence[Watch])
     if watches:
         residual = rms([seen.residuals.raw[output] for seen in watches])
         signal = deviation([seen.record[output] for seen in watches])
-        parts[0] += f", {residual:.3g} in the rest, of a signal of {signal:.3g}"
+        parts[0] += f", {residual:.3g} here, of a signal of {signal:.3g}"
         armed = sum(np.count_nonzero(seen.armed[output]) * seen.record.sample_period_s for seen in watches)
         parts.append(f"watched for {_duration(armed / 3600.0)}")
     parts.append(f"known {known['look_ahead_s']:g} s later")
