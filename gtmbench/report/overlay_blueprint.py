@@ -35,7 +35,7 @@ def overlay_blueprint(parts: Parts, found: Comparison) -> rrb.Blueprint:
         tabs[_tab(name)].append(name)
     grids = [_grid(tab, held, parts, shown_s) for tab, held in tabs.items()]
     charts = [chart for name in names if _is_chart(name, parts) for chart in _charts(name, parts)]
-    operator = [rrb.Grid(*charts, name="operator")] if charts else []
+    operator = [rrb.Grid(*charts, grid_columns=2, name="operator")] if charts else []
     return opened(_front(parts, found, plotted, shown_s), *grids, *operator)
 
 
