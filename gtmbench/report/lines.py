@@ -69,6 +69,7 @@ def log_lines(
     tints: list[str],
     *,
     channels: Sequence[str] = (),
+    width: float = 1.5,
 ) -> None:
     """Send one line (or several of a unit, as columns) with names and colours.
 
@@ -78,7 +79,7 @@ def log_lines(
     table = values.reshape(len(time_s), -1)
     there = np.asarray(np.isfinite(table).all(axis=1))
     sent = _sent(there)
-    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
+    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=width, aggregation_policy="MinMax")
     recording.log(entity, style, static=True)
     if channels:
         recording.log(entity, rr.DynamicArchetype("Lines", components={"channels": pa.array(channels)}), static=True)
