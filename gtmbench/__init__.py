@@ -43,6 +43,7 @@ from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
+from gtmbench.report.read_recording import read_recording
 from gtmbench.study.monitor_score import MonitorVerdict, score_watch
 from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial, run_monitored
 from gtmbench.study.run import run, run_study
@@ -120,6 +121,7 @@ __all__ = [
     "measure",
     "modes",
     "read_log",
+    "read_recording",
     "residual",
     "run",
     "run_monitored",

@@ -76,8 +76,8 @@ def check_folder(target: Path, *, force: bool) -> None:
         pass
 
 
-def check_file(target: Path, *, force: bool) -> None:
-    """Refuse a result's file that can't be written, or that exists and isn't to be replaced.
+def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
+    """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def check_file(target: Path, *, force: bool) -> None:
     if target.is_dir():
         raise InputError(f"{target} is a folder; give a file's name")
     if target.exists() and not force:
-        raise InputError(f"{target} exists; give another --out, or --force to write over it")
+        raise InputError(f"{target} exists; give another {option}, or --force to write over it")
     with _folder_beside(target.resolve()):
         pass
 

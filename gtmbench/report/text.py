@@ -27,6 +27,15 @@ def per_second(unit: str) -> str:
     return "deg/s²" if unit == "deg/s" else f"{unit}/s"
 
 
+def with_unit(what: str, unit: str) -> str:
+    """Write a unit behind what it is of, where there is one.
+
+    >>> with_unit("p", "deg/s"), with_unit("strain_3", "")
+    ('p (deg/s)', 'strain_3')
+    """
+    return f"{what} ({unit})" if unit else what
+
+
 def trial_label(trial: Injection) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)
