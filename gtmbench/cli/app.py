@@ -1,6 +1,7 @@
 """The command line's frame: the commands, and how every one of them ends.
 
-Exit codes: 0 well, 2 bad input or a failure that was foreseen (one line says why), 130 interrupted by Ctrl-C.
+Exit codes: 0 well, 1 `gtmbench check` found a regression, 2 bad input or a failure that was foreseen (one line says
+why), 130 interrupted by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 
 import click
 
+from gtmbench.cli.check import check_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.monitor import bank_command, calibrate_command
 from gtmbench.cli.study import new_command, run_command, view_command
@@ -32,6 +34,7 @@ def app() -> None:
 
 for command in (
     run_command,
+    check_command,
     calibrate_command,
     bank_command,
     trim_command,
