@@ -164,7 +164,9 @@ def _value(value: Value, labels: Sequence[str] = ()) -> str:
 
 
 def _text(given: str) -> str:
-    return json.dumps(given, ensure_ascii=False)
+    return json.dumps(given, ensure_ascii=False).replace(
+        "\x7f", "\\u007f"
+    )  # the one that TOML escapes and JSON doesn't
 
 
 def _seen_from(path: Path, name: str, shipped: Mapping[str, Path]) -> str:
