@@ -53,7 +53,7 @@ def check_command(
     tolerances, and renew it by the same command: comments and tolerances stay.
 
     Exit codes: 0 nothing is worse (what is better is said), 1 a regression (a line for each figure: was, is, allowed),
-    2 it couldn't be run, or the baseline lacks a figure of what was.
+    2 it couldn't be run, or the baseline has no figure for something that was.
     """
     from gtmbench.study.baseline_file import find_baseline
 
