@@ -71,12 +71,12 @@ def _shared(recording: rr.RecordingStream, baseline: MonitoredBaseline) -> None:
     log_sensors(recording, baseline.flight, baseline.healthy)
     outputs = tuple(baseline.watched.levels)
     tints = [lighter(colour(name, i)) for i, name in enumerate(outputs)]
-    _judged(
+    log_judged(
         recording, "/healthy", baseline.watched, dict(zip(outputs, tints, strict=True)), ", healthy", (-np.inf, np.inf)
     )
     log_threshold(recording, baseline.flight, 1.0, "threshold", COLOURS["threshold"])
     found = baseline.watched.findings
-    log_events(recording, "/events", [event for one in found for event in _told(one, "healthy record: false alarm")])
+    log_events(recording, "/events", [event for one in found for event in told(one, "healthy record: false alarm")])
 
 
 def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint: str) -> None:
@@ -90,7 +90,7 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
     bank = seen.monitor.bank
     tints = {spec.output: colour(spec.output, i) for i, spec in enumerate(bank.residuals)}
     own = bank.disturbs(trial.channel)
-    _judged(recording, root, seen, {output: tints[output] for output in own}, "", span)
+    log_judged(recording, root, seen, {output: tints[output] for output in own}, "", span)
     shapes = rr.components.MarkerShape
     marks = {
         "onset": (trial.onset_s, 1.0, _ONSET, shapes.Up),
@@ -102,7 +102,7 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
             log_mark(recording, f"{root}/{name}", time_s, level, name, of, shape)
 
 
-def _judged(
+def log_judged(
     recording: rr.RecordingStream, root: str, seen: Watch, tints: dict[str, str], suffix: str, span: Span
 ) -> None:
     """Log residuals and levels of some outputs."""
@@ -123,13 +123,13 @@ def _events(trial: MonitoredTrial) -> list[Event]:
     for finding in trial.watched.findings:
         early = finding.alarm_s < trial.onset_s - 1e-9
         late = "false alarm" if early else f"alarm, {finding.alarm_s - trial.onset_s:.2f} s after the onset"
-        events += _told(finding, late)
+        events += told(finding, late)
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
 
 
-def _told(finding: Finding, what: str) -> list[Event]:
+def told(finding: Finding, what: str) -> list[Event]:
     """Return an alarm, every change of judgement after it, and the fault's end."""
     events: list[Event] = [(finding.alarm_s, "ERROR", f"{what}: residual of {finding.residual}, {finding.series}")]
     before = None
