@@ -17,7 +17,7 @@ def fresh(code):
     return run.stdout.strip()
 
 
-@pytest.mark.parametrize("module", ["gtmbench"])
+@pytest.mark.parametrize("module", ["gtmbench", "gtmbench.pytest_plugin"])
 def test_nothing_heavy_is_imported_before_it_is_used(module):
     assert fresh(f"import sys, {module}; print([name for name in {HEAVY} if name in sys.modules])") == "[]"
 
