@@ -15,10 +15,10 @@ from collections.abc import Sequence
 
 import click
 
+from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
-from gtmbench.cli.monitor import bank_command, calibrate_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__

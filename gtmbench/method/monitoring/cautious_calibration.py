@@ -26,11 +26,13 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
 
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
+_MOST_FOLDS = 10
 _NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
 _BASELINES = 5.0  # in the shortest record
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _SHORTEST_S = 5.0
+Rows = tuple[int, slice]  # of a record, by its number
 
 
 def calibrate_cautiously(
@@ -120,13 +122,14 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     whitener = fit_whitener(residuals, order=min(order, sum(map(len, records)) // 50))
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
-    for others, number, rows in _folds(records):
+    for others, held in _folds(records):
         part = identify_cautiously(others, spec)
-        record = records[number]
-        residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
-        spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
-        raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
-        of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
+        for number, rows in held:
+            record = records[number]
+            residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
+            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
+            raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
+            of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
     raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance)
     white_factor, scale = _factor(np.concatenate(white), np.concatenate(of_white) / whitener.deviation**2)
     deviation = whitener.deviation * scale
@@ -138,16 +141,15 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     return _Learnt(operator=whole.operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
 
 
-def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], int, slice]]:
-    """Yield what to identify on, and which rows of which record that leaves to be judged."""
-    count = 1 if len(records) > 2 else _FOLDS
-    pieces = []
+def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]]]:
+    """Yield what to identify on, and which rows of which records that leaves to be judged."""
+    pieces: list[Rows] = []
     for number, record in enumerate(records):
-        edges = np.linspace(0, len(record), count + 1).astype(int).tolist()
+        edges = np.linspace(0, len(record), (1 if len(records) > 2 else _FOLDS) + 1).astype(int).tolist()
         pieces += [(number, slice(first, stop)) for first, stop in pairwise(edges)]
-    for number, rows in pieces:
-        others = [_part(records[n], r) for n, r in pieces if (n, r) != (number, rows)]
-        yield others, number, rows
+    for first in range(min(len(pieces), _MOST_FOLDS)):
+        held = pieces[first::_MOST_FOLDS]
+        yield [_part(records[number], rows) for number, rows in pieces if (number, rows) not in held], held
 
 
 def _part(record: Record, rows: slice) -> Record:
