@@ -73,7 +73,8 @@ def _difference(a: Line, b: Line) -> Line:
 
 def _log(recording: rr.RecordingStream, which: str, name: Name, time_s: FloatArray, values: FloatArray) -> None:
     entity, tint = standing(which, name), TINTS[which]
-    unit = f" ({CHANNELS[name[1]].unit})" if name[1] in CHANNELS else ""
+    has_unit = name[1] in CHANNELS and "/levels/" not in name[0]  # levels are shares of their thresholds
+    unit = f" ({CHANNELS[name[1]].unit})" if has_unit else ""
     label = {"both": "A = B", "difference": "B - A"}.get(which, which) + f": {name[1]}{unit}"
     if len(time_s) and isinstance(time_s[0], str):  # lags
         lags = np.array([float(lag.removeprefix("lag ")) for lag in time_s])
@@ -89,10 +90,11 @@ def _log(recording: rr.RecordingStream, which: str, name: Name, time_s: FloatArr
 def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame) -> None:
     of_a, of_b = events(a), events(b)
     told = {"both": of_a & of_b, "only A": of_a - of_b, "only B": of_b - of_a}
-    rows = [(time_s, which, level, text) for which, of in told.items() for _, time_s, level, text in of.elements()]
-    for time_s, which, level, text in sorted(rows):
+    rows = [(event[1], which, event) for which, of in told.items() for event in of.elements()]
+    for time_s, which, (entity, _, level, text) in sorted(rows):
+        trial = entity.removeprefix("/trials/").removesuffix("/events")
         set_time(recording, time_s)
-        recording.log("/events", rr.TextLog(f"{which}: {text}", level=level))
+        recording.log("/events", rr.TextLog(f"{which}: {trial} {text}" if trial else f"{which}: {text}", level=level))
 
 
 def _summary(found: Comparison, names: tuple[str, str]) -> str:
