@@ -43,7 +43,7 @@ SCALES = {"F": 1e-6, "0": 1.0, "-": 0.0}
 
 
 def dataflash(tables, *, units=None):
-    """Return a binary DataFlash log; tables: name -> (format letters, column names, rows); units: name -> (ids, scales)."""
+    """Return a DataFlash log; tables: name -> (format letters, column names, rows); units: name -> (ids, scales)."""
     units = units or {}
     declared = {"FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns")}
     extra = {

@@ -12,6 +12,7 @@ from gtmbench.clock import FloatArray
 
 JITTER = 0.02  # of a period, either way: an interpolation's error would be greater
 _EXACT_S = 2e-9  # stamps of an exact clock are rounded to the nanosecond
+_DISTINCT = 0.9  # of the samples: with more stamps than that, equal ones are doubles and not rounded
 _GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
@@ -83,7 +84,7 @@ def rounded_coarsely(time_s: FloatArray) -> FloatArray | None:
     grain_s = float(steps[steps > 0].min(initial=np.inf))
     distinct = np.count_nonzero(steps > 0) + 1
     block = min(int(20 * len(time_s) / distinct) + 1, len(time_s) // 2)
-    if distinct < 10 or block < 2:
+    if distinct < 10 or distinct > _DISTINCT * len(time_s):
         return None
     period_s = float(np.median(time_s[block:] - time_s[:-block])) / block
     cuts = np.flatnonzero(steps > period_s + grain_s * 1.001) + 1

@@ -112,7 +112,7 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
             if channel not in chosen and channel not in own:
                 raise InputError(_missing(raw, channel, chosen))
         return [chosen.get(channel) or own[channel] for channel in needs]
-    if raw.by_name:
+    if list(raw.clocks) == [""]:  # a table's; of a container's topics only what is a channel, or asked for
         chosen |= own
     if not chosen:
         raise InputError(f"no column becomes a channel: {_open_questions(raw)}")

@@ -16,6 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.limits import MOST_VALUES
 
 EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
+_LAST_DATE_S = 2.5e11  # of four figures a year
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +104,9 @@ def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[d
         return {name: stamps / per_second for name, stamps in clocks.items()}, ()
     # whole numbers are subtracted as such: nanoseconds since 1970 don't fit into a double
     seconds = {name: (stamps - origin).astype(np.float64) / per_second for name, stamps in clocks.items()}
-    since = np.datetime64(0, "us") + np.timedelta64(int(float(origin) / per_second * 1e6), "us")
-    return seconds, (f"stamps count from 1970: times are since the first, {since}",)
+    since_s = float(origin) / per_second
+    said = np.datetime64(round(since_s * 1e3), "ms") if since_s < _LAST_DATE_S else f"{since_s:.6g} s"
+    return seconds, (f"stamps count from 1970: times are since the first, {said}",)
 
 
 def check_values(count: float, what: str) -> None:

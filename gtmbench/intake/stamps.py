@@ -84,7 +84,8 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
         raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
     if len(rows) < len(time_s):
         lost = len(time_s) - len(rows)
-        _note(found, "missing", time_s[rows[[0, -1]]], f"{_label(name)}{lost} rows have no time and are left out")
+        text = f"{_label(name)}{lost} rows have no time and are left out"
+        found.remarks.append(_remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
     rows = _without_strays(name, rows, time_s, found)
     steps = np.diff(time_s[rows])
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
@@ -114,7 +115,7 @@ def _without_strays(name: str, rows: IntArray, time_s: FloatArray, found: _Stret
     for row in astray:
         beside = time_s[rows[row - 1]]
         text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
-        _note(found, "clock jump", (beside, beside), text)
+        found.remarks.append(_remark("clock jump", beside, beside, text))
     return np.delete(rows, astray)
 
 
@@ -126,17 +127,13 @@ def _join(found: _Stretches, name: str, run: IntArray, time_s: FloatArray, follo
     end_s, start_s = float(time_s[found.rows[-1]].max()), float(time_s[run[0]])
     if len(run) < _FEW and abs(start_s - end_s) > 1.0 and end_s <= following_s <= end_s + FAR_S:
         text = f"{_label(name)}{len(run)} stamps around {start_s:.10g} s stand after {end_s:.10g} s: left out"
-        _note(found, "clock jump", (end_s, end_s), text)
+        found.remarks.append(_remark("clock jump", end_s, end_s, text))
     elif start_s >= end_s:
         found.rows[-1] = np.concatenate([found.rows[-1], run])
     elif _is_late(time_s[found.rows[-1]], time_s[run], period_s):
         found.rows[-1] = np.concatenate([found.rows[-1], run])
-        _note(
-            found,
-            "out of order",
-            (start_s, end_s),
-            f"{_label(name)}{start_s:.10g} s stands after {end_s:.10g} s: sorted",
-        )
+        text = f"{_label(name)}{start_s:.10g} s stands after {end_s:.10g} s: sorted"
+        found.remarks.append(_remark("out of order", start_s, end_s, text))
     else:
         found.rows.append(run)
 
@@ -163,7 +160,7 @@ def _shifts(
         breaks_s.append(0.5 * (end_s + start_s + shift_s))
         back = f"the clock went back from {end_s - shifts_s[-2]:.10g} to {start_s:.10g} s"
         text = f"{back}: what follows is dated {shift_s:g} s later"
-        remarks.append(Remark(kind="clock jump", channel=None, start_s=end_s, end_s=start_s + shift_s, text=text))
+        remarks.append(_remark("clock jump", end_s, start_s + shift_s, text))
     return shifts_s, breaks_s
 
 
@@ -171,18 +168,22 @@ def _without_doubles(name: str, rows: IntArray, time_s: FloatArray, remarks: lis
     """Return one row a time; stamps that are only rounded coarsely are spread evenly instead."""
     steps = np.diff(time_s)
     if np.any(steps == 0) and (spread := rounded_coarsely(time_s)) is not None:
+        text = (
+            f"{_label(name)}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
+        )
+        remarks.append(_remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
         return Clock(rows=rows, time_s=spread)
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
     if len(doubled):
         first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
         text = f"{_label(name)}{len(doubled)} stamps stand there twice: the first row of each is taken"
-        remarks.append(Remark(kind="duplicate", channel=None, start_s=first_s, end_s=last_s, text=text))
+        remarks.append(_remark("duplicate", first_s, last_s, text))
     return Clock(rows=np.delete(rows, doubled), time_s=np.delete(time_s, doubled))
 
 
-def _note(found: _Stretches, kind: str, span_s: tuple[float, float] | FloatArray, text: str) -> None:
-    found.remarks.append(Remark(kind=kind, channel=None, start_s=float(span_s[0]), end_s=float(span_s[1]), text=text))
+def _remark(kind: str, start_s: float, end_s: float, text: str) -> Remark:
+    return Remark(kind=kind, channel=None, start_s=float(start_s), end_s=float(end_s), text=text)
 
 
 def _label(name: str) -> str:
