@@ -78,7 +78,7 @@ def _layout(path: Path) -> _Layout:
     if place == len(lines):
         raise InputError("it is empty")
     header = lines[place].lstrip("#%/ \t")
-    separator = max(",;\t|", key=header.count)
+    separator = max(";\t|,", key=header.count)  # of as many, the one that no unit holds
     if separator not in header:
         separator = r"\s+"
     fields = [_fields(line, separator) for line in lines[place + 1 : place + 3]]

@@ -206,13 +206,13 @@ def _series(name: str, topic: _Topic) -> list[RawSeries]:
         for field, load in columns.items()
     ]
     if topic.imu and ros_imu.is_oriented(topic.columns):
-        series += [_angle(name, topic, angle, meaning) for angle, meaning in enumerate(ros_imu.ANGLES)]
+        series += [_angle(name, topic, angle, meaning) for angle, meaning in ros_imu.ANGLES.items()]
     return series
 
 
-def _angle(name: str, topic: _Topic, angle: int, meaning: Meaning) -> RawSeries:
+def _angle(name: str, topic: _Topic, angle: str, meaning: Meaning) -> RawSeries:
     def load() -> NDArray[np.float64]:
         turned = euler_deg([topic.column(f"orientation.{part}") for part in "wxyz"], angle)
-        return turned - 90.0 if meaning.channel == "psi" else turned
+        return turned - 90.0 if angle == "yaw" else turned
 
     return RawSeries(name=f"{name}.orientation({angle})", load=load, clock=name, meaning=meaning)

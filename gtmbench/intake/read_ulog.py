@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gtmbench.intake.libraries import library, quiet
 from gtmbench.intake.limits import MOST_COLUMNS, MOST_MESSAGES
-from gtmbench.intake.quaternion import euler_deg
+from gtmbench.intake.quaternion import ANGLES, euler_deg
 from gtmbench.intake.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -34,7 +34,10 @@ _DOCUMENTED = {
     **_axes("sensor_combined", "accelerometer_m_s2[{}]", "nx ny -nz", "m/s2"),
     **_axes("vehicle_angular_velocity", "xyz[{}]", "p q r", "rad/s"),
     **_axes("vehicle_acceleration", "xyz[{}]", "nx ny -nz", "m/s2"),
-    **_axes("vehicle_attitude", "q({})", "phi theta psi", "deg"),
+    **{
+        ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
+        for angle, channel in zip(ANGLES, ("phi", "theta", "psi"), strict=True)
+    },
     ("airspeed_validated", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
     ("airspeed", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
     ("vehicle_global_position", "alt"): Meaning(channel="altitude", unit="m"),
@@ -131,7 +134,7 @@ def _columns(topic: str, fields: dict[str, NDArray[Any]]) -> list[RawSeries]:
     }
     if all(f"q[{part}]" in fields for part in range(4)):
         parts = [fields[f"q[{part}]"] for part in range(4)]
-        columns |= {f"q({angle})": functools.partial(euler_deg, parts, angle) for angle in range(3)}
+        columns |= {f"q({angle})": functools.partial(euler_deg, parts, angle) for angle in ANGLES}
     return [
         RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=_DOCUMENTED.get((topic, name)))
         for name, load in columns.items()

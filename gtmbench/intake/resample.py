@@ -13,7 +13,8 @@ from gtmbench.intake.raw import check_values
 HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
 _KAISER = 7.86  # beta of a ripple of 1e-4
-_HOLE = 1.5  # periods: between stamps that are further apart nothing is interpolated
+_HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
+_SAME_RATE = 0.1  # of the median steps of rounded stamps
 
 
 def decimation(period_s: float, wanted_s: float) -> int:
@@ -42,7 +43,8 @@ def resampled(
     start_s = first_s - margin * period_s
     places = (time_s - start_s) / step_s
     nearest = np.rint(places).astype(np.int64)
-    if finer == 1 and np.all(np.abs(places - nearest) <= JITTER) and np.all(np.diff(nearest) > 0):
+    one_a_step = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
+    if finer == 1 and one_a_step and np.all(np.abs(places - nearest) <= JITTER):
         laid = np.full((laid_out, values.shape[1]), np.nan)
         inside = (nearest >= 0) & (nearest < laid_out)
         laid[nearest[inside]] = values[inside]

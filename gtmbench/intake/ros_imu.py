@@ -20,12 +20,12 @@ MEANINGS = {
     "linear_acceleration.y": Meaning(channel="ny", unit="m/s2", sign=-1.0),
     "linear_acceleration.z": Meaning(channel="nz", unit="m/s2"),
 }
-# of the angles that make the orientation; the third is counted from east, and 90 deg are taken off where it is read
-ANGLES = (
-    Meaning(channel="phi", unit="deg"),
-    Meaning(channel="theta", unit="deg", sign=-1.0),
-    Meaning(channel="psi", unit="deg", sign=-1.0),
-)
+# of the angles that make the orientation; yaw is counted from east, and 90 deg are taken off where it is read
+ANGLES = {
+    "roll": Meaning(channel="phi", unit="deg"),
+    "pitch": Meaning(channel="theta", unit="deg", sign=-1.0),
+    "yaw": Meaning(channel="psi", unit="deg", sign=-1.0),
+}
 _ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
 _ANGULAR = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 _LINEAR = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
