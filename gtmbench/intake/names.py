@@ -99,7 +99,7 @@ def guess(header: str, unit_beside: str = "") -> Guess:
     >>> guess("gyro_x (deg/s)").meaning
     Meaning(channel='p', unit='deg/s', sign=1.0)
     >>> guess("gyro_x").why_not
-    "looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s"
+    'looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s'
     >>> guess("p [hPa]").why_not
     "looks like p, but states 'hPa', not a unit of angular rate that is known: --map 'p=p [hPa]:rad/s' or :deg/s"
     """

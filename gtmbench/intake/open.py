@@ -16,7 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.raw import RawLog, RawSeries, check_values
+from gtmbench.intake.raw import RawLog, RawSeries, check_values, one_line
 from gtmbench.intake.read import read_raw
 from gtmbench.intake.remarks import summed_up
 from gtmbench.intake.segments import Track, cut
@@ -101,9 +101,10 @@ def open_log(
     columns = split_mapping(mapping)
     raw = read_raw(path)
     try:
-        return _opened(path, raw, columns, rate, wanted)
+        with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
+            return _opened(path, raw, columns, rate, wanted)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{path}: {one_line(str(error))}") from error
 
 
 def _opened(
@@ -128,7 +129,7 @@ def _opened(
         path=path,
         segments=tuple(segments),
         remarks=summed_up(remarks + made.remarks),
-        method=(f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method),
+        method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method))),
     )
 
 
@@ -164,9 +165,13 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     path = Path(path)
     raw = read_raw(path)
     timed = raw
-    with contextlib.suppress(InputError):  # no column tells the time: the list says what might
+    with (
+        contextlib.suppress(InputError),
+        np.errstate(all="ignore"),
+    ):  # no column tells the time: the list says what might
         timed = with_time(raw, None)
-    return tuple(_column(one, timed) for one in raw.series)
+    with np.errstate(all="ignore"):
+        return tuple(_column(one, timed) for one in raw.series)
 
 
 def _column(one: RawSeries, raw: RawLog) -> LogColumn:

@@ -16,6 +16,8 @@ from gtmbench.errors import InputError
 from gtmbench.intake.limits import MOST_VALUES
 
 EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
+_GREATEST = 1e100
+_LONGEST = 2_000  # letters of a message
 _LAST_DATE_S = 2.5e11  # of four figures a year
 
 
@@ -53,9 +55,9 @@ class RawSeries:
     meaning: Meaning | None = None
 
     def values(self) -> FloatArray:
-        """Return the values as float64, inf as NaN: neither can be calculated with."""
+        """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
         values = self.load().astype(np.float64)
-        values[~np.isfinite(values)] = np.nan
+        values[~(np.abs(values) < _GREATEST)] = np.nan
         return values
 
 
@@ -125,7 +127,17 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{path}: {one_line(str(error))}") from error
     except Exception as error:
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        reason = one_line(str(error))[:160] or type(error).__name__
         raise InputError(f"{path} isn't a readable {kind}: {reason}") from error
+
+
+def one_line(text: str) -> str:
+    """Return a text in one line, without what a terminal would take for commands, and not without end.
+
+    >>> one_line("gyro\x1b[2J\nx")
+    'gyro?[2J x'
+    """
+    plain = "".join(letter if letter.isprintable() else "?" for letter in " ".join(text[: 2 * _LONGEST].split()))
+    return plain if len(plain) <= _LONGEST else f"{plain[:_LONGEST]} ..."

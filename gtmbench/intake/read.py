@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from gtmbench.errors import InputError
 from gtmbench.intake import read_dataflash, read_mcap, read_ulog
 from gtmbench.intake.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.raw import RawLog
+from gtmbench.intake.raw import RawLog, one_line
 from gtmbench.intake.read_csv import read_csv
 from gtmbench.intake.read_parquet import read_parquet
 
@@ -37,10 +38,15 @@ def read_raw(path: Path) -> RawLog:
             raise InputError(f"{path} is packed by {packing}; unpack it first")
     for magic, reader in _READERS:
         if head.startswith(magic):
-            return reader(path)
+            return _named(reader(path))
     if path.suffix.lower() in _BINARY:
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
-    return read_csv(path)
+    return _named(read_csv(path))
+
+
+def _named(raw: RawLog) -> RawLog:
+    """Return a log whose columns have names that can be printed."""
+    return replace(raw, series=tuple(replace(one, name=one_line(one.name)) for one in raw.series))
 
 
 def _head(path: Path) -> bytes:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from gtmbench.intake.flight_log import Remark
+from gtmbench.intake.raw import one_line
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST = 36
@@ -17,7 +19,8 @@ def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     >>> summed_up(gaps)[0].text
     '9 times from 0 to 9 s, in all 9 s; the first: nothing from 0 s'
     """
-    found = sorted(remarks, key=lambda remark: (remark.start_s, remark.end_s))
+    plain = [replace(remark, text=one_line(remark.text)) for remark in remarks]
+    found = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
     one_by_one = _grouped(found, _APART, by_channel=True)
     return tuple(one_by_one if len(one_by_one) <= _MOST else _grouped(found, 1, by_channel=False))
 

@@ -17,6 +17,7 @@ from gtmbench.intake.lattice import rounded_coarsely
 IntArray = NDArray[np.int64]
 
 FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
+_LATEST_S = 1e14  # three million years; what is later is no time
 _NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
 _FEW = 10  # samples: what goes astray and comes back within so few isn't a clock that was set
 _MOST_STEPS_BACK = 0.1  # of the samples
@@ -79,7 +80,7 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
 
 def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     found = _Stretches()
-    rows = np.flatnonzero(np.isfinite(time_s))
+    rows = np.flatnonzero(np.abs(time_s) < _LATEST_S)
     if len(rows) < 2:
         raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
     if len(rows) < len(time_s):

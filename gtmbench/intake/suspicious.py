@@ -107,14 +107,9 @@ def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
     if low <= mean <= high:
         return []
     turned = -high <= mean <= -low
-    why = (
-        "its sign is turned, map it with the other one (nz=-COLUMN or nz=COLUMN)"
-        if turned
-        else "its unit, its sign, or gravity taken off?"
-    )
-    return [
-        _remark("sign", "nz", time_s[0], time_s[-1], f"nz is {mean:.3g} g at the mean, level flight reads +1: {why}")
-    ]
+    why = "its sign is turned: map it with the other one" if turned else "its unit, its sign, or gravity taken off?"
+    text = f"nz is {mean:.3g} g at the mean, level flight reads +1: {why}"
+    return [_remark("sign", "nz", time_s[0], time_s[-1], text)]
 
 
 def _mean(values: FloatArray) -> float:
