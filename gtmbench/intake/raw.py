@@ -134,7 +134,7 @@ def reading(path: Path, kind: str) -> Iterator[None]:
 
 
 def one_line(text: str) -> str:
-    """Return a text in one line, without what a terminal would take for commands, and not without end.
+    r"""Return a text in one line, without what a terminal would take for commands, and not without end.
 
     >>> one_line("gyro\x1b[2J\nx")
     'gyro?[2J x'
