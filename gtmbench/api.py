@@ -10,6 +10,8 @@ from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.decimation import decimate
@@ -58,6 +60,7 @@ __all__ = [
     "ExcitationCount",
     "Fault",
     "Finding",
+    "FlightLog",
     "GtmbenchError",
     "Imperfections",
     "InputChoice",
@@ -66,6 +69,7 @@ __all__ = [
     "Jam",
     "Judgement",
     "LeastSquares",
+    "LogColumn",
     "Mode",
     "Monitor",
     "MonitorVerdict",
@@ -80,6 +84,7 @@ __all__ = [
     "RateSaturation",
     "Record",
     "RecursiveIdentification",
+    "Remark",
     "Residual",
     "ResidualStream",
     "Saturation",
@@ -109,8 +114,10 @@ __all__ = [
     "load_bank",
     "load_monitor",
     "load_scenario",
+    "log_columns",
     "measure",
     "modes",
+    "open_log",
     "read_log",
     "read_recording",
     "residual",

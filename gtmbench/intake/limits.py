@@ -1,0 +1,11 @@
+"""How large a log may be: what bounds the memory and the time that any file, however made, can take."""
+
+from __future__ import annotations
+
+LARGEST_FILE_BYTES = 1 << 30
+LARGEST_CHUNK_BYTES = 1 << 28  # of a container, unpacked
+MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
+MOST_COLUMNS = 5_000
+MOST_MESSAGES = 20_000_000
+MOST_VALUES = 200_000_000  # samples times channels: 1.6 GB of doubles
+LONGEST_LINE_BYTES = 1 << 20

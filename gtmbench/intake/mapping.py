@@ -1,0 +1,250 @@
+"""Which column becomes which channel: by what the user states, else by documentation, else by name and unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.channels import CHANNELS
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
+from gtmbench.intake.raw import Meaning, RawLog, RawSeries, in_seconds
+from gtmbench.intake.units import Unit, dimension_of, hint, unit
+
+AS_IT_IS = "as it is"
+_MOST_NAMED = 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """A channel: a column of the log, and what its values are multiplied by."""
+
+    channel: str
+    series: RawSeries
+    factor: float = 1.0
+    how: str = ""
+
+    def values(self) -> FloatArray:
+        """Return the channel in its unit; psi runs through 360 deg and on."""
+        values = self.series.values()
+        if self.factor != 1.0:
+            values *= self.factor
+        if self.channel == "psi":
+            there = np.isfinite(values)
+            values[there] = np.unwrap(values[there], period=360.0)
+        return values
+
+
+def judged(one: RawSeries, raw: RawLog) -> Guess:
+    """Return what a column is: by the format's documentation, else by its name where names may be believed."""
+    if one.meaning is not None:
+        return Guess(channel=one.meaning.channel, meaning=one.meaning)
+    return guess(one.name, one.unit) if raw.by_name else Guess()
+
+
+def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
+    """Return what stands to the right of every channel in texts ``CHANNEL=COLUMN:UNIT``.
+
+    >>> split_mapping(["p=gyro_x:rad/s", "nz=-az:m/s2"])
+    {'p': 'gyro_x:rad/s', 'nz': '-az:m/s2'}
+    """
+    found: dict[str, str] = {}
+    for text in [mapping] if isinstance(mapping, str) else mapping:
+        channel, _, column = text.partition("=")
+        channel = channel.strip()
+        if not channel or not column.strip():
+            raise InputError(f"--map '{text}' isn't CHANNEL=COLUMN:UNIT; for example p=gyro_x:rad/s or nz=-az:m/s2")
+        if channel in found:
+            raise InputError(f"--map gives '{channel}' twice; once is enough")
+        found[channel] = column.strip()
+    return found
+
+
+def with_time(raw: RawLog, mapped: str | None) -> RawLog:
+    """Return a log whose clocks are known: a container's own, or from a column that tells the time."""
+    if raw.clocks and mapped is None:
+        return raw
+    series, meaning = _mapped(raw, "time", mapped) if mapped is not None else _time_column(raw)
+    known = unit(meaning.unit)
+    if known is None:
+        raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
+    clocks, since = in_seconds({series.clock: series.load()}, known.factor)
+    rest = tuple(one for one in raw.series if one is not series)
+    return replace(raw, series=rest).with_clocks(clocks, f"time: column '{series.name}' in {meaning.unit}", *since)
+
+
+def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
+    looks = [(one, told) for one in raw.series if (told := judged(one, raw)).channel == "time"]
+    sure = [(one, told.meaning) for one, told in looks if told.meaning is not None]
+    exact = [(one, meaning) for one, meaning in sure if is_table_header(one.name)]
+    if len(exact or sure) == 1:
+        return (exact or sure)[0]
+    if sure:
+        names = " and ".join(f"'{one.name}'" for one, _ in sure)
+        raise InputError(f"columns {names} both tell the time; choose: --map time={sure[0][0].name}:{sure[0][1].unit}")
+    if looks:
+        raise InputError("; ".join(f"column '{one.name}' {told.why_not}" for one, told in looks[:3]))
+    measured = [
+        one.name
+        for one in raw.series
+        if (found := unit(stated_unit(one.name, one.unit)[1])) and found.dimension == "time"
+    ]
+    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
+    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {_there(raw)}")
+
+
+def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[Chosen]:
+    """Return the channels of a log: the needed ones, or all.
+
+    Raises
+    ------
+    InputError
+        Where a mapped or a needed one can't be found, with what is there and what looks like it.
+    """
+    chosen = {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items()}
+    chosen |= {channel: one for channel, one in _recognised(raw).items() if channel not in chosen}
+    own = {one.name: Chosen(channel=one.name, series=one, how=AS_IT_IS) for one in _unknown(raw, chosen)}
+    if needs is not None:
+        for channel in needs:
+            if channel not in chosen and channel not in own:
+                raise InputError(_missing(raw, channel, chosen))
+        return [chosen.get(channel) or own[channel] for channel in needs]
+    if list(raw.clocks) == [""]:  # a table's; of a container's topics only what is a channel, or asked for
+        chosen |= own
+    if not chosen:
+        raise InputError(f"no column becomes a channel: {_open_questions(raw)}")
+    return list(chosen.values())
+
+
+def _recognised(raw: RawLog) -> dict[str, Chosen]:
+    """Return the channels that documentation or names tell without doubt.
+
+    A documented format has an order in which its topics are preferred; of two columns of a table neither is taken,
+    unless one is named as this package names it.
+    """
+    found = {}
+    candidates: dict[str, list[RawSeries]] = {}
+    for one in raw.series:
+        told = judged(one, raw)
+        if told.meaning is not None and told.channel in CHANNELS:
+            candidates.setdefault(told.channel, []).append(one)
+    for channel, sure in candidates.items():
+        best = [one for one in sure if is_table_header(one.name)] or sure if raw.by_name else sure[:1]
+        if len(best) == 1:
+            others = [f"'{one.name}'" for one in sure if one is not best[0]]
+            found[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")
+    return found
+
+
+def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
+    """Return the columns that may stand under their own names: no channel, and not named as one."""
+    taken = {id(one.series) for one in chosen.values()}
+    return [
+        one
+        for one in raw.series
+        if id(one) not in taken and one.name not in chosen and one.name not in CHANNELS and one.name != "time_s"
+    ]
+
+
+def not_taken(raw: RawLog, chosen: Sequence[Chosen]) -> list[str]:
+    """Return a line for every column that looks like a channel and isn't one, a few at most."""
+    channels, taken = {one.channel for one in chosen}, {id(one.series) for one in chosen}
+    lines = []
+    for one in raw.series:
+        told = judged(one, raw)
+        if id(one) in taken and told.channel not in CHANNELS:
+            continue
+        if told.channel and told.channel != "time" and told.channel not in channels:
+            lines.append(f"not taken: column '{one.name}' {_doubt(raw, told)}")
+    if raw.ignored:
+        shown = ", ".join(f"'{name}'" for name in raw.ignored[:_MOST_NAMED])
+        lines.append(f"not taken, no numbers: {shown}")
+    return lines[:_MOST_NAMED]
+
+
+def _doubt(raw: RawLog, told: Guess) -> str:
+    rivals = [
+        f"'{one.name}'" for one in raw.series if (other := judged(one, raw)).meaning and other.channel == told.channel
+    ]
+    return told.why_not or f"may be {told.channel}, as {', '.join(rivals)} may: --map {told.channel}=COLUMN"
+
+
+def _by_meaning(one: RawSeries, raw: RawLog, rather: str) -> Chosen:
+    meaning = judged(one, raw).meaning
+    assert meaning is not None  # the caller looked
+    known = unit(meaning.unit)
+    turned = "-" if meaning.sign < 0 else ""
+    why = " (taken to point down)" if turned and one.meaning is None else ""
+    return Chosen(
+        channel=meaning.channel,
+        series=one,
+        factor=meaning.sign * (known.factor if known else 1.0),
+        how=f"{turned}'{one.name}' in {meaning.unit}{why}{rather}",
+    )
+
+
+def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
+    series, meaning = _mapped(raw, channel, column)
+    known = unit(meaning.unit) if channel in CHANNELS else None
+    turned = "-" if meaning.sign < 0 else ""
+    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}, as mapped"
+    return Chosen(channel=channel, series=series, factor=meaning.sign * (known.factor if known else 1.0), how=how)
+
+
+def _mapped(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
+    """Return the column that a mapping names, and what the mapping states of it."""
+    bare_names: dict[str, list[RawSeries]] = {}
+    for one in raw.series:
+        bare_names.setdefault(stated_unit(one.name, one.unit)[0], []).append(one)
+    by_name = {name: found[0] for name, found in bare_names.items() if len(found) == 1}  # 'az' for 'az [m/s2]'
+    by_name |= {one.name: one for one in raw.series}
+    before, _, after = text.rpartition(":")
+    for name, given in ((text, ""), (before, after)):
+        for bare, sign in ((name, 1.0), (name.removeprefix("-"), -1.0)):
+            if bare in by_name:
+                return by_name[bare], _stated(channel, by_name[bare], given, sign)
+    name = before or text
+    alike = [one.name for one in raw.series if name.lstrip("-").lower() in one.name.lower()][:5]
+    likes = f" (perhaps {', '.join(alike)})" if alike else ""
+    raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {_there(raw)}")
+
+
+def _stated(channel: str, one: RawSeries, given: str, sign: float) -> Meaning:
+    stated = given or (one.meaning.unit if one.meaning else stated_unit(one.name, one.unit)[1])
+    if channel not in CHANNELS and channel != "time":
+        return Meaning(channel=channel, unit=stated, sign=sign)
+    known: Unit | None = unit(stated) if stated else None
+    if known is None or known.dimension != dimension_of(channel):
+        first, second = hint(channel)
+        what = f"'{stated}' isn't a unit of {dimension_of(channel)}" if stated else "the column states no unit"
+        raise InputError(f"--map {channel}={one.name}: {what}; give one behind a colon, as :{first} or :{second}")
+    return Meaning(channel=channel, unit=stated, sign=sign)
+
+
+def _missing(raw: RawLog, channel: str, chosen: Mapping[str, Chosen]) -> str:
+    alike = [
+        f"column '{one.name}' {_doubt(raw, told)}"
+        for one in raw.series
+        if (told := judged(one, raw)).channel == channel
+    ]
+    names = ", ".join(list(chosen)[:_MOST_NAMED]) or "none"
+    ask = (
+        "; ".join(alike[:3]) or f"nothing looks like it: --map {asked(channel, 'COLUMN').removeprefix('--map ')}"
+        if channel in CHANNELS
+        else "no column has that name"
+    )
+    return f"no channel '{channel}': {ask}; channels that are there: {names}; {_there(raw)}"
+
+
+def _open_questions(raw: RawLog) -> str:
+    asks = [f"column '{one.name}' {told.why_not}" for one in raw.series if (told := judged(one, raw)).why_not]
+    return "; ".join(asks[:4]) or f"--map CHANNEL=COLUMN:UNIT; {_there(raw)}"
+
+
+def _there(raw: RawLog) -> str:
+    names = [one.name for one in raw.series]
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return f"its columns: {', '.join(names[:_MOST_NAMED])}{more}" if names else "it has no columns of numbers"

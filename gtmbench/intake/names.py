@@ -1,0 +1,143 @@
+"""Column names that are known, and the units that stand in them: what a header says, and what it leaves open."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass
+
+from gtmbench.channels import CHANNELS
+from gtmbench.intake.raw import Meaning
+from gtmbench.intake.units import dimension_of, hint, unit
+
+# lower case, letters and digits only; "-" turns the sign: a body's z axis points down
+_NAMES = {
+    "p": "p rollrate rollspeed bankrate gyrox gyrx gyroscopex gx wx omegax angularratex pbody",
+    "q": "q pitchrate pitchspeed gyroy gyry gyroscopey gy wy omegay angularratey qbody",
+    "r": "r yawrate yawspeed gyroz gyrz gyroscopez gz wz omegaz angularratez rbody",
+    "phi": "phi roll rollangle bank bankangle",
+    "theta": "theta pitch pitchangle",
+    "psi": "psi yaw yawangle heading hdg trueheading headingtrue",
+    "alpha": "alpha aoa angleofattack",
+    "beta": "beta aos ssa sideslip sideslipangle angleofsideslip",
+    "nx": "nx ax accx accelx accelerationx accelerometerx xaccel axbody",
+    "ny": "ny ay accy accely accelerationy accelerometery yaccel aybody",
+    "nz": "nz loadfactor -az -accz -accelz -accelerationz -accelerometerz -zaccel -azbody",
+    "tas": "tas trueairspeed airspeedtrue vtrue vtas ktas",
+    "altitude": "altitude alt h altitudemsl altmsl altitudeamsl altamsl baroaltitude baroalt",
+    "north": "north",
+    "east": "east",
+    "elevator": "elevator",
+    "aileron": "aileron",
+    "rudder": "rudder",
+    "throttle": "throttle",
+    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems unixtime date",
+}
+_KNOWN = {
+    name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)
+    for channel, names in _NAMES.items()
+    for name in names.split()
+}
+_STATED = {"ktas": "kt", "seconds": "s"}  # names that are units
+_OPEN = {
+    "airspeed": ("tas", "may be indicated or true"),
+    "ias": ("tas", "is indicated, not true"),
+    "cas": ("tas", "is calibrated, not true"),
+    "course": ("psi", "is the way over ground, not the heading"),
+    "track": ("psi", "is the way over ground, not the heading"),
+    "v": ("tas", "may be the true airspeed or a velocity's part"),
+} | {
+    f"{kind}{axis}": (channel, "may be in axes that point left and up (ROS) or right and down")
+    for kind, channels in (("angularvelocity", "pqr"), ("linearacceleration", ("nx", "ny", "nz")))
+    for axis, channel in zip("xyz", channels, strict=True)
+}
+_NOT_MEASURED = re.compile(r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias)")
+_BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[A-Za-z%°µμ][^\[\](){}<>]*)[\])}>]\s*$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guess:
+    """What a column's name says.
+
+    Attributes
+    ----------
+    channel : str
+        Which channel it looks like, ``time`` for the time, "" for none.
+    meaning : Meaning or None
+        What it is, where name and unit say so without doubt.
+    why_not : str
+        What is left open, where something is.
+    """
+
+    channel: str = ""
+    meaning: Meaning | None = None
+    why_not: str = ""
+
+
+def stated_unit(header: str, unit_beside: str = "") -> tuple[str, str]:
+    """Return a header's name and the unit that it states, "" for none.
+
+    >>> stated_unit("p [rad/s]"), stated_unit("ax_m_s2"), stated_unit("gyro_x")
+    (('p', 'rad/s'), ('ax', 'm_s2'), ('gyro_x', ''))
+    """
+    if unit_beside:
+        return header, unit_beside
+    bracketed = _BRACKETS.match(header)
+    if bracketed and bracketed["base"]:
+        return bracketed["base"], bracketed["unit"].strip()
+    # TimeUS and RollDeg are written without a line between
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header)
+    for place in (match.start() for match in re.finditer(r"[\s_,]+", spaced)):
+        if place and unit(spaced[place:].strip(" _,")):
+            return spaced[:place], spaced[place:].strip(" _,")
+    return header, ""
+
+
+def guess(header: str, unit_beside: str = "") -> Guess:
+    """Return what a column is by its name and unit.
+
+    >>> guess("gyro_x (deg/s)").meaning
+    Meaning(channel='p', unit='deg/s', sign=1.0)
+    >>> guess("gyro_x").why_not
+    'looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s'
+    >>> guess("p [hPa]").why_not
+    "looks like p, but states 'hPa', not a unit of angular rate that is known: --map 'p=p [hPa]:rad/s' or :deg/s"
+    """
+    base, stated = stated_unit(header, unit_beside)
+    field = re.split(r"[./:]", base)[-1]
+    if _NOT_MEASURED.search(base):
+        return Guess()
+    for key in (_key(base), _key(field)):
+        if key in _KNOWN:
+            channel, sign = _KNOWN[key]
+            return _judged(header, channel, stated or _STATED.get(key, ""), sign)
+        if key == "v" and field == "V" and (found := unit(stated)) and found.dimension == "speed":
+            return _judged(header, "tas", stated, 1.0)
+        if key in _OPEN:
+            channel, why = _OPEN[key]
+            return Guess(channel=channel, why_not=f"{why}: {asked(channel, header)} if it is {channel}")
+    return Guess()
+
+
+def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:
+    found = unit(stated) if stated else None
+    if found is not None and found.dimension == dimension_of(channel):
+        return Guess(channel=channel, meaning=Meaning(channel=channel, unit=stated, sign=sign))
+    said = f"states '{stated}', not a unit of {dimension_of(channel)} that is known" if stated else "states no unit"
+    return Guess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
+
+
+def asked(channel: str, header: str) -> str:
+    """Return how a mapping would state a column's unit, as it is typed."""
+    first, second = hint(channel)
+    option = shlex.quote(f"{channel}={header}:{first}")
+    return f"--map {option} or :{second}"
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def is_table_header(name: str) -> bool:
+    """Tell whether a column is named exactly as this package names it: ``p_deg_s``."""
+    return any(channel.header == name for channel in CHANNELS.values()) or name == "time_s"

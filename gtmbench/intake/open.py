@@ -1,0 +1,192 @@
+"""`open_log`: a recorded flight's file, as it comes, as clean segments and remarks; `log_columns`: what is in it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.channels import SENSORS
+from gtmbench.checks import names, number
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
+from gtmbench.intake.names import stated_unit
+from gtmbench.intake.raw import RawLog, RawSeries, check_values, one_line
+from gtmbench.intake.read import read_raw
+from gtmbench.intake.remarks import summed_up
+from gtmbench.intake.segments import Track, cut
+from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.suspicious import remarks_on
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogColumn:
+    """A column of a log.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        As it is stated; "" where it isn't.
+    channel : str
+        Which channel it becomes by itself, ``time`` for the time; "" for none.
+    why_not : str
+        What is left open about a column that looks like a channel.
+    samples : int
+    rate_hz, start_s, end_s : float
+        Of its stamps; NaN where the time isn't known.
+    """
+
+    name: str
+    unit: str
+    channel: str
+    why_not: str
+    samples: int
+    rate_hz: float
+    start_s: float
+    end_s: float
+
+
+def open_log(
+    path: str | Path,
+    *,
+    mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
+    needs: Sequence[str] | None = None,
+) -> FlightLog:
+    r"""Open a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP, whatever its first bytes say.
+
+    Columns become channels where name and unit leave no doubt (``p_rad_s``, ``roll [deg]``, ``GyrX (deg/s)``), or where
+    the format documents them; the channel table's units are made of theirs. Records split at gaps. An evenly sampled
+    log comes through bit for bit; other stamps are interpolated between, mixed rates are brought to the slowest.
+    What was wrong is in ``remarks``, what was done in ``method``.
+
+    Parameters
+    ----------
+    path : str or Path
+    mapping : sequence of str
+        ``CHANNEL=COLUMN:UNIT`` for what names don't say: ``p=gyro_x:rad/s``, ``nz=-az:m/s2`` (a minus turns the sign),
+        ``time=stamp:us``. The unit may be left out where the column states it.
+    rate_hz : float, optional
+        Of the records; without it, the slowest channel's.
+    needs : sequence of str, optional
+        The channels that are wanted, in this order; others can't do harm then. Without it, all that are recognised and,
+        of tables, the other columns of numbers by their own names.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "log.csv")
+    ...     _ = path.write_text("t [ms],gyro_x (rad/s)\n" + "".join(f"{10 * k},0.5\n" for k in range(500)))
+    ...     log = open_log(path)
+    >>> log.segments
+    (Record(500 samples, 0..4.99 s, every 0.01 s: p),)
+    >>> log.remarks[0].text
+    'p is 28.6479 from start to end: constant'
+    """
+    path = Path(path)
+    rate = None if rate_hz is None else number("rate_hz", rate_hz, 0.0, above=True)
+    wanted = None if needs is None else names("needs", needs)
+    columns = split_mapping(mapping)
+    raw = read_raw(path)
+    try:
+        with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
+            return _opened(path, raw, columns, rate, wanted)
+    except InputError as error:
+        raise InputError(f"{path}: {one_line(str(error))}") from error
+
+
+def _opened(
+    path: Path, raw: RawLog, columns: dict[str, str], rate_hz: float | None, needs: tuple[str, ...] | None
+) -> FlightLog:
+    raw = with_time(raw, columns.pop("time", None))
+    chosen = choose(raw, columns, needs)
+    clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in {one.series.clock: None for one in chosen}})
+    check_values(sum(len(clocks[one.series.clock].rows) for one in chosen), "its channels")
+    tracks = _tracks(chosen, clocks)
+    suspects = [one.channel for one in chosen if one.channel in SENSORS or one.channel in columns or needs is not None]
+    for track in tracks:
+        remarks += remarks_on(track, suspects, [other for other in tracks if other is not track])
+    made = cut(tracks, breaks_s=breaks_s, rate_hz=rate_hz)
+    segments = [record.select([one.channel for one in chosen]) for record in made.records]
+    taken = [f"{one.channel} = {one.how}" for one in chosen if one.how != AS_IT_IS]
+    own = [one.channel for one in chosen if one.how == AS_IT_IS]
+    if own:
+        taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
+    left = not_taken(raw, chosen) if needs is None else []
+    return FlightLog(
+        path=path,
+        segments=tuple(segments),
+        remarks=summed_up(remarks + made.remarks),
+        method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method))),
+    )
+
+
+def _tracks(chosen: Sequence[Chosen], clocks: dict[str, Clock]) -> list[Track]:
+    """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
+    groups: dict[bytes | str, list[tuple[str, FloatArray, FloatArray]]] = {}
+    for one in chosen:
+        clock = clocks[one.series.clock]
+        values = one.values()[clock.rows]
+        filled = np.flatnonzero(np.isfinite(values))
+        sparse = len(filled) > 2 and np.median(np.diff(filled)) >= 2
+        key = filled.tobytes() if sparse else one.series.clock
+        kept = filled if sparse else slice(None)
+        groups.setdefault(key, []).append((one.channel, clock.time_s[kept], values[kept]))
+    return [
+        Track(
+            channels=tuple(channel for channel, _, _ in group),
+            time_s=group[0][1],
+            values=np.column_stack([values for _, _, values in group]),
+        )
+        for group in groups.values()
+    ]
+
+
+def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
+    """Return what a log's file holds: columns, their units and rates, and which channels they become.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read.
+    """
+    path = Path(path)
+    raw = read_raw(path)
+    timed = raw
+    with (
+        contextlib.suppress(InputError),
+        np.errstate(all="ignore"),
+    ):  # no column tells the time: the list says what might
+        timed = with_time(raw, None)
+    with np.errstate(all="ignore"):
+        return tuple(_column(one, timed) for one in raw.series)
+
+
+def _column(one: RawSeries, raw: RawLog) -> LogColumn:
+    told = judged(one, raw)
+    stamps = raw.clocks.get(one.clock)
+    time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
+    steps = np.diff(time_s)
+    forward = steps[steps > 0]
+    return LogColumn(
+        name=one.name,
+        unit=one.meaning.unit if one.meaning else stated_unit(one.name, one.unit)[1],
+        channel=told.channel if told.meaning else "",
+        why_not=told.why_not,
+        samples=len(one.load() if stamps is None else stamps),
+        rate_hz=1.0 / float(np.median(forward)) if len(forward) else np.nan,
+        start_s=float(time_s[0]) if len(time_s) else np.nan,
+        end_s=float(time_s[-1]) if len(time_s) else np.nan,
+    )

@@ -1,0 +1,79 @@
+"""Values at even times: as they are where they stand there, cubic splines between stamps, one low-pass for all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gtmbench.clock import FloatArray
+from gtmbench.intake.lattice import JITTER
+from gtmbench.intake.raw import check_values
+
+HALF = 13  # half of the low-pass's length, in samples of the result
+_CUTOFF = 0.8  # of the new Nyquist frequency
+_KAISER = 7.86  # beta of a ripple of 1e-4
+_HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
+_SAME_RATE = 0.1  # of the median steps of rounded stamps
+
+
+def decimation(period_s: float, wanted_s: float) -> int:
+    """Return how many times finer than wanted a channel has to be laid out to be filtered: 1 where it isn't filtered.
+
+    >>> decimation(0.004, 0.02), decimation(0.02, 0.02), decimation(0.019, 0.02), decimation(0.0066, 0.02)
+    (5, 1, 1, 4)
+    """
+    return 1 if period_s >= _CUTOFF * wanted_s else math.ceil(wanted_s / period_s * (1.0 - 1e-3))
+
+
+def resampled(
+    time_s: FloatArray, values: FloatArray, first_s: float, period_s: float, count: int, *, filtered: bool
+) -> FloatArray:
+    """Return values at ``first_s + k period_s``, shape (count, channels), NaN where there are none.
+
+    The low-pass is the same for every channel, also for those that come at the wanted rate, so the operator between
+    channels stays the same; it needs `HALF` samples more at either end.
+    """
+    typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
+    finer = decimation(typical_s, period_s)
+    margin = HALF if filtered else 0
+    laid_out = (count - 1 + 2 * margin) * finer + 1
+    check_values(laid_out * values.shape[1], "laying out the channels evenly")
+    step_s = period_s / finer
+    start_s = first_s - margin * period_s
+    places = (time_s - start_s) / step_s
+    nearest = np.rint(places).astype(np.int64)
+    one_a_step = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
+    if finer == 1 and one_a_step and np.all(np.abs(places - nearest) <= JITTER):
+        laid = np.full((laid_out, values.shape[1]), np.nan)
+        inside = (nearest >= 0) & (nearest < laid_out)
+        laid[nearest[inside]] = values[inside]
+    else:
+        hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
+        at = start_s + np.arange(laid_out, dtype=np.float64) * step_s
+        laid = np.column_stack([_spline(time_s, column, at, hole_s, 1e-6 * step_s) for column in values.T])
+    if not filtered:
+        return laid
+    from scipy.signal import firwin, upfirdn
+
+    taps = firwin(2 * HALF * finer + 1, _CUTOFF / finer, window=("kaiser", _KAISER))
+    whole = slice(2 * HALF, 2 * HALF + count)  # the results that are complete
+    return np.column_stack([upfirdn(taps / taps.sum(), column, down=finer)[whole] for column in laid.T])
+
+
+def _spline(time_s: FloatArray, values: FloatArray, at_s: FloatArray, hole_s: float, near_s: float) -> FloatArray:
+    """Return a cubic spline's values, NaN outside the samples and where the nearest two are too far apart."""
+    from scipy.interpolate import CubicSpline
+
+    there = np.isfinite(values)
+    time_s, values = time_s[there], values[there]
+    if len(time_s) < 4:
+        return np.full(len(at_s), np.nan)
+    # times are counted from the span's start: cubes of large numbers lose digits
+    found: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
+    after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
+    left_s, right_s = at_s - time_s[after - 1], time_s[after] - at_s
+    beside = (np.abs(left_s) <= near_s) | (np.abs(right_s) <= near_s)
+    between = (left_s >= 0) & (right_s >= 0) & (left_s + right_s <= hole_s)
+    found[~(beside | between)] = np.nan
+    return found

@@ -1,0 +1,191 @@
+"""Clocks as they were logged, put in order: stray, late and doubled stamps, and clocks that were set back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import Remark
+from gtmbench.intake.lattice import rounded_coarsely
+
+IntArray = NDArray[np.int64]
+
+FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
+_LATEST_S = 1e14  # three million years; what is later is no time
+_NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
+_FEW = 10  # samples: what goes astray and comes back within so few isn't a clock that was set
+_MOST_STEPS_BACK = 0.1  # of the samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clock:
+    """Stamps in order of time.
+
+    Attributes
+    ----------
+    rows : IntArray
+        Which of the log's rows are kept, in order of time.
+    time_s : FloatArray
+        When they are, increasing.
+    """
+
+    rows: IntArray
+    time_s: FloatArray
+
+
+@dataclass(kw_only=True, eq=False)
+class _Stretches:
+    """Rows between settings of a clock, and what was seen on the way."""
+
+    rows: list[IntArray] = field(default_factory=list)
+    remarks: list[Remark] = field(default_factory=list)
+
+
+def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[float, ...], list[Remark]]:
+    """Return clocks in order, the times at which they were set back, and remarks.
+
+    What follows where a clock was set back is dated later than the log says, so that times stay in order.
+
+    Raises
+    ------
+    InputError
+        Where stamps are in no order, or some clocks were set back and others weren't.
+    """
+    found = {name: _stretches(name, time_s) for name, time_s in clocks.items()}
+    remarks = [remark for one in found.values() for remark in one.remarks]
+    counts = {len(one.rows) for one in found.values()}
+    if len(counts) > 1:
+        told = ", ".join(f"{name} {len(one.rows) - 1} times" for name, one in found.items())
+        raise InputError(
+            f"clocks were set back differently ({told}): which stretches belong together? cut the log there"
+        )
+    shifts_s, breaks_s = _shifts(clocks, list(found.values()), remarks)
+    ordered = {}
+    for name, one in found.items():
+        parts = [
+            _without_doubles(name, rows, clocks[name][rows] + shift_s if shift_s else clocks[name][rows], remarks)
+            for rows, shift_s in zip(one.rows, shifts_s, strict=True)
+        ]
+        ordered[name] = Clock(
+            rows=np.concatenate([part.rows for part in parts]), time_s=np.concatenate([part.time_s for part in parts])
+        )
+    return ordered, tuple(breaks_s), remarks
+
+
+def _stretches(name: str, time_s: FloatArray) -> _Stretches:
+    found = _Stretches()
+    rows = np.flatnonzero(np.abs(time_s) < _LATEST_S)
+    if len(rows) < 2:
+        raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
+    if len(rows) < len(time_s):
+        lost = len(time_s) - len(rows)
+        text = f"{_label(name)}{lost} rows have no time and are left out"
+        found.remarks.append(_remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
+    rows = _without_strays(name, rows, time_s, found)
+    steps = np.diff(time_s[rows])
+    period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
+    if period_s == 0.0 or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
+        raise InputError(
+            f"{_label(name)}time stands still or jumps: {np.count_nonzero(steps > 0)} of {len(steps)} steps go forward"
+            "; is this the column that tells the time?"
+        )
+    runs = np.split(rows, cuts)
+    for number, run in enumerate(runs):
+        following = time_s[runs[number + 1][0]] if number + 1 < len(runs) else math.nan
+        _join(found, name, run, time_s, following, period_s)
+    found.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in found.rows]
+    return found
+
+
+def _without_strays(name: str, rows: IntArray, time_s: FloatArray, found: _Stretches) -> IntArray:
+    """Return the rows without single stamps that are far from where their neighbours stand."""
+    steps = np.diff(time_s[rows])
+    if len(steps) < 2 or not np.any(steps > 0):
+        return rows
+    period_s = float(np.median(steps[steps > 0]))
+    far = np.abs(steps) > _FEW * period_s
+    between = steps[1:] + steps[:-1]
+    astray = np.flatnonzero(far[:-1] & far[1:] & (between >= 0) & (between < 3 * period_s)) + 1
+    for row in astray:
+        beside = time_s[rows[row - 1]]
+        text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
+        found.remarks.append(_remark("clock jump", beside, beside, text))
+    return np.delete(rows, astray)
+
+
+def _join(found: _Stretches, name: str, run: IntArray, time_s: FloatArray, following_s: float, period_s: float) -> None:
+    """Add a run of rising stamps: to the stretch before, as a new one, or not at all."""
+    if not found.rows:
+        found.rows.append(run)
+        return
+    end_s, start_s = float(time_s[found.rows[-1]].max()), float(time_s[run[0]])
+    if len(run) < _FEW and abs(start_s - end_s) > 1.0 and end_s <= following_s <= end_s + FAR_S:
+        text = f"{_label(name)}{len(run)} stamps around {start_s:.10g} s stand after {end_s:.10g} s: left out"
+        found.remarks.append(_remark("clock jump", end_s, end_s, text))
+    elif start_s >= end_s:
+        found.rows[-1] = np.concatenate([found.rows[-1], run])
+    elif _is_late(time_s[found.rows[-1]], time_s[run], period_s):
+        found.rows[-1] = np.concatenate([found.rows[-1], run])
+        text = f"{_label(name)}{start_s:.10g} s stands after {end_s:.10g} s: sorted"
+        found.remarks.append(_remark("out of order", start_s, end_s, text))
+    else:
+        found.rows.append(run)
+
+
+def _is_late(before: FloatArray, run: FloatArray, period_s: float) -> bool:
+    """Tell samples that came late from a clock that was set back: late ones fill places that were left free."""
+    end_s, start_s = before.max(), run[0]
+    places = (end_s - start_s) / period_s + 1.0
+    taken = np.count_nonzero(before[-10_000:] >= start_s) + np.count_nonzero(run <= end_s)
+    return bool(end_s - start_s < 60.0 and taken < 1.5 * places + 1.0)
+
+
+def _shifts(
+    clocks: Mapping[str, FloatArray], found: list[_Stretches], remarks: list[Remark]
+) -> tuple[list[float], list[float]]:
+    """Return how much later every stretch is dated, and the times between them."""
+    shifts_s, breaks_s = [0.0], []
+    for before, after in zip(range(len(found[0].rows) - 1), range(1, len(found[0].rows)), strict=True):
+        pairs = list(zip(clocks.values(), found, strict=True))
+        end_s = max(float(time_s[one.rows[before]].max()) for time_s, one in pairs) + shifts_s[-1]
+        start_s = min(float(time_s[one.rows[after]].min()) for time_s, one in pairs)
+        shift_s = math.ceil(end_s - start_s) + 1.0
+        shifts_s.append(shift_s)
+        breaks_s.append(0.5 * (end_s + start_s + shift_s))
+        back = f"the clock went back from {end_s - shifts_s[-2]:.10g} to {start_s:.10g} s"
+        text = f"{back}: what follows is dated {shift_s:g} s later"
+        remarks.append(_remark("clock jump", end_s, start_s + shift_s, text))
+    return shifts_s, breaks_s
+
+
+def _without_doubles(name: str, rows: IntArray, time_s: FloatArray, remarks: list[Remark]) -> Clock:
+    """Return one row a time; stamps that are only rounded coarsely are spread evenly instead."""
+    steps = np.diff(time_s)
+    if np.any(steps == 0) and (spread := rounded_coarsely(time_s)) is not None:
+        text = (
+            f"{_label(name)}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
+        )
+        remarks.append(_remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
+        return Clock(rows=rows, time_s=spread)
+    period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
+    if len(doubled):
+        first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
+        text = f"{_label(name)}{len(doubled)} stamps stand there twice: the first row of each is taken"
+        remarks.append(_remark("duplicate", first_s, last_s, text))
+    return Clock(rows=np.delete(rows, doubled), time_s=np.delete(time_s, doubled))
+
+
+def _remark(kind: str, start_s: float, end_s: float, text: str) -> Remark:
+    return Remark(kind=kind, channel=None, start_s=float(start_s), end_s=float(end_s), text=text)
+
+
+def _label(name: str) -> str:
+    return f"{name}: " if name else ""

@@ -1,0 +1,127 @@
+"""What looks wrong in a channel: missing samples, standing still, limits that are reached, a sign that is turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.clock import FloatArray
+from gtmbench.intake.flight_log import Remark
+from gtmbench.intake.segments import Track
+
+_STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to
+_USED_TO = 10  # times the longest of its other stays, but one
+_AT_REST = 0.1  # of the other channels' usual movement: the aircraft stands, nothing is stuck
+_PILED = 5  # times as many samples at the extreme as at any of the three levels beside it
+_LEVEL_NZ = (0.5, 1.5)  # g: what a flight's mean should be between
+
+
+def remarks_on(track: Track, judged: Sequence[str], others: Sequence[Track]) -> list[Remark]:
+    """Return remarks on a track's channels; of all, what is missing; of the `judged`, what looks wrong."""
+    found = []
+    for channel, values in zip(track.channels, track.values.T, strict=True):
+        found += _missing(channel, track.time_s, values)
+        if channel in judged:
+            found += _constant(channel, track.time_s, values, [*others, track])
+            found += _saturated(channel, track.time_s, values)
+        if channel == "nz" and np.isfinite(values).any():
+            found += _sign(track.time_s, values)
+    return found
+
+
+def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remark]:
+    lost = ~np.isfinite(values)
+    if not lost.any():
+        return []
+    starts, ends = _runs(lost)
+    longest = int((ends - starts).max())
+    text = (
+        f"{channel}: {np.count_nonzero(lost)} of {len(values)} samples are missing (NaN or infinite), in {len(starts)} "
+        f"places, at most {longest} in a row; they stay missing"
+    )
+    return [_remark("missing", channel, time_s[starts[0]], time_s[ends[-1] - 1], text)]
+
+
+def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequence[Track]) -> list[Remark]:
+    there = np.flatnonzero(np.isfinite(values))
+    if len(there) < _FEWEST:
+        return []
+    time_s, values = time_s[there], values[there]
+    if np.all(values == values[0]):
+        text = f"{channel} is {values[0]:.6g} from start to end: constant"
+        return [_remark("constant", channel, time_s[0], time_s[-1], text)]
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    lengths = np.diff(bounds)
+    used_to = float(np.sort(lengths)[-min(len(lengths), 2 + len(lengths) // 1000)])
+    found = []
+    for place in np.flatnonzero((lengths >= _FEWEST) & (lengths > _USED_TO * used_to)):
+        start_s, end_s = float(time_s[bounds[place]]), float(time_s[bounds[place + 1] - 1])
+        if end_s - start_s >= _STUCK_S and _others_move(channel, others, start_s, end_s):
+            text = (
+                f"{channel} stays at {values[bounds[place]]:.6g} for {end_s - start_s:.4g} s while others move: stuck?"
+            )
+            found.append(_remark("constant", channel, start_s, end_s, text))
+    return found
+
+
+def _others_move(channel: str, others: Sequence[Track], start_s: float, end_s: float) -> bool:
+    """Tell whether the other channels move in a span as they usually do; True where nothing else could tell."""
+    shares = []
+    for track in others:
+        first, last = np.searchsorted(track.time_s, [start_s, end_s])
+        for name, values in zip(track.channels, track.values.T, strict=True):
+            moves = np.abs(np.diff(values))
+            usual = _mean(moves)
+            if name != channel and usual > 0 and last - first > 2:
+                shares.append(_mean(moves[first : last - 1]) / usual)
+    return not shares or float(np.median(shares)) > _AT_REST
+
+
+def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remark]:
+    found = []
+    for extreme, side in ((np.nanmax, "greatest"), (np.nanmin, "smallest")):
+        if not np.isfinite(values).any():
+            return []
+        limit = float(extreme(values))
+        at_limit = values == limit
+        starts, ends = _runs(at_limit)
+        levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+        beside = counts[-4:-1] if side == "greatest" else counts[1:4]
+        if (
+            len(levels) > 4
+            and len(starts) >= 3
+            and np.count_nonzero(at_limit) > max(_FEWEST, _PILED * int(beside.max()))
+        ):
+            count = int(np.count_nonzero(at_limit))
+            share = f"{count} samples ({100 * count / len(values):.3g} %)"
+            text = f"{channel}: {share} are exactly its {side} value, {limit:.6g}, in {len(starts)} places: at a limit?"
+            found.append(_remark("saturated", channel, time_s[starts[0]], time_s[ends[-1] - 1], text))
+    return found
+
+
+def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
+    mean = _mean(values)
+    low, high = _LEVEL_NZ
+    if low <= mean <= high:
+        return []
+    turned = -high <= mean <= -low
+    why = "its sign is turned: map it with the other one" if turned else "its unit, its sign, or gravity taken off?"
+    text = f"nz is {mean:.3g} g at the mean, level flight reads +1: {why}"
+    return [_remark("sign", "nz", time_s[0], time_s[-1], text)]
+
+
+def _mean(values: FloatArray) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if len(there) else 0.0
+
+
+def _runs(true: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where runs of True begin, and where they have ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return edges[::2], edges[1::2]
+
+
+def _remark(kind: str, channel: str, start_s: float, end_s: float, text: str) -> Remark:
+    return Remark(kind=kind, channel=channel, start_s=float(start_s), end_s=float(end_s), text=text)

@@ -1,0 +1,104 @@
+"""Units as logs write them, and what they are in the channel table's."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from gtmbench.channels import CHANNELS
+
+_DEG = math.degrees(1.0)
+_G = 9.80665
+_KT = 1852.0 / 3600.0
+_FT = 0.3048
+
+# dimension: the table's unit, and spelling: how many of the table's unit one is
+_UNITS: dict[str, tuple[str, dict[str, float]]] = {
+    "angular rate": (
+        "deg/s",
+        {"deg/s": 1.0, "degs-1": 1.0, "dps": 1.0, "rad/s": _DEG, "rads-1": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01}
+        | {"mdeg/s": 1e-3, "mdps": 1e-3},
+    ),
+    "angle": (
+        "deg",
+        {"deg": 1.0, "degheading": 1.0, "rad": _DEG, "mrad": _DEG / 1e3, "cdeg": 0.01, "mdeg": 1e-3},
+    ),
+    "acceleration": (
+        "g",
+        {"g": 1.0, "gs": 1.0, "gee": 1.0, "g0": 1.0, "mg": 1e-3, "m/s2": 1 / _G, "m/s/s": 1 / _G, "ms-2": 1 / _G}
+        | {"mps2": 1 / _G, "mss": 1 / _G, "cm/s2": 0.01 / _G, "ft/s2": _FT / _G, "ft/s/s": _FT / _G, "fps2": _FT / _G},
+    ),
+    "speed": (
+        "kt",
+        {"kt": 1.0, "kts": 1.0, "knot": 1.0, "knots": 1.0, "m/s": 1 / _KT, "ms-1": 1 / _KT, "mps": 1 / _KT}
+        | {"km/h": 1 / 1.852, "kmh": 1 / 1.852, "kph": 1 / 1.852, "kmph": 1 / 1.852, "cm/s": 0.01 / _KT}
+        | {"ft/s": _FT / _KT, "fps": _FT / _KT, "mph": 1.609344 / 1.852},
+    ),
+    "length": ("ft", {"ft": 1.0, "m": 1 / _FT, "km": 1e3 / _FT, "cm": 0.01 / _FT, "mm": 1e-3 / _FT}),
+    "share": ("%", {"%": 1.0, "percent": 1.0, "pct": 1.0, "norm": 100.0}),
+    "time": ("s", {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}),  # how many are a second: a division is exact
+}
+_BY_SPELLING = {
+    spelling: (dimension, factor) for dimension, (_, units) in _UNITS.items() for spelling, factor in units.items()
+}
+_DIMENSION_OF = {unit: dimension for dimension, (unit, _) in _UNITS.items()}
+_WORDS = (
+    (r"[°º]", "deg"),
+    (r"[µμ]", "u"),
+    ("²", "2"),
+    (r"⁻¹", "-1"),
+    (r"⁻", "-"),
+    (r"[\s_]+per[\s_]+", "/"),
+    (r"degrees|degree|degs\b", "deg"),
+    (r"radians|radian|rads\b", "rad"),
+    (r"milliseconds?|msecs?\b", "ms"),
+    (r"microseconds?|usecs?\b", "us"),
+    (r"nanoseconds?|nsecs?\b", "ns"),
+    (r"seconds?|secs?\b", "s"),
+    (r"metres?|meters?", "m"),
+    (r"feet|foot", "ft"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit that is known: what it measures, and how many of the table's units (of time: a second) it is."""
+
+    dimension: str
+    factor: float
+
+
+def unit(text: str) -> Unit | None:
+    """Return what a unit means, None where it isn't known.
+
+    >>> unit("rad_s").dimension, unit("m/s^2").dimension, unit("°/s").factor, unit("furlong")
+    ('angular rate', 'acceleration', 1.0, None)
+    """
+    plain = text.strip().lower()
+    for pattern, word in _WORDS:
+        plain = re.sub(pattern, word, plain)
+    plain = re.sub(r"\*\*|[\^*·()\[\]]", "", plain)
+    for spelling in (re.sub(r"[\s_]+", "/", plain), re.sub(r"[\s_.]+", "", plain)):
+        if spelling in _BY_SPELLING:
+            dimension, factor = _BY_SPELLING[spelling]
+            return Unit(dimension=dimension, factor=factor)
+    return None
+
+
+def dimension_of(channel: str) -> str:
+    """Return what a channel of the table, or the time, measures."""
+    return "time" if channel == "time" else _DIMENSION_OF[CHANNELS[channel].unit]
+
+
+def hint(channel: str) -> tuple[str, str]:
+    """Return two units that a message may propose for a channel."""
+    return {
+        "angular rate": ("rad/s", "deg/s"),
+        "angle": ("rad", "deg"),
+        "acceleration": ("m/s2", "g"),
+        "speed": ("m/s", "kt"),
+        "length": ("m", "ft"),
+        "share": ("%", "norm"),
+        "time": ("s", "us"),
+    }[dimension_of(channel)]
