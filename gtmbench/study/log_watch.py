@@ -78,8 +78,8 @@ def watch_log(
         As `open_log` takes it.
     monitor : Monitor or Bank
     healthy : sequence of (start, end), str or Path
-        For a bank: spans of this log in seconds, or other logs, read alike. Without any, the first 40 % of this log,
-        300 s at most.
+        For a bank: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
+        first 40 % of this log, 300 s at most.
     mapping : sequence of str
         As `open_log` takes it.
     rate_hz : float, optional
@@ -116,10 +116,11 @@ def watch_log(
     log = _opened(path, bank, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
     paths = [given for given in healthy if isinstance(given, (str, Path))]
-    spans = tuple(given for given in healthy if not isinstance(given, (str, Path)))
+    whole_s = log.segments[0].start_s, log.segments[-1].end_s
+    spans = tuple(_clipped(given, whole_s) for given in healthy if not isinstance(given, (str, Path)))
     reasons = []
     if not healthy:
-        spans = (_first_part(log),)
+        spans = (_first_part(whole_s),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
     others = [open_log(other, mapping=mapping, rate_hz=same_rate_hz, needs=bank.channels) for other in paths]
     records = [record for other in others for record in other.segments] + _within(log, spans)
@@ -145,8 +146,13 @@ def _opened(path: str | Path, bank: Bank, mapping: Sequence[str], rate_hz: float
     return log
 
 
-def _first_part(log: FlightLog) -> Span:
-    start_s, end_s = log.segments[0].start_s, log.segments[-1].end_s
+def _clipped(span: Span, whole_s: Span) -> Span:
+    """Return a span without its open ends."""
+    return max(span[0], whole_s[0]), min(span[1], whole_s[1])
+
+
+def _first_part(whole_s: Span) -> Span:
+    start_s, end_s = whole_s
     return start_s, round(start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S), 2)
 
 
@@ -158,7 +164,7 @@ def _within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
         there = [part for part in parts if part is not None]
         if not there:
             raise InputError(
-                f"{start_s:g}..{end_s:g} s holds nothing of {log.path.name}, which runs from "
+                f"{start_s:g}..{end_s:g} s hold nothing of {log.path.name}, which runs from "
                 f"{log.segments[0].start_s:g} to {log.segments[-1].end_s:g} s; choose a span inside"
             )
         found += there
