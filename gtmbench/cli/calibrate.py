@@ -27,6 +27,13 @@ _DEFAULT = CalibrationFlights()
 
 @click.command("calibrate")
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
+@click.option(
+    "--map",
+    "mapping",
+    multiple=True,
+    metavar="CHANNEL=COLUMN:UNIT",
+    help="What a log's column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
+)
 @click.option("--bank", "source", default="C", show_default=True, help="A name of `gtmbench bank`, or a TOML file.")
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
@@ -47,6 +54,7 @@ _DEFAULT = CalibrationFlights()
 @common_options
 def calibrate_command(
     logs: tuple[Path, ...],
+    mapping: tuple[str, ...],
     source: str,
     out: Path,
     rate: float,
@@ -61,8 +69,8 @@ def calibrate_command(
 ) -> None:
     """Identify a bank on healthy records, set its thresholds on others, and write a monitor.
 
-    Without logs: GTM flights with the T2's sensor noise. The file holds numbers and names only, and another process or
-    machine that loads it judges bit for bit alike.
+    Logs as `gtmbench monitor` reads them; without any: GTM flights with the T2's sensor noise. The file holds numbers
+    and names only, and another process or machine that loads it judges bit for bit alike.
     """
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
@@ -75,11 +83,15 @@ def calibrate_command(
     if logs and given:
         option = next(iter(given)).removesuffix("_s")
         raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
+    if mapping and not logs:
+        raise InputError("--map is about logs, and none is given; name the logs, or leave it out")
     wanted = CalibrationFlights(**given, seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
-            records, origin = logged_records(logs, bank, imperfections=imperfections, seed=seed, progress=tell)
+            records, origin = logged_records(
+                logs, bank, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
+            )
         else:
             records, origin = wanted.records(bank, processes=os.cpu_count() or 1, progress=tell), wanted.provenance()
         monitor = calibrate(records, bank=bank, false_alarms_per_hour=rate, provenance=origin, progress=tell)

@@ -18,7 +18,7 @@ from gtmbench.report.log_faults import began_s, faults_of, given_up_by
 from gtmbench.report.log_spans import State, stretches
 from gtmbench.report.monitor import facts, origin_text
 from gtmbench.report.monitor_text import judgement_text
-from gtmbench.report.text import per_second, with_unit
+from gtmbench.report.text import duration_text, per_second, with_unit
 from gtmbench.study.watched_log import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of findings
@@ -66,7 +66,7 @@ def _alarms_text(watched: WatchedLog) -> str:
     passed, bound = passed_alarms(watched), alarm_bound(watched)
     alarms = f"; {passed} alarm{'s' * (passed > 1)} that nothing explains" if passed else ""
     limit = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
-    return f"{alarms} in {_duration(watched.armed_hours)} watched{limit} is all that this length shows"
+    return f"{alarms} in {duration_text(watched.armed_hours)} watched{limit} is all that this length shows"
 
 
 def passed_alarms(watched: WatchedLog) -> int:
@@ -77,15 +77,6 @@ def passed_alarms(watched: WatchedLog) -> int:
 def alarm_bound(watched: WatchedLog) -> float | None:
     """Return the upper 95 % bound of false alarms an hour that the log shows; None where nothing was watched."""
     return rate_bound(passed_alarms(watched), watched.armed_hours)
-
-
-def _duration(hours: float) -> str:
-    """Write how long was watched.
-
-    >>> _duration(2.0), _duration(0.21), _duration(0.0083)
-    ('2.00 h', '0.21 h', '29.9 s')
-    """
-    return f"{hours:.2f} h" if hours >= 0.1 else f"{3600.0 * hours:.1f} s"
 
 
 def _log_lines(log: FlightLog) -> list[str]:
@@ -150,7 +141,7 @@ def _residual_text(output: str, known: dict[str, Any], watches: Sequence[Watch])
         signal = deviation([seen.record[output] for seen in watches])
         parts[0] += f", {residual:.3g} here, of a signal of {signal:.3g}"
         armed = sum(np.count_nonzero(seen.armed[output]) * seen.record.sample_period_s for seen in watches)
-        parts.append(f"watched for {_duration(armed / 3600.0)}")
+        parts.append(f"watched for {duration_text(armed / 3600.0)}")
     parts.append(f"known {known['look_ahead_s']:g} s later")
     if drift is not None:
         parts.append(f"a drift below {drift:.2g} {per_second(unit) if unit else 'per s'} passes")

@@ -9,6 +9,7 @@ from typing import Any
 from gtmbench.channels import unit_of
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.sizes import slowest_drift, tolerated_shift
+from gtmbench.report.text import duration_text
 
 
 def facts(monitor: Monitor) -> dict[str, Any]:
@@ -78,16 +79,23 @@ def origin_text(monitor: Monitor) -> list[str]:
     lines = [f"calibrated on: {_origin(known)}"]
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
-    hours = [known.get(key) for key in ("identification_hours", "threshold_hours")]
+    hours: list[Any] = [known.get(key) for key in ("identification_hours", "threshold_hours")]
     if all(_is_number(value) for value in hours):
-        lines.append(f"identified on {hours[0]:.2f} h, thresholds from {hours[1]:.2f} h of other records")
+        lines.append(f"identified on {duration_text(hours[0])}, {_thresholds_from(monitor, hours[1])}")
     wanted, bound = known.get("false_alarms_per_hour"), known.get("false_alarms_per_hour_at_most")
     if _is_number(wanted) and _is_number(bound) and _is_number(hours[1]):
+        seen = duration_text(hours[1])
         lines.append(
-            f"false alarms: no more than {bound:.2g} an hour at 95 % from {hours[1]:.2f} h seen, those that set the "
-            f"thresholds; {wanted:g} an hour is extrapolated from the tails"
+            f"false alarms: no more than {bound:.2g} an hour at 95 % from {seen} seen, those that set "
+            f"the thresholds; {wanted:g} an hour is extrapolated from the tails"
         )
     return lines
+
+
+def _thresholds_from(monitor: Monitor, hours: Any) -> str:
+    if monitor.doubts:
+        return "thresholds from the same, each stretch judged by operators that hadn't seen it"
+    return f"thresholds from {duration_text(hours)} of other records"
 
 
 def _is_number(value: Any) -> bool:

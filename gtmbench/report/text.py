@@ -50,6 +50,15 @@ def with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
+def duration_text(hours: float) -> str:
+    """Write a span of hours as one reads it.
+
+    >>> duration_text(2.0), duration_text(0.21), duration_text(0.0083)
+    ('2.00 h', '0.21 h', '29.9 s')
+    """
+    return f"{hours:.2f} h" if hours >= 0.1 else f"{3600.0 * hours:.1f} s"
+
+
 def trial_label(trial: Injection) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)

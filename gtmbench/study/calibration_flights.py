@@ -25,9 +25,9 @@ from gtmbench.channels import SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.logs import read_log
 from gtmbench.method.monitoring.bank import Bank
 from gtmbench.record import Record
+from gtmbench.study.bank_log import open_for_bank
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
@@ -124,6 +124,7 @@ def logged_records(
     paths: Sequence[Path],
     bank: Bank,
     *,
+    mapping: Sequence[str] = (),
     imperfections: Imperfections | None = None,
     seed: int = 1,
     progress: Progress = lambda _step, _done, _of: None,
@@ -133,40 +134,41 @@ def logged_records(
     Parameters
     ----------
     paths : sequence of Path
-        As `read_log` takes them.
+        As `open_log` takes them; each segment between gaps is a record.
     bank : Bank
+    mapping : sequence of str
+        As `open_log` takes it, for all of them.
     imperfections : Imperfections, optional
         Added to the gyros that the bank uses, to be tolerated.
     seed : int
-        Of the first log's imperfections; the others follow.
+        Of the first record's imperfections; the others follow.
 
     Raises
     ------
     InputError
-        Naming the log: where it can't be read, lacks a channel, has another sample period than the first, or was
-        given before.
+        Naming the log: where it can't be read, lacks a channel, is sampled more slowly than the first, or was given
+        before. A faster one is brought to the first's rate.
     """
     added = imperfections or Imperfections()
     records: list[Record] = []
     logs: list[dict[str, str]] = []
     for i, path in enumerate(paths):
         progress("reading", i, len(paths))
-        record = read_log(path)
-        try:
-            bank.check_channels(record.channels)
-            if records and not same_period(record.sample_period_s, records[0].sample_period_s):
+        log = open_for_bank(path, bank, mapping=mapping)
+        if records and not same_period(log.sample_period_s, records[0].sample_period_s):
+            if log.sample_period_s > records[0].sample_period_s:
                 raise InputError(
-                    f"it is sampled every {record.sample_period_s:g} s, {paths[0].name} every "
-                    f"{records[0].sample_period_s:g} s; a monitor has one sample period, so resample it"
+                    f"{path}: it is sampled every {log.sample_period_s:g} s, {paths[0].name} every "
+                    f"{records[0].sample_period_s:g} s; a monitor has one sample period, so give the slowest log first"
                 )
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / records[0].sample_period_s)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
         logs.append({"name": path.name, "sha256": digest})
-        records.append(_with(record.select(bank.channels), added, seed + i))
+        for segment in log.segments:
+            records.append(_with(segment.select(bank.channels), added, seed + len(records)))
     return records, {"source": "logs", "logs": logs, **_common(added)}
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.open import open_log
 from gtmbench.method.monitoring.bank import Bank, bank_of
 from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
 from gtmbench.method.monitoring.monitor import Monitor
@@ -19,6 +18,7 @@ from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
+from gtmbench.study.bank_log import open_for_bank
 from gtmbench.study.watched_log import WatchedLog
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
@@ -110,7 +110,7 @@ def watch_log(
     if isinstance(monitor, Monitor):
         if healthy:
             raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
-        log = open_log(path, mapping=mapping, rate_hz=1.0 / monitor.sample_period_s, needs=bank.channels)
+        log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / monitor.sample_period_s)
         return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
     log = _opened(path, bank, mapping, rate_hz)
@@ -122,7 +122,7 @@ def watch_log(
     if not healthy:
         spans = (_first_part(whole_s),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
-    others = [open_log(other, mapping=mapping, rate_hz=same_rate_hz, needs=bank.channels) for other in paths]
+    others = [open_for_bank(other, bank, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
     records = [record for other in others for record in other.segments] + _within(log, spans)
     longest = max(map(len, records))
     ready = calibrate_cautiously(
@@ -140,9 +140,9 @@ def watch_log(
 
 
 def _opened(path: str | Path, bank: Bank, mapping: Sequence[str], rate_hz: float | None) -> FlightLog:
-    log = open_log(path, mapping=mapping, rate_hz=rate_hz, needs=bank.channels)
+    log = open_for_bank(path, bank, mapping=mapping, rate_hz=rate_hz)
     if rate_hz is None and log.sample_period_s < 0.99 / _FASTEST_HZ:
-        log = open_log(path, mapping=mapping, rate_hz=_FASTEST_HZ, needs=bank.channels)
+        log = open_for_bank(path, bank, mapping=mapping, rate_hz=_FASTEST_HZ)
     return log
 
 
