@@ -2,10 +2,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint bench clean
+.PHONY: run check test lint bench clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
+
+check: .venv/ready ## the main job's figures against their baseline; fails where one is worse
+	$(BIN)/gtmbench check
 
 test: .venv/ready ## every test; those that need a viewer skip by name where there is none
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile

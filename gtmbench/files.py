@@ -16,13 +16,12 @@ from typing import Any
 from gtmbench.errors import InputError
 
 _PACKAGE = Path(__file__).parent
-_LARGEST_TOML_BYTES = 100_000
+LARGEST_TOML_BYTES = 100_000
 
 
 def share() -> Path:
     """Return the folder that holds ``aircraft/`` and ``faults/``: the wheel's copy, else the checkout's."""
-    installed = _PACKAGE / "_share"
-    return installed if installed.is_dir() else _PACKAGE.parent
+    return _PACKAGE / "_share" if is_installed() else _PACKAGE.parent
 
 
 def shipped_aircraft() -> list[str]:
@@ -40,6 +39,16 @@ def shipped_banks() -> dict[str, Path]:
     return {path.stem: path for path in sorted((_PACKAGE / "banks").glob("*.toml"))}
 
 
+def shipped_baselines() -> dict[str, Path]:
+    """Return the baselines of `gtmbench check` that come with the package, by name."""
+    return {path.stem: path for path in sorted((_PACKAGE / "baselines").glob("*.toml"))}
+
+
+def is_installed() -> bool:
+    """Whether this is an installed package, not a checkout: what it ships isn't the user's to write."""
+    return (_PACKAGE / "_share").is_dir()
+
+
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank.
 
@@ -49,8 +58,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         Where it is too large to be meant, can't be read or isn't TOML.
     """
     try:
-        if path.stat().st_size > _LARGEST_TOML_BYTES:
-            raise InputError(f"{path} has {path.stat().st_size} bytes; a {what} has at most {_LARGEST_TOML_BYTES}")
+        if path.stat().st_size > LARGEST_TOML_BYTES:
+            raise InputError(f"{path} has {path.stat().st_size} bytes; a {what} has at most {LARGEST_TOML_BYTES}")
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except InputError:
         raise
@@ -76,8 +85,8 @@ def check_folder(target: Path, *, force: bool) -> None:
         pass
 
 
-def check_file(target: Path, *, force: bool) -> None:
-    """Refuse a result's file that can't be written, or that exists and isn't to be replaced.
+def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
+    """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
 
     Raises
     ------
@@ -87,7 +96,7 @@ def check_file(target: Path, *, force: bool) -> None:
     if target.is_dir():
         raise InputError(f"{target} is a folder; give a file's name")
     if target.exists() and not force:
-        raise InputError(f"{target} exists; give another --out, or --force to write over it")
+        raise InputError(f"{target} exists; give another {option}, or --force to write over it")
     with _folder_beside(target.resolve()):
         pass
 

@@ -137,7 +137,7 @@ def test_list_names_everything_there_is(cli):
 
 def test_version_and_help(cli):
     assert cli("--version")[1] == f"gtmbench, version {gb.__version__}\n"
-    for command in ("run", "calibrate", "bank", "trim", "fly", "view", "list", "new"):
+    for command in ("run", "check", "calibrate", "bank", "trim", "fly", "view", "list", "new"):
         code, out, _ = cli(command, "--help")
         assert code == 0
         assert "--json" in out

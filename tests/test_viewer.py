@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.report.log_recording import write_log_recording
 from gtmbench.report.monitor_recording import write_monitored_recording
 from gtmbench.report.recording import write_recording
 from gtmbench.study.run import run_study
+from tests.logged import watched_log
+from tests.monitors import monitor, record
 from tests.watching import study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
@@ -74,3 +77,16 @@ def settled(viewer):
             return now
         last = now
     return last
+
+
+def test_the_viewer_draws_no_line_over_a_gap(tmp_path):
+    """Bank, pitch and heading in a log of three minutes whose second is missing: that third of a plot is empty."""
+    flight = record(9000, seed=5)
+    parts = [flight.between(0.0, 60.0), flight.between(120.0, 179.98)]
+    path = tmp_path / "log.rrd"
+    write_log_recording(watched_log(parts, parts, monitor()), path)
+    seen = looked_at(path, 175.0)
+    is_p = np.abs(seen - np.array(COLOURS["p"])).max(axis=2) < 40
+    columns = np.flatnonzero(is_p[300:].any(axis=0))  # below the levels' legend
+    assert len(columns) > 300
+    assert np.diff(columns).max() > 0.25 * (columns[-1] - columns[0])

@@ -68,6 +68,51 @@ def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anyw
     assert done.stdout.split() == ["True", "3"]
 
 
+PROJECT = """
+import pytest
+import gtmbench as gb
+from gtmbench.testing import assert_detects, assert_residual
+
+
+@pytest.fixture(scope="session")
+def operator(gtm_record):
+    part = gtm_record.between(5, 60)
+    return gb.identify(part, inputs=["p", "q", "beta"], outputs=["r"], causal_order=9, noncausal_order=9)
+
+
+@pytest.mark.parametrize("below", [50, 0.5])
+def test_residual(gtm_record, operator, below):
+    assert_residual(gtm_record, operator, below=below)
+
+
+def test_jam():
+    def still(record):
+        return record.time_s[1:][record["q"][1:] == record["q"][:-1]][:1]
+
+    assert_detects(still, gb.Jam(channel="q", onset_s=100), within_s=0.1)
+"""
+
+
+def test_the_pytest_plugin_works_in_a_project_of_its_own(installed, tmp_path):
+    """Nothing but pytest beside it; one test fails, on purpose."""
+    install = [installed / "python", "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", "pytest"]
+    subprocess.run(install, check=True, timeout=300)
+    (tmp_path / "test_gyros.py").write_text(PROJECT)
+
+    def ran(*arguments):
+        run = [installed / "python", "-m", "pytest", "-W", "error", "--strict-markers", *arguments]
+        environment = {**own_environment(), "CI": "1"}
+        return subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+
+    done = ran()
+    (recording,) = (tmp_path / "gtmbench-artefacts").iterdir()
+    assert "1 failed, 2 passed in " in done.stdout, done.stdout + done.stderr
+    assert "AssertionError: residual of r reached " in done.stdout
+    assert f"(allowed: below 0.5 deg/s); recording: gtmbench-artefacts/{recording.name}\n" in done.stdout
+    subprocess.run([installed / "rerun", "rrd", "verify", recording], check=True, capture_output=True)
+    assert "fixture 'gtm_record' not found" in ran("-p", "no:gtmbench").stdout
+
+
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
 def test_the_pinned_versions_resolve(wheel, tmp_path, python):
     """Pip resolves for a Python that needn't be here, from wheels alone, and installs nothing."""

@@ -1,6 +1,7 @@
 """The command line's frame: the commands, and how every one of them ends.
 
-Exit codes: 0 well, 2 bad input or a failure that was foreseen (one line says why), 130 interrupted by Ctrl-C.
+Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
+(`monitor`); 2 bad input or a failure that was foreseen (one line says why); 3 `monitor` could not tell; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from collections.abc import Sequence
 
 import click
 
+from gtmbench.cli.calibrate import bank_command, calibrate_command
+from gtmbench.cli.check import check_command
+from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
-from gtmbench.cli.monitor import bank_command, calibrate_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__
@@ -32,11 +35,13 @@ def app() -> None:
 
 for command in (
     run_command,
+    check_command,
     calibrate_command,
     bank_command,
     trim_command,
     fly_command,
     view_command,
+    diff_command,
     list_command,
     new_command,
 ):

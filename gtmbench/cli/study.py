@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +16,7 @@ from gtmbench.cli.monitored import run_with_monitor
 from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
+from gtmbench.report.read_recording import check_recording
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study
@@ -117,9 +117,7 @@ def _print_study(study: Study, out: Path) -> None:
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Open a recording (.rrd) in the rerun viewer."""
-    if not recording.is_file():
-        raise InputError(f"{recording}: no such file; `gtmbench run` writes one")
-    _check_whole(recording)
+    check_recording(recording)
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
     options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
@@ -128,20 +126,6 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
         print_json({"recording": str(recording)})
-
-
-def _check_whole(recording: Path) -> None:
-    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window."""
-    from rerun.chunk import RrdReader
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a missing footer, just before the error
-        try:
-            whole = bool(RrdReader(recording).recordings())
-        except RuntimeError:
-            whole = False
-    if not whole:
-        raise InputError(f"{recording} isn't a whole rerun recording; write it again with `gtmbench run`")
 
 
 @click.command("new")

@@ -40,6 +40,8 @@ class PseudoInput:
         As it is computed, a prime being d/dt.
     meaning : str
         Where it comes from.
+    reproduces : str or None
+        The sensor that it reads as, but for lags and gains.
     """
 
     name: str
@@ -48,6 +50,7 @@ class PseudoInput:
     formula: str
     meaning: str
     compute: Callable[[Read, Slope], FloatArray] = field(repr=False)
+    reproduces: str | None = None
 
 
 def _p_att(x: Read, d: Slope) -> FloatArray:
@@ -95,7 +98,13 @@ def _rate(
     name: str, needs: str, formula: str, meaning: str, compute: Callable[[Read, Slope], FloatArray]
 ) -> PseudoInput:
     return PseudoInput(
-        name=name, unit="deg/s", needs=tuple(needs.split()), formula=formula, meaning=meaning, compute=compute
+        name=name,
+        unit="deg/s",
+        needs=tuple(needs.split()),
+        formula=formula,
+        meaning=meaning,
+        compute=compute,
+        reproduces=name.partition("_")[0],
     )
 
 

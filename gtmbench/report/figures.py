@@ -108,13 +108,17 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
 
 
 def panels(
-    rows: int, columns: int, size: tuple[float, float], heights: Sequence[float] | None = None
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    heights: Sequence[float] | None = None,
+    widths: Sequence[float] | None = None,
 ) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure of rows x columns panels, in inches; `heights` are the rows', relative to each other."""
+    """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
     from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
 
     figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights)
+    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
     for axis in np.ravel(grid):
         axis.grid(alpha=0.3)
     return figure, [list(row) for row in grid]

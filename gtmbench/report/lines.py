@@ -1,12 +1,14 @@
-"""What every recording is made of: where trials stand, lines with names and colours, marks, events, the sensors."""
+"""What every recording is made of: where trials stand, lines with names and colours, marks, events, verdicts."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from gtmbench.channels import SURFACES, unit_of
 from gtmbench.record import FloatArray, Record
@@ -65,16 +67,43 @@ def log_lines(
     values: FloatArray,
     names: list[str],
     tints: list[str],
+    *,
+    channels: Sequence[str] = (),
+    width: float = 1.5,
 ) -> None:
-    """Send one line (or several of a unit, as columns) with names and colours; samples that are missing stay out."""
+    """Send one line (or several of a unit, as columns) with names and colours.
+
+    Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
+    `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
+    """
     table = values.reshape(len(time_s), -1)
-    there = np.isfinite(table).all(axis=1)
-    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=1.5, aggregation_policy="MinMax")
+    there = np.asarray(np.isfinite(table).all(axis=1))
+    sent = _sent(there)
+    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=width, aggregation_policy="MinMax")
     recording.log(entity, style, static=True)
-    columns = rr.Scalars.columns(scalars=table[there].ravel())
-    if table.shape[1] > 1:
-        columns = columns.partition([table.shape[1]] * int(there.sum()))
-    recording.send_columns(entity, indexes=[times(time_s[there])], columns=columns)
+    if channels:
+        recording.log(entity, rr.DynamicArchetype("Lines", components={"channels": pa.array(channels)}), static=True)
+    columns = rr.Scalars.columns(scalars=table[there].ravel()).partition(table.shape[1] * there[sent])
+    recording.send_columns(entity, indexes=[times(time_s[sent])], columns=columns)
+
+
+def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rows to send: those that are there, and the first of every interruption.
+
+    >>> _sent(np.array([False, True, False, False, True, False])).tolist()
+    [False, True, True, False, True, False]
+    """
+    rows = np.flatnonzero(there)
+    sent = np.array(there)
+    sent[rows[:-1][np.diff(rows) > 1] + 1] = True
+    return sent
+
+
+def across(parts: Sequence[tuple[FloatArray, FloatArray]], sample_period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return times and values of stretches of a signal as one, a missing row after each: no line runs over a gap."""
+    time_s = [stamp for when, _ in parts for stamp in (when, when[-1:] + sample_period_s)]
+    values = [row for _, of in parts for row in (of, np.full_like(of[-1:], np.nan))]
+    return np.concatenate(time_s), np.concatenate(values)
 
 
 def log_threshold(recording: rr.RecordingStream, flight: Record, level: float, name: str, tint: str) -> None:
@@ -106,6 +135,36 @@ def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Even
         recording.log(entity, rr.TextLog(f"{time_s:.2f} s  {text}", level=level))
 
 
+def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:
+    """Log what was found, field by field, for programs: numbers bit for bit, words, None as neither.
+
+    What lies within a field is named with dots: ``severity.slope``, ``candidates.0``.
+    """
+    fields = [field for name, value in row.items() for field in _flat(name, value)]
+    numbers = [float(value) if isinstance(value, (int, float, np.generic)) else None for _, value in fields]
+    texts = [_text(value) for _, value in fields]
+    columns = {
+        "fields": pa.array([name for name, _ in fields], pa.string()),
+        "values": pa.array(numbers, pa.float64()),
+        "texts": pa.array(texts, pa.string()),
+    }
+    recording.log(entity, rr.DynamicArchetype("Verdict", components=columns), static=True)
+
+
+def _flat(name: str, value: object) -> Iterator[tuple[str, object]]:
+    if isinstance(value, (Mapping, list, tuple)):
+        for key, of in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _flat(f"{name}.{key}", of)
+    else:
+        yield name, value
+
+
+def _text(value: object) -> str | None:
+    if isinstance(value, str):
+        return value
+    return "nan" if value != value else None  # in a table of numbers, NaN and None look alike
+
+
 def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) -> None:
     """Log ``/truth/GROUP``, ``/sensors/GROUP`` and ``/surfaces``."""
     for root, record, suffix in (("truth", flight, "true"), ("sensors", healthy, "measured")):
@@ -115,7 +174,8 @@ def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) 
                 tints = [colour(name, i) for i, name in enumerate(there)]
                 tints = tints if root == "truth" else [lighter(tint) for tint in tints]
                 names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
-                log_lines(recording, f"/{root}/{group}", record.time_s, record.matrix(there), names, tints)
+                values = record.matrix(there)
+                log_lines(recording, f"/{root}/{group}", record.time_s, values, names, tints, channels=there)
     tints = [colour(name, i) for i, name in enumerate(SURFACES)]
     names = [f"{name} (deg)" for name in SURFACES]
-    log_lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints)
+    log_lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints, channels=SURFACES)

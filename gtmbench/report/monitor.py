@@ -66,11 +66,16 @@ def _figure(value: float | None) -> str:
 
 def facts_text(monitor: Monitor) -> list[str]:
     """Return what a monitor stands on, line by line; a line is left out where the monitor doesn't know."""
-    known = monitor.provenance
-    lines = [
+    return [
         "shift, energy: what the healthy residual's mean and mean square (1: noise) may do; drift: slower ones pass",
-        f"calibrated on: {_origin(known)}",
+        *origin_text(monitor),
     ]
+
+
+def origin_text(monitor: Monitor) -> list[str]:
+    """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
+    known = monitor.provenance
+    lines = [f"calibrated on: {_origin(known)}"]
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
     hours = [known.get(key) for key in ("identification_hours", "threshold_hours")]

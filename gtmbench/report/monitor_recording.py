@@ -12,16 +12,19 @@ entity                                      holds
 ``/trials/.../residuals/OUTPUT``            those that the broken channel enters; the others are the healthy ones
 ``/trials/.../levels/OUTPUT``               the same
 ``/trials/.../onset``, ``alarm``, ``named``  one point each; ``named``: when the sensor was named
+``/trials/.../verdict``                     every field of the trial's row; ``/healthy/verdict``: false alarms
 ``/trials/.../events``                      onset, alarms, every change of judgement, ends and misses, in words
 ``/events``                                 false alarms on the healthy record
 ==========================================  ===========================================================
 
 All on the timeline ``time``; values are doubles, bit for bit those of the study. A trial's signals run from 30 s before
-its onset to 30 s after the last that is said of it, at least 120 s: before, they are the healthy ones.
+its onset to 30 s after the last that is said of it, at least 120 s: before, they are the healthy ones. No view shows
+the verdicts: they are for `read_recording`, which gives all of it back as a table.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,19 +36,21 @@ from gtmbench.method.monitoring.watch import Watch
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.lines import (
     Event,
+    across,
     lighter,
     log_events,
     log_lines,
     log_mark,
     log_sensors,
     log_threshold,
+    log_verdict,
     trial_paths,
     trial_tints,
 )
 from gtmbench.report.monitor_blueprint import monitored_blueprint
 from gtmbench.report.monitor_text import judgement_text
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.text import trial_label
+from gtmbench.report.text import trial_label, with_unit
 from gtmbench.study.monitored import MonitoredBaseline, MonitoredStudy, MonitoredTrial
 
 _ONSET = "#d0d0d0"  # seen on light and on dark
@@ -71,26 +76,30 @@ def _shared(recording: rr.RecordingStream, baseline: MonitoredBaseline) -> None:
     log_sensors(recording, baseline.flight, baseline.healthy)
     outputs = tuple(baseline.watched.levels)
     tints = [lighter(colour(name, i)) for i, name in enumerate(outputs)]
-    _judged(
-        recording, "/healthy", baseline.watched, dict(zip(outputs, tints, strict=True)), ", healthy", (-np.inf, np.inf)
-    )
+    log_judged(recording, "/healthy", [baseline.watched], dict(zip(outputs, tints, strict=True)), ", healthy")
     log_threshold(recording, baseline.flight, 1.0, "threshold", COLOURS["threshold"])
+    told = ("false_alarms", "healthy_hours")
+    log_verdict(recording, "/healthy/verdict", {name: getattr(baseline, name) for name in told})
     found = baseline.watched.findings
-    log_events(recording, "/events", [event for one in found for event in _told(one, "healthy record: false alarm")])
+    log_events(
+        recording, "/events", [event for one in found for event in finding_events(one, "healthy record: false alarm")]
+    )
 
 
 def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint: str) -> None:
     seen, unit = trial.watched, unit_of(trial.channel)
     span = _logged_s(trial)
     measured = _part(trial.record.time_s, trial.record[trial.channel], span)
-    log_lines(recording, f"{root}/measured", *measured, [f"{trial.channel} measured ({unit})"], [tint])
+    names = [f"{trial.channel} measured ({unit})"]
+    log_lines(recording, f"{root}/measured", *measured, names, [tint], channels=[trial.channel])
     virtual = _part(seen.record.time_s, seen.virtual(trial.channel), span)
     if np.isfinite(virtual[1]).any():
-        log_lines(recording, f"{root}/virtual", *virtual, [f"virtual sensor ({unit})"], [COLOURS["virtual"]])
+        names = [f"virtual sensor ({unit})"]
+        log_lines(recording, f"{root}/virtual", *virtual, names, [COLOURS["virtual"]], channels=[trial.channel])
     bank = seen.monitor.bank
     tints = {spec.output: colour(spec.output, i) for i, spec in enumerate(bank.residuals)}
     own = bank.disturbs(trial.channel)
-    _judged(recording, root, seen, {output: tints[output] for output in own}, "", span)
+    log_judged(recording, root, [seen], {output: tints[output] for output in own}, "", span)
     shapes = rr.components.MarkerShape
     marks = {
         "onset": (trial.onset_s, 1.0, _ONSET, shapes.Up),
@@ -100,19 +109,26 @@ def _trial(recording: rr.RecordingStream, trial: MonitoredTrial, root: str, tint
     for name, (time_s, level, of, shape) in marks.items():
         if time_s is not None:
             log_mark(recording, f"{root}/{name}", time_s, level, name, of, shape)
+    log_verdict(recording, f"{root}/verdict", trial.row())
 
 
-def _judged(
-    recording: rr.RecordingStream, root: str, seen: Watch, tints: dict[str, str], suffix: str, span: Span
+def log_judged(
+    recording: rr.RecordingStream,
+    root: str,
+    watches: Sequence[Watch],
+    tints: Mapping[str, str],
+    suffix: str = "",
+    span: Span = (-np.inf, np.inf),
 ) -> None:
-    """Log residuals and levels of some outputs."""
+    """Log ``residuals/OUTPUT`` and ``levels/OUTPUT`` of some outputs, of one stretch or several."""
     for output, tint in tints.items():
-        raw = _part(seen.record.time_s, seen.residuals.raw[output], span)
-        log_lines(
-            recording, f"{root}/residuals/{output}", *raw, [f"residual of {output}{suffix} ({unit_of(output)})"], [tint]
-        )
-        level = _part(seen.levels[output].known_s, seen.levels[output].values, span)
-        log_lines(recording, f"{root}/levels/{output}", *level, [f"level of {output}{suffix}"], [tint])
+        part, period_s = rr.escape_entity_path_part(output), watches[0].record.sample_period_s
+        raw = [_part(seen.record.time_s, seen.residuals.raw[output], span) for seen in watches]
+        name = with_unit(f"residual of {output}{suffix}", unit_of(output))
+        log_lines(recording, f"{root}/residuals/{part}", *across(raw, period_s), [name], [tint], channels=[output])
+        level = [_part(seen.levels[output].known_s, seen.levels[output].values, span) for seen in watches]
+        name = f"level of {output}{suffix}"
+        log_lines(recording, f"{root}/levels/{part}", *across(level, period_s), [name], [tint], channels=[output])
 
 
 def _events(trial: MonitoredTrial) -> list[Event]:
@@ -123,13 +139,13 @@ def _events(trial: MonitoredTrial) -> list[Event]:
     for finding in trial.watched.findings:
         early = finding.alarm_s < trial.onset_s - 1e-9
         late = "false alarm" if early else f"alarm, {finding.alarm_s - trial.onset_s:.2f} s after the onset"
-        events += _told(finding, late)
+        events += finding_events(finding, late)
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
 
 
-def _told(finding: Finding, what: str) -> list[Event]:
+def finding_events(finding: Finding, what: str) -> list[Event]:
     """Return an alarm, every change of judgement after it, and the fault's end."""
     events: list[Event] = [(finding.alarm_s, "ERROR", f"{what}: residual of {finding.residual}, {finding.series}")]
     before = None

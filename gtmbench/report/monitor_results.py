@@ -37,7 +37,7 @@ def monitored_results(study: MonitoredStudy) -> dict[str, Any]:
         "versions": versions(),
         "seed": baseline.setup.seed,
     }
-    return dict(_plain(found))
+    return dict(plain(found))
 
 
 def monitor_summary(monitor: Monitor) -> dict[str, Any]:
@@ -82,12 +82,12 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return {**row, **own, **errors}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return a value as JSON has it: what isn't a finite number becomes None, numpy's numbers Python's."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(of) for key, of in value.items()}
+        return {str(key): plain(of) for key, of in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(of) for of in value]
+        return [plain(of) for of in value]
     if hasattr(value, "item"):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value

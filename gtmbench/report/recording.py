@@ -11,12 +11,14 @@ entity                                  holds
 ``/trials/.../residual``                e(k), at sample k
 ``/trials/.../norm``                    E(k), at the time (k + w + d) Ts at which it is known
 ``/trials/.../onset``, ``.../alarm``    one point each
+``/trials/.../verdict``                 every field of the trial's row; ``/healthy/verdict``: false alarms
 ``/events``                             onsets, alarms and misses, in words
 ``/operator/OUTPUT/INPUT``              Markov parameters over lags
 ``/path``, ``/attitude``                the way flown in ft (north, east, down); the aircraft's attitude
 ======================================  ===============================================================
 
-All on the timeline ``time``; values are doubles, bit for bit those of the study.
+All on the timeline ``time``; values are doubles, bit for bit those of the study. No view shows the verdicts: they are
+for `read_recording`, which gives all of it back as a table.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from gtmbench.report.lines import (
     log_mark,
     log_sensors,
     log_threshold,
+    log_verdict,
     rgb,
     trial_paths,
     trial_tints,
@@ -67,11 +70,14 @@ def _shared(recording: rr.RecordingStream, study: Study) -> None:
     _residual(recording, "/healthy", "healthy", COLOURS["healthy"], baseline)
     log_lines(recording, "/healthy/norm", norm.known_s, norm.values, [f"healthy ({unit})"], [COLOURS["healthy"]])
     log_threshold(recording, baseline.flight, baseline.threshold, f"threshold ({unit})", COLOURS["threshold"])
+    told = ("threshold", "armed_s", "false_alarms", "healthy_hours")
+    log_verdict(recording, "/healthy/verdict", {name: getattr(baseline, name) for name in told})
 
 
 def _residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Baseline | Trial) -> None:
     names = [f"{label}, e of {output} ({unit_of(output)})" for output in of.residual.outputs]
-    log_lines(recording, f"{root}/residual", of.residual.time_s, of.residual.values, names, [tint] * len(names))
+    residual, tints = of.residual, [tint] * len(names)
+    log_lines(recording, f"{root}/residual", residual.time_s, residual.values, names, tints, channels=residual.outputs)
 
 
 def _operator(recording: rr.RecordingStream, study: Study) -> None:
@@ -84,8 +90,9 @@ def _operator(recording: rr.RecordingStream, study: Study) -> None:
 
 def _trial(recording: rr.RecordingStream, trial: Trial, root: str, tint: str) -> None:
     label, full = trial_label(trial), f"{trial.scenario}: {trial_label(trial)}"
-    measured = trial.record[trial.channel]
-    log_lines(recording, f"{root}/measured", trial.record.time_s, measured, [f"{full} broken ({trial.unit})"], [tint])
+    record, names = trial.record, [f"{full} broken ({trial.unit})"]
+    measured = record[trial.channel]
+    log_lines(recording, f"{root}/measured", record.time_s, measured, names, [tint], channels=[trial.channel])
     _residual(recording, root, full, tint, trial)
     log_lines(recording, f"{root}/norm", trial.norm.known_s, trial.norm.values, [label], [tint])
     up, down = rr.components.MarkerShape.Up, rr.components.MarkerShape.Down
@@ -93,6 +100,7 @@ def _trial(recording: rr.RecordingStream, trial: Trial, root: str, tint: str) ->
     for name, (time_s, level, marker) in marks.items():
         if time_s is not None:
             log_mark(recording, f"{root}/{name}", time_s, level, f"{label} {name}", tint, marker)
+    log_verdict(recording, f"{root}/verdict", trial.row())
 
 
 def _events(recording: rr.RecordingStream, study: Study) -> None:

@@ -9,7 +9,7 @@ COLOURS = {
     "threshold": "#d62728",
     "virtual": "#d6409f",
 }
-_OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#e377c2", "#4d4d4d", "#9edae5")
+_OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 
 
 def colour(name: str, position: int = 0) -> str:

@@ -5,17 +5,31 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from gtmbench.bench.fault import Fault
+from gtmbench.channels import unit_of
 from gtmbench.study.trial import Injection, Study, Trial
 
 
 def severity_text(trial: Injection) -> str:
     """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
-    parts = []
-    for item in trial.injected.parameters():
-        if not item.is_severity:
-            continue
-        parts.append(f"{trial.severity[item.name]:.3g} {per_second(trial.unit) if item.per_second else trial.unit}")
-    return ", ".join(parts)
+    return _severities(trial.injected)
+
+
+def fault_text(fault: Fault) -> str:
+    """Name a fault with its channel and its severity.
+
+    >>> from gtmbench.bench.faults import Drift, Jam
+    >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Jam(channel="q", onset_s=300))
+    ('drift of p, 0.05 deg/s²', 'jam of q')
+    """
+    what = f"{fault.kind.replace('_', ' ')} of {fault.channel}"
+    return ", ".join(part for part in (what, _severities(fault)) if part)
+
+
+def _severities(fault: Fault) -> str:
+    unit, values = unit_of(fault.channel), fault.severities
+    of = {item.name: per_second(unit) if item.per_second else unit for item in fault.parameters()}
+    return ", ".join(f"{value:.3g} {of[name]}" for name, value in values.items())
 
 
 def per_second(unit: str) -> str:
@@ -25,6 +39,15 @@ def per_second(unit: str) -> str:
     ('deg/s²', 'g/s')
     """
     return "deg/s²" if unit == "deg/s" else f"{unit}/s"
+
+
+def with_unit(what: str, unit: str) -> str:
+    """Write a unit behind what it is of, where there is one.
+
+    >>> with_unit("p", "deg/s"), with_unit("strain_3", "")
+    ('p (deg/s)', 'strain_3')
+    """
+    return f"{what} ({unit})" if unit else what
 
 
 def trial_label(trial: Injection) -> str:

@@ -11,17 +11,18 @@ from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
 from gtmbench.method.monitoring.bank import Bank
+from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
 from gtmbench.method.monitoring.monitor import Monitor, residuals_of
 from gtmbench.method.monitoring.statistics import tolerance_of
-from gtmbench.method.monitoring.tails import block_maxima, rate_bound, tail_threshold
+from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.method.monitoring.thresholds import thresholds_of
 from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
 from gtmbench.method.pose import Records, as_records
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
 
-_BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
-_BLOCKS = 40  # wanted for a tail
+_LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 Progress = Callable[[str, int, int], None]
 
 
@@ -36,7 +37,8 @@ def calibrate(
     """Identify a bank on healthy records and set its thresholds on others.
 
     With several records every third identifies and the rest set thresholds; one record is cut in two (the first 40 %
-    identify). The rate asked for is shared evenly by all series of all residuals.
+    identify). The rate asked for is shared evenly by all series of all residuals. Less than five minutes in all are
+    calibrated on with caution, `calibrate_cautiously`.
 
     Parameters
     ----------
@@ -59,6 +61,8 @@ def calibrate(
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
     for record in found:
         bank.check_channels(record.channels)
+    if sum(map(len, found)) * found[0].sample_period_s < _LITTLE_S:
+        return calibrate_cautiously(found, bank, false_alarms_per_hour=rate, provenance=provenance, progress=progress)
     learn, judge = _split(found)
     total = len(judge) + 2
     progress("identify", 0, total)
@@ -71,40 +75,23 @@ def calibrate(
         for output, raw in residuals.raw.items():
             seen[output].append((raw, whiteners[output].whiten(raw)))
     progress("thresholds", total - 1, total)
-    tolerances = {output: tolerance_of([white for _, white in pairs], test, period_s) for output, pairs in seen.items()}
     hours = sum(len(record) for record in judge) * period_s / 3600.0
-    block_s = float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S))
-    rows = max(round(block_s / period_s), 1)
-    maxima: dict[tuple[str, str], list[FloatArray]] = {}
-    greatest: dict[tuple[str, str], float] = {}
-    least: dict[tuple[str, str], Callable[[float], float]] = {}
-    for output, pairs in seen.items():
-        for raw, white in pairs:
-            for series in test.series(raw, white, period_s, tolerances[output]):
-                key = output, series.label
-                maxima.setdefault(key, []).append(block_maxima(series.values, rows))
-                # also of blocks that aren't complete
-                greatest[key] = float(np.fmax.reduce(series.values, initial=greatest.get(key, -np.inf)))
-                least[key] = series.least_threshold
-    share = rate / len(maxima) * rows * period_s / 3600.0
-    thresholds: dict[str, dict[str, float]] = {spec.output: {} for spec in bank.residuals}
-    for key, parts in maxima.items():
-        output, label = key
-        thresholds[output][label] = max(_threshold(parts, share), greatest[key], least[key](share / rows))
+    tolerances = {output: tolerance_of([white for _, white in pairs], test, period_s) for output, pairs in seen.items()}
+    found_thresholds, block_s = thresholds_of(test, seen, tolerances, period_s, rate)
     progress("done", total, total)
     return Monitor(
         bank=bank,
         operators=operators,
         whiteners=whiteners,
         tolerances=tolerances,
-        thresholds=thresholds,
+        thresholds=found_thresholds,
         sample_period_s=period_s,
         provenance={
             **(provenance or {}),
             "records": len(found),
             "identification_hours": sum(len(record) for record in learn) * period_s / 3600.0,
             "threshold_hours": hours,
-            "block_s": rows * period_s,
+            "block_s": block_s,
             "false_alarms_per_hour": rate,
             "false_alarms_per_hour_at_most": rate_bound(0, hours),
         },
@@ -149,10 +136,3 @@ def _complete(record: Record) -> Record:
     if len(there) == 0:
         raise InputError("a record is too short for the bank's look-back and look-ahead; give a longer one")
     return record.between(record.time_s[there[0]], record.time_s[there[-1]])
-
-
-def _threshold(parts: list[FloatArray], share: float) -> float:
-    maxima = np.concatenate(parts)
-    if not len(maxima):
-        return float("inf")  # the records are shorter than this window: it can't be judged, so it doesn't alarm
-    return tail_threshold(maxima, crossings_per_block=share)

@@ -75,8 +75,10 @@ class Case:
         whitener = self.monitor.whiteners[output]
         ahead = round(self.monitor.corrected_look_ahead_s(output) / self.record.sample_period_s)
         begin = max(self.sure - whitener.order, 0)
-        white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])
-        return np.asarray(np.square(np.clip(white[self.sure - begin :], -_MOST, _MOST)))
+        white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])[self.sure - begin :]
+        if output in self.residuals.spread:
+            white = white / self.residuals.spread[output].white[self.sure :][: len(white)]
+        return np.asarray(np.square(np.clip(white, -_MOST, _MOST)))
 
 
 def open_case(
@@ -103,6 +105,7 @@ def open_case(
                 name: _known(values[part], round(monitor.look_ahead_s(name) / period_s))
                 for name, values in residuals.predicted.items()
             },
+            spread={name: spread.between(part) for name, spread in residuals.spread.items()},
         ),
         start=start - first,
         sure=max(sure_row - first, start - first + 1),

@@ -99,11 +99,13 @@ def _document(monitor: Monitor) -> dict[str, Any]:
 def _residual_table(monitor: Monitor, output: str) -> dict[str, Any]:
     operator, whitener = monitor.operators[output], monitor.whiteners[output]
     tolerance, thresholds = monitor.tolerances[output], monitor.thresholds[output]
+    doubt = monitor.doubts.get(output)
     return {
         "operator": {key: _plain(getattr(operator, key)) for key in OPERATOR_KEYS},
         "whitener": {key: _plain(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
         "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
         "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
+        "doubt": None if doubt is None else {key: _plain(getattr(doubt, key)) for key in ("raw", "white", "root")},
     }
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 from gtmbench.method.monitoring.bank import Bank
+from gtmbench.method.monitoring.doubt import HALF, Doubt, Spread
 from gtmbench.method.monitoring.statistics import Series, Tolerance
 from gtmbench.method.monitoring.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
@@ -31,6 +32,8 @@ class Monitor:
     sample_period_s : float
     provenance : mapping
         Where it comes from: records, hours, the false-alarm rate asked for and the bound shown.
+    doubts : mapping of output to Doubt
+        Of operators that stand on little flight; none of those that stand on much.
     """
 
     bank: Bank
@@ -40,12 +43,13 @@ class Monitor:
     thresholds: Thresholds
     sample_period_s: float
     provenance: Mapping[str, Any]
+    doubts: Mapping[str, Doubt] = field(default_factory=dict)
 
     def look_ahead_s(self, output: str) -> float:
-        """How long after a sample its residual exists: d Ts, and one sample for derivatives."""
+        """How long after a sample its residual is judged: d Ts, one sample for derivatives, and what doubt looks at."""
         operator = self.operators[output]
-        derivative = any(name in PSEUDO_INPUTS for name in operator.inputs)
-        return round(operator.look_ahead_s + derivative * self.sample_period_s, 9)
+        more = any(name in PSEUDO_INPUTS for name in operator.inputs) + (HALF if output in self.doubts else 0)
+        return round(operator.look_ahead_s + more * self.sample_period_s, 9)
 
     def corrected_look_ahead_s(self, output: str) -> float:
         """How long after a sample its residual exists with virtual sensors in place of channels that it stands on."""
@@ -66,10 +70,13 @@ class BankResiduals:
     ----------
     raw, predicted : mapping of output to array of shape (samples,)
         e(k), and the prediction: the virtual sensor.
+    spread : mapping of output to Spread
+        By which residuals are divided before they are judged; those without aren't.
     """
 
     raw: Mapping[str, FloatArray] = field(repr=False)
     predicted: Mapping[str, FloatArray] = field(repr=False)
+    spread: Mapping[str, Spread] = field(default_factory=dict, repr=False)
 
 
 def bank_residuals(monitor: Monitor, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
@@ -86,7 +93,15 @@ def bank_residuals(monitor: Monitor, record: Record, outputs: Iterable[str] | No
     is_record(record)
     record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
     monitor.bank.check_channels(record.channels)
-    return residuals_of(monitor.bank, record, monitor.operators, outputs)
+    found = residuals_of(monitor.bank, record, monitor.operators, outputs)
+    spread = {
+        output: monitor.doubts[output].spread(
+            monitor.operators[output], record.select(monitor.bank.channels), monitor.whiteners[output].coefficients
+        )
+        for output in found.raw
+        if output in monitor.doubts
+    }
+    return replace(found, spread=MappingProxyType(spread))
 
 
 def residuals_of(
@@ -108,10 +123,10 @@ def residuals_of(
 
 def all_series(monitor: Monitor, residuals: BankResiduals) -> dict[str, list[Series]]:
     """Return every residual's test statistics."""
-    test = monitor.bank.statistic
-    return {
-        output: test.series(
-            raw, monitor.whiteners[output].whiten(raw), monitor.sample_period_s, monitor.tolerances[output]
-        )
-        for output, raw in residuals.raw.items()
-    }
+    test, found = monitor.bank.statistic, {}
+    for output, raw in residuals.raw.items():
+        white = monitor.whiteners[output].whiten(raw)
+        if output in residuals.spread:
+            raw, white = raw / residuals.spread[output].raw, white / residuals.spread[output].white
+        found[output] = test.series(raw, white, monitor.sample_period_s, monitor.tolerances[output])
+    return found

@@ -12,6 +12,7 @@ from gtmbench.checks import number, shown, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.monitoring.bank import Bank, ResidualSpec, bank_of
+from gtmbench.method.monitoring.doubt import Doubt
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.statistics import Tolerance
 from gtmbench.method.monitoring.whitening import Whitener
@@ -39,7 +40,7 @@ OPERATOR_KEYS = (
 )
 
 _KEYS = ("format", "version", "gtmbench", "sample_period_s", "name", "bank", "residuals", "provenance")
-_PARTS = ("operator", "whitener", "tolerance", "thresholds")
+_PARTS = ("operator", "whitener", "tolerance", "thresholds", "doubt")
 _MOST_LAGS = 10_000  # times inputs; what identification allows, too
 _LONGEST_WHITENER = 100_000
 _PERIODS_S = (1e-9, 86400.0)
@@ -86,12 +87,21 @@ def parse_monitor(document: Any) -> Monitor:
             for spec in bank.residuals
         }
 
+    operators = each("operator", lambda where, table, spec: _operator(where, table, spec, period_s))
+    doubts = {output: doubt for output, doubt in each("doubt", _doubt).items() if doubt is not None}
+    for output, doubt in doubts.items():
+        if len(doubt.root) != operators[output].markov.size:
+            raise InputError(
+                f"residuals.{output}.doubt.root has {len(doubt.root)} rows; the operator has "
+                f"{operators[output].markov.size} Markov parameters, and they must be one"
+            )
     return Monitor(
         bank=bank,
-        operators=each("operator", lambda where, table, spec: _operator(where, table, spec, period_s)),
+        operators=operators,
         whiteners=each("whitener", _whitener),
         tolerances=each("tolerance", _tolerance),
         thresholds=each("thresholds", lambda where, table, _: _thresholds(where, table, bank, period_s)),
+        doubts=doubts,
         sample_period_s=period_s,
         provenance=_table("provenance", document["provenance"]),
     )
@@ -159,6 +169,21 @@ def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str
     return {
         label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in found.items()
     }
+
+
+def _doubt(where: str, table: Any, spec: ResidualSpec) -> Doubt | None:
+    if table is None:
+        return None
+    found = _keys(where, table, ("raw", "white", "root"))
+    given = found["root"]
+    size = len(given) if isinstance(given, list) else 0
+    if not 0 < size <= _MOST_LAGS or size % len(spec.inputs):
+        raise InputError(f"{where}.root is {shown(given)}; it must be a square table, {len(spec.inputs)} rows a lag")
+    return Doubt(
+        root=_array(f"{where}.root", given, (size, size)),
+        raw=number(f"{where}.raw", found["raw"], 0.0),
+        white=number(f"{where}.white", found["white"], 0.0),
+    )
 
 
 def _keys(where: str, table: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:

@@ -225,11 +225,13 @@ def _baseline(sums: FloatArray, test: Statistic, sample_period_s: float, *, gap:
     return np.where(enough, total / np.maximum(length, 1), np.nan), np.where(enough, length, 0).astype(float)
 
 
-def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> Tolerance:
+def tolerance_of(
+    whites: Sequence[FloatArray], test: Statistic, sample_period_s: float, *, noise: float = 0.0
+) -> Tolerance:
     """Return what healthy whitened residuals do beyond noise, three times the greatest seen over long windows.
 
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
-    (four deviations) is left out.
+    (four deviations) is left out; of the mean squares `noise` deviations, which matter where windows are short.
     """
     given = [np.clip(white[np.isfinite(white)], -_MOST, _MOST) for white in whites]
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
@@ -238,9 +240,9 @@ def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s:
         shift, power, length = _windows(w, rows, test, sample_period_s)
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
-        noise = 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])
-        shifts += (np.abs(shift[some]) - noise).tolist()
-        powers += power[some].tolist()
+        shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()
+        chance = noise * np.sqrt(2.0 / rows)
+        powers += (power[some] - np.clip(power[some] - 1.0, -chance, chance)).tolist()
     return Tolerance(
         mean=3.0 * max(shifts),
         low=1.0 / (1.0 + 3.0 * (1.0 / max(min(powers), 1e-3) - 1.0)),

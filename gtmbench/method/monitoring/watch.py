@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.method.monitoring.bank import Bank
 from gtmbench.method.monitoring.diagnosis import diagnose
@@ -56,12 +57,18 @@ class Watch:
         return found
 
     @property
-    def armed_hours(self) -> float:
-        """How long an alarm was possible: some level existed and its residual hadn't been given up."""
+    def armed(self) -> dict[str, NDArray[np.bool_]]:
+        """Where each residual (by output) could alarm, shape (samples,): its level existed, it hadn't been given up."""
         given_up = self.given_up
-        possible = np.zeros(len(self.record), dtype=bool)
-        for output, level in self.levels.items():
-            possible |= np.isfinite(level.values) & (level.known_s <= given_up.get(output, np.inf))
+        return {
+            output: np.isfinite(level.values) & (level.known_s <= given_up.get(output, np.inf))
+            for output, level in self.levels.items()
+        }
+
+    @property
+    def armed_hours(self) -> float:
+        """How long an alarm was possible, of any residual."""
+        possible = np.logical_or.reduce(list(self.armed.values()))
         return float(np.count_nonzero(possible)) * self.record.sample_period_s / 3600.0
 
     def virtual(self, sensor: str) -> FloatArray:
@@ -133,7 +140,8 @@ def _disturbed(bank: Bank, finding: Finding) -> set[str]:
 
 
 def _without(residuals: BankResiduals, outputs: set[str]) -> BankResiduals:
-    return BankResiduals(
+    return replace(
+        residuals,
         raw={name: values for name, values in residuals.raw.items() if name not in outputs},
         predicted={name: values for name, values in residuals.predicted.items() if name not in outputs},
     )
@@ -147,4 +155,4 @@ def _missing(monitor: Monitor, residuals: BankResiduals, outputs: set[str], rows
         reach = round(monitor.history_s(name) / monitor.sample_period_s)
         values[max(rows.start - reach, 0) : rows.stop + reach] = np.nan
         raw[name] = values
-    return BankResiduals(raw=raw, predicted=residuals.predicted)
+    return replace(residuals, raw=raw)

@@ -1,4 +1,4 @@
-"""Commands of monitoring: calibrate, bank."""
+"""Commands about monitors: calibrate, bank."""
 
 from __future__ import annotations
 

@@ -1,0 +1,138 @@
+"""Everything public: what `import gtmbench as gb` gives. It is imported when the first of it is asked for."""
+
+from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.bench.fault import Fault
+from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
+from gtmbench.bench.flight import fly
+from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.sensors import measure
+from gtmbench.bench.trim import Trim, trim
+from gtmbench.channels import CHANNELS, Channel
+from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.logs import read_log, write_log
+from gtmbench.method.alarms import Alarms, alarms, threshold
+from gtmbench.method.decimation import decimate
+from gtmbench.method.estimators.instruments import InstrumentalVariables
+from gtmbench.method.estimators.least_squares import LeastSquares
+from gtmbench.method.estimators.prediction_error import PredictionError
+from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
+from gtmbench.method.identify import identify
+from gtmbench.method.monitoring.bank import Bank, load_bank
+from gtmbench.method.monitoring.calibration import calibrate
+from gtmbench.method.monitoring.files import load_monitor, save_monitor
+from gtmbench.method.monitoring.findings import Finding, Judgement
+from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.method.monitoring.signatures import Signatures, signatures
+from gtmbench.method.monitoring.watch import Watch, watch
+from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.online import RecursiveIdentification
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
+from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
+from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
+from gtmbench.method.selection.inputs import InputChoice, select_inputs
+from gtmbench.method.selection.orders import OrderChoice, select_orders
+from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import Record
+from gtmbench.report.read_recording import read_recording
+from gtmbench.study.monitor_score import MonitorVerdict, score_watch
+from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial, run_monitored
+from gtmbench.study.run import run, run_study
+from gtmbench.study.scenario import Scenario, load_scenario
+from gtmbench.study.score import Verdict, score
+from gtmbench.study.trial import Baseline, Study, Trial
+
+__all__ = [
+    "CHANNELS",
+    "PSEUDO_INPUTS",
+    "AlarmStream",
+    "Alarms",
+    "Bank",
+    "Baseline",
+    "Channel",
+    "ConvergenceWarning",
+    "Deadzone",
+    "Drift",
+    "EnvelopeError",
+    "ExcitationCount",
+    "Fault",
+    "Finding",
+    "FlightLog",
+    "GtmbenchError",
+    "Imperfections",
+    "InputChoice",
+    "InputError",
+    "InstrumentalVariables",
+    "Jam",
+    "Judgement",
+    "LeastSquares",
+    "LogColumn",
+    "Mode",
+    "Monitor",
+    "MonitorVerdict",
+    "MonitoredStudy",
+    "MonitoredTrial",
+    "NoiseModel",
+    "NormStream",
+    "OrderChoice",
+    "PredictionError",
+    "PseudoInput",
+    "RankWarning",
+    "RateSaturation",
+    "Record",
+    "RecursiveIdentification",
+    "Remark",
+    "Residual",
+    "ResidualStream",
+    "Saturation",
+    "Scenario",
+    "Signatures",
+    "Study",
+    "TotalLeastSquares",
+    "Transmissibility",
+    "Trial",
+    "Trim",
+    "TrimError",
+    "Verdict",
+    "Watch",
+    "WindowedNorm",
+    "alarms",
+    "calibrate",
+    "count_excitations",
+    "decimate",
+    "derivable",
+    "derive",
+    "filtered_attitude",
+    "fly",
+    "identify",
+    "imperfect",
+    "inject",
+    "innovations",
+    "load_bank",
+    "load_monitor",
+    "load_scenario",
+    "log_columns",
+    "measure",
+    "modes",
+    "open_log",
+    "read_log",
+    "read_recording",
+    "residual",
+    "run",
+    "run_monitored",
+    "run_study",
+    "save_monitor",
+    "score",
+    "score_watch",
+    "select_inputs",
+    "select_orders",
+    "signatures",
+    "threshold",
+    "trim",
+    "watch",
+    "windowed_norm",
+    "write_log",
+]

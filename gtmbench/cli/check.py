@@ -1,0 +1,158 @@
+"""``gtmbench check``: the gate of a team's CI."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files import check_file, is_installed, shipped_baselines, shipped_scenarios
+
+if TYPE_CHECKING:
+    from gtmbench.study.baseline_file import Reference
+    from gtmbench.study.check_compare import Pair
+    from gtmbench.study.check_figures import Group
+
+
+@click.command("check")
+@click.argument("baseline", default="dissertation", metavar="[BASELINE.toml]")
+@click.option("--update", is_flag=True, help="Write the figures of this run into the baseline, and show what changes.")
+@click.option(
+    "--scenario",
+    "scenarios",
+    multiple=True,
+    metavar="NAME|FILE",
+    help="With --update, of a baseline that doesn't exist yet: what it runs. Repeat it for several; they share a "
+    "flight.  [default: the dissertation's five]",
+)
+@click.option("--monitor", metavar="FILE|BANK", help="Likewise: what watches, as in `gtmbench run --monitor`.")
+@click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file, for a CI to show.")
+@common_options
+def check_command(
+    baseline: str,
+    update: bool,
+    scenarios: tuple[str, ...],
+    monitor: str | None,
+    junit: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run what a baseline names and fail if a figure is worse than it says.
+
+    Without BASELINE.toml: the one that ships for the dissertation's study (there is also bank-C). Held are the healthy
+    residual's peak, RMS and the greatest value of every 10 s, threshold and margin, false alarms; of every trial
+    whether it's detected, how soon, how clearly, and with a monitor whether the right sensor and kind are named.
+
+    A baseline is a small TOML to commit. Make one by `gtmbench check mine.toml --update`, edit its scenarios and
+    tolerances, and renew it by the same command: comments and tolerances stay.
+
+    Exit codes: 0 nothing is worse (what is better is said), 1 a regression (a line for each figure: was, is, allowed),
+    2 it couldn't be run, or the baseline has no figure for something that was.
+    """
+    from gtmbench.study.baseline_file import find_baseline
+
+    path = find_baseline(baseline)
+    if update:
+        if junit is not None:
+            raise InputError("--junit tells of a comparison, and --update makes none; leave out one of them")
+        _update(path, scenarios, monitor, as_json=as_json, quiet=quiet)
+        return 0
+    if scenarios or monitor is not None:
+        raise InputError("--scenario and --monitor are for a new baseline, with --update; others name their own")
+    return _check(path, junit, as_json=as_json, quiet=quiet)
+
+
+def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int:
+    from gtmbench.report.check_text import check_lines, regression_line
+    from gtmbench.study.baseline_file import read_reference
+    from gtmbench.study.check import check
+
+    if junit is not None:
+        check_file(junit, force=True)
+    reference = read_reference(path)
+    reference.check_recorded()
+    began = time.monotonic()
+    found = check(reference, _run(reference, silent=as_json or quiet))
+    if junit is not None:
+        from gtmbench.report.check_junit import write_junit
+
+        write_junit(found, junit, took_s=time.monotonic() - began)
+    if as_json:
+        from gtmbench.report.check_results import check_results
+
+        print_json(check_results(found))
+    else:
+        for line in map(regression_line, found.regressions) if quiet else check_lines(found):
+            click.echo(line)
+    return 1 if found.regressions else 0
+
+
+def _update(path: Path, scenarios: tuple[str, ...], monitor: str | None, *, as_json: bool, quiet: bool) -> None:
+    from gtmbench.study.baseline_file import read_reference, reference_of
+    from gtmbench.study.baseline_write import new_baseline, write_figures
+    from gtmbench.study.check_compare import pairs
+
+    _check_target(path)
+    if not path.exists():
+        text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), monitor=monitor)
+        reference = reference_of(path, tomllib.loads(text))
+    elif scenarios or monitor is not None:
+        raise InputError(f"{path} exists and names its own scenarios and monitor; edit them there")
+    else:
+        reference, text = read_reference(path), path.read_text(encoding="utf-8")
+    groups = _run(reference, silent=as_json or quiet)
+    write_figures(path, text, seed=reference.seed, groups=groups)
+    changes = list(pairs(reference.recorded, groups))
+    if as_json:
+        from gtmbench.report.check_results import update_results
+
+        print_json(update_results(reference, changes))
+    elif not quiet:
+        _print_changes(reference, changes)
+
+
+def _check_target(path: Path) -> None:
+    """Refuse, before the run, to write where that can't be meant."""
+    if path.suffix != ".toml":
+        raise InputError(f"'{path}' should end in .toml")
+    if is_installed() and path.resolve() in {shipped.resolve() for shipped in shipped_baselines().values()}:
+        raise InputError(
+            f"baseline {path.stem} is part of the installed package, which isn't written into; copy it ({path}), or "
+            "make your own: gtmbench check mine.toml --update"
+        )
+    check_file(path, force=True)
+
+
+def _run(reference: Reference, *, silent: bool) -> tuple[Group, ...]:
+    """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
+    from gtmbench.study.check import run_reference
+
+    try:
+        with progress_bar(silent=silent) as tell:
+            return run_reference(reference, progress=tell)
+    except (GtmbenchError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        traceback.print_exc()
+        raise GtmbenchError(f"the run failed: {type(error).__name__}: {error}") from error
+
+
+def _print_changes(reference: Reference, changes: list[Pair]) -> None:
+    from gtmbench.report.check_text import changed_rows
+
+    if not reference.recorded:
+        click.echo(
+            f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}"
+        )
+        return
+    rows = changed_rows(changes)
+    if rows:
+        print_table(f"{reference.path}: what changes", ["figure", "was", "is", "unit"], rows, right=["was", "is"])
+    else:
+        click.echo(f"{reference.path}: nothing changes in {len(changes)} figures")

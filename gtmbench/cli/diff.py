@@ -1,0 +1,123 @@
+"""The command that compares two recordings: diff."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from gtmbench.checks import number
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.errors import InputError
+from gtmbench.files import check_file, written_aside
+from gtmbench.report.read_recording import read_recording
+from gtmbench.report.recording_diff import Comparison, LineDifference, Tolerance, compare
+
+_MOST = 20  # rows of a table; --json lists all
+
+
+@click.command("diff")
+@click.argument("a", metavar="A.rrd", type=click.Path(path_type=Path))
+@click.argument("b", metavar="B.rrd", type=click.Path(path_type=Path))
+@click.option("--tolerance", default=0.0, metavar="REL", help="Equal within this times a series' greatest magnitude.")
+@click.option("--absolute", default=0.0, metavar="ABS", help="Equal within this, in a series' own unit.")
+@click.option("--overlay", type=click.Path(path_type=Path), metavar="OUT.rrd", help="Write both into one recording.")
+@click.option("--force", is_flag=True, help="Write over an existing overlay.")
+@common_options
+def diff_command(
+    a: Path, b: Path, tolerance: float, absolute: float, overlay: Path | None, force: bool, as_json: bool, quiet: bool
+) -> int:
+    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 where they are equal, 1 where not.
+
+    Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
+    """
+    relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
+    if overlay is not None:
+        _check_overlay(overlay, a, b, force=force)
+    with progress_bar(silent=as_json or quiet) as tell:
+        total = 3 + (overlay is not None)
+        tell(f"reading {a.name}", 0, total)
+        frame_a = read_recording(a)
+        tell(f"reading {b.name}", 1, total)
+        frame_b = read_recording(b)
+        tell("comparing", 2, total)
+        found = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
+        if overlay is not None:
+            from gtmbench.report.overlay import write_overlay
+
+            tell("overlay", 3, total)
+            with written_aside(overlay) as aside:
+                write_overlay(frame_a, frame_b, found, aside, names=(str(a), str(b)))
+    if as_json:
+        _print_json(found, a, b, overlay)
+    elif not quiet:
+        _print(found, a, b)
+        if overlay is not None:
+            click.echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
+    return 0 if found.equal else 1
+
+
+def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
+    if overlay.suffix != ".rrd":
+        raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
+    if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
+        raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
+    check_file(overlay, force=force, option="--overlay")
+
+
+def _print_json(found: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
+    from gtmbench.report.monitor_results import plain
+
+    told = {"a": str(a), "b": str(b), "equal": found.equal, **asdict(found)}
+    print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))
+
+
+def _print(found: Comparison, a: Path, b: Path) -> None:
+    click.echo(f"A: {a}\nB: {b}")
+    if found.lines:
+        names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
+        rows = [_row(line) for line in found.lines]
+        _table("Series that differ, the worst first", ["series", *names], rows, right=names)
+    if found.verdicts:
+        rows = [[one.entity, one.field, _shown(one.a), _shown(one.b)] for one in found.verdicts]
+        _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
+    if found.told:
+        rows = [[one.only_in, one.entity, one.level, one.text] for one in found.told]
+        _table("Events in one only", ["in", "entity", "level", "event"], rows)
+    alone = [("A", name) for name in found.only_a] + [("B", name) for name in found.only_b]
+    if alone:
+        _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
+    click.echo(_summary(found, len(alone)))
+
+
+def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
+    print_table(title, columns, rows[:_MOST], right=right or [])
+    if len(rows) > _MOST:
+        click.echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
+
+
+def _row(line: LineDifference) -> list[str]:
+    name = line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
+    of = f"{line.differing} of {line.samples}"
+    others = line.only_a + line.only_b
+    counted = f"{of}, {others} at other times" if others else of
+    worst = line.worst
+    if worst is None:
+        return [name, counted, *[""] * 5]
+    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
+    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
+    return [name, counted, at, *values, "" if others else f"{line.relative:.1e}"]
+
+
+def _shown(value: float | str | None) -> str:
+    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
+
+
+def _summary(found: Comparison, alone: int) -> str:
+    held = f"{found.series} series, {found.fields} fields of verdicts, {found.events} events"
+    if found.equal:
+        return f"equal: {held}"
+    only = f"; {alone} series or fields in one only" if alone else ""
+    differ = f"{len(found.lines)} of {found.series} series, {len(found.verdicts)} of {found.fields} fields of verdicts"
+    return f"different: {differ}, {len(found.told)} events in one only{only}"

@@ -1,0 +1,81 @@
+"""What a test keeps: recordings of what failed, and flights that the processes of its session share.
+
+The pytest plugin imports this in every run of pytest, so it imports next to nothing itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+_MOST_LETTERS = 100  # of a test's name in a file's
+
+
+@dataclass(kw_only=True)
+class Kept:
+    """Where the test that runs keeps what.
+
+    Attributes
+    ----------
+    folder : Path
+        Of recordings.
+    name : str
+        Of this test's recordings, as `file_name` makes it.
+    flights : Path or None
+        The folder where the processes of a session share flights; None where there is one process.
+    recordings : list of Path
+        Those that were written so far.
+    """
+
+    folder: Path = Path("gtmbench-artefacts")
+    name: str = "failed"
+    flights: Path | None = None
+    recordings: list[Path] = field(default_factory=list)
+
+    def record(self, write: Callable[[Path], None]) -> str:
+        """Write a recording; say where it is, or why there is none: what failed must be told in any case."""
+        from gtmbench.files import written_aside
+
+        several = f"-{len(self.recordings) + 1}" if self.recordings else ""
+        path = self.folder.absolute() / f"{self.name}{several}.rrd"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with written_aside(path) as aside:
+                write(aside)
+        except Exception as error:  # whatever it is
+            return f"no recording: {' '.join(str(error).split()) or type(error).__name__}"
+        self.recordings.append(path)
+        here = Path.cwd()
+        return f"recording: {path.relative_to(here) if path.is_relative_to(here) else path}"
+
+
+def file_name(test: str) -> str:
+    """Return a file's name for a test: legal everywhere, another one for every test.
+
+    >>> file_name("tests/test_gyros.py::test_jam[p-0.5]"), file_name("../../x")
+    ('tests-test_gyros-test_jam-p-0-5-e1f72825', 'x-9cdf6a50')
+    """
+    words = re.sub(r"[^A-Za-z0-9_]+", "-", test.replace(".py::", "-")).strip("-")[:_MOST_LETTERS]
+    return f"{words}-{hashlib.sha256(test.encode()).hexdigest()[:8]}"
+
+
+_running = [Kept()]  # the last counts: a test may run tests
+
+
+def kept() -> Kept:
+    """Return what the test that runs keeps; outside of pytest, what this process keeps."""
+    return _running[-1]
+
+
+@contextmanager
+def kept_as(test: Kept) -> Iterator[None]:
+    """Let a test run that keeps its things there."""
+    _running.append(test)
+    try:
+        yield
+    finally:
+        _running.pop()

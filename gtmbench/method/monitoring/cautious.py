@@ -1,0 +1,197 @@
+"""Cautious identification: what a few seconds or minutes of flight say of an operator, and what they leave open.
+
+Least squares on such records fits their one manoeuvre, and takes an input at rest, which is noise, for a sensor without
+gain. Here theta ~ N(theta_0, K) before the data: a pseudo input that reproduces the sensor (p_att for p) does so but
+for gain, delay and small change; other inputs do at most what the output's own size allows. Data then speak where
+they hold more motion than noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.method.monitoring.bank import ResidualSpec
+from gtmbench.method.monitoring.doubt import regressors, slow
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record, frozen
+
+_GAIN = 0.01  # deviation of a gyro's gain
+_DELAY_S = 0.05  # of the delay between two sensors
+_TAP = 0.005  # of each Markov parameter beside
+_FREE = 3.0  # of an input's contribution, over the output's RMS
+_ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
+_CHUNK = 4096
+_ITERATIONS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cautious:
+    """An operator and the root F of the covariance F F' of its Markov parameters; `variance`: of the slow residual."""
+
+    operator: Transmissibility
+    root: FloatArray = field(repr=False)
+    variance: float
+
+
+def identify_cautiously(records: Sequence[Record], spec: ResidualSpec) -> Cautious:
+    """Identify one residual of a bank: the mean of theta given the records, and its covariance.
+
+    H = K^-1 + S / s^2, theta = theta_0 + H^-1 S G^-1 Phi'(y - Phi theta_0) / s^2, on slow motion; G = Phi'Phi, and S is
+    what of G isn't noise of the input that reproduces the sensor: the residual's own Gram matrix is taken off, for
+    noise that an input holds is no evidence for its gain. s^2 is the residual's variance.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Healthy, with the channels that the residual needs.
+    spec : ResidualSpec
+
+    Raises
+    ------
+    InputError
+        Where no complete window of samples is there, or a channel is constant.
+    """
+    period_s = records[0].sample_period_s
+    causal, noncausal = round(spec.look_back_s / period_s), round(spec.look_ahead_s / period_s)
+    lags, inputs = causal + noncausal + 1, len(spec.inputs)
+    u = [derive(record, spec.inputs).matrix(spec.inputs) for record in records]
+    y = [record[spec.output] for record in records]
+    means, rms = _moments(spec.inputs, np.concatenate(u))
+    (mean,), (output_rms,) = _moments([spec.output], np.concatenate(y)[:, np.newaxis])
+    pieces = [_Piece.of(ui - means, yi - mean, causal, lags) for ui, yi in zip(u, y, strict=True) if len(yi) >= lags]
+    count = sum(int(piece.whole.sum()) for piece in pieces) / _ALIKE
+    if count < 10.0:
+        raise InputError(
+            f"{sum(map(len, records))} samples are too few windows of {lags} for the residual of {spec.output}; give a "
+            "longer record, or a bank that looks back and ahead less"
+        )
+    own = next((i for i, name in enumerate(spec.inputs) if _reproduces(name, spec.output)), None)
+    before, precision = _prior(own, inputs, causal, noncausal, period_s, output_rms / rms)
+    products = sum((piece.products(before, lags) for piece in pieces), np.zeros((lags * inputs + 1,) * 2))
+    gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
+    theta, variance = before, power / count
+    for _ in range(_ITERATIONS):
+        signal, share = (gram, right) if own is None else _signal(gram, right, pieces, theta, own, inputs, lags)
+        hessian = precision + signal / variance
+        step = np.linalg.solve(hessian, share / variance)
+        theta = before + step
+        used = float(np.trace(np.linalg.solve(hessian, signal / variance)))
+        left = power - 2.0 * float(step @ right) + float(step @ gram @ step)
+        variance = max(left, 1e-12 * power) / max(count - used, count / 10.0)
+    root = np.linalg.inv(np.linalg.cholesky(hessian)).T
+    operator = Transmissibility(
+        markov=frozen(theta.reshape(lags, 1, inputs)),
+        inputs=spec.inputs,
+        outputs=(spec.output,),
+        causal_order=causal,
+        noncausal_order=noncausal,
+        input_means=frozen(means),
+        output_means=frozen([mean]),
+        rank=lags * inputs,
+        samples=sum(int(piece.whole.sum()) for piece in pieces),
+        rms_residual=frozen([np.sqrt(variance)]),
+        sample_period_s=period_s,
+        estimator="cautious",
+        solver="cholesky",
+    )
+    return Cautious(operator=operator, root=frozen(root), variance=variance)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Piece:
+    """A record's slow motion u and y(k), and at which windows of u nothing is missing."""
+
+    u: FloatArray
+    y: FloatArray
+    whole: np.ndarray[Any, np.dtype[np.bool_]]
+
+    @classmethod
+    def of(cls, u: FloatArray, y: FloatArray, causal_order: int, lags: int) -> _Piece:
+        complete = len(y) - lags + 1
+        there = np.isfinite(u).all(axis=1) & np.isfinite(y)
+        slow_y = slow(y[:, np.newaxis])[causal_order : causal_order + complete, 0]
+        whole = np.asarray(np.lib.stride_tricks.sliding_window_view(there, lags).all(axis=1))
+        return cls(u=slow(u), y=slow_y, whole=whole)
+
+    def windows(self, lags: int) -> Iterator[tuple[slice, FloatArray]]:
+        """Yield phi(k), some rows at a time."""
+        for start in range(0, len(self.y), _CHUNK):
+            yield slice(start, start + _CHUNK), regressors(self.u[start : start + _CHUNK + lags - 1], lags)
+
+    def residual(self, theta: FloatArray, lags: int) -> FloatArray:
+        """Return y(k) - phi(k)' theta."""
+        return np.concatenate([self.y[rows] - phi @ theta for rows, phi in self.windows(lags)])
+
+    def products(self, theta: FloatArray, lags: int) -> FloatArray:
+        """Return [Phi e]'[Phi e], e the residual of theta, over the windows that are whole."""
+        total = np.zeros((len(theta) + 1,) * 2)
+        for rows, phi in self.windows(lags):
+            both = np.column_stack([phi, self.y[rows] - phi @ theta])[self.whole[rows]]
+            total += both.T @ both / _ALIKE
+        return total
+
+
+def _moments(names: Sequence[str], values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return means and RMS values about them; refuse a channel that doesn't move."""
+    there = [column[np.isfinite(column)] for column in values.T]
+    for name, column in zip(names, there, strict=True):
+        if not len(column) or not np.ptp(column) > 0.0:
+            raise InputError(
+                f"channel '{name}' is constant over the healthy record: nothing can be identified from or for it; "
+                "leave it out or choose another stretch"
+            )
+    return frozen([float(column.mean()) for column in there]), frozen([float(column.std()) for column in there])
+
+
+def _reproduces(name: str, output: str) -> bool:
+    return name in PSEUDO_INPUTS and PSEUDO_INPUTS[name].reproduces == output
+
+
+def _prior(
+    own: int | None, inputs: int, causal_order: int, noncausal_order: int, period_s: float, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return theta_0 and K^-1; `own` is the input that reproduces the sensor, `scale` the output's RMS over inputs'."""
+    lags = causal_order + noncausal_order + 1
+    mean, covariance = np.zeros(lags * inputs), np.zeros((lags * inputs, lags * inputs))
+    for i in range(inputs):
+        places = np.arange(lags) * inputs + i  # lag -d to r
+        if i != own:
+            covariance[places, places] = np.square(_FREE * scale[i]) / (lags * inputs)
+            continue
+        mean[places[noncausal_order]] = 1.0
+        covariance[places, places] = _TAP**2
+        covariance[places[noncausal_order], places[noncausal_order]] += _GAIN**2
+        if causal_order and noncausal_order:
+            delay = np.zeros(lags * inputs)  # of a second: a central difference
+            delay[places[[noncausal_order - 1, noncausal_order + 1]]] = np.array([0.5, -0.5]) / period_s
+            covariance += _DELAY_S**2 * np.outer(delay, delay)
+    return mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+
+
+def _signal(
+    gram: FloatArray,
+    right: FloatArray,
+    pieces: Sequence[_Piece],
+    theta: FloatArray,
+    own: int,
+    inputs: int,
+    lags: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise."""
+    places = np.arange(lags) * inputs + own
+    noise = np.zeros_like(gram)
+    for piece in pieces:
+        residual = piece.residual(theta, lags)[:, np.newaxis]
+        if len(residual) >= lags:
+            windows = regressors(residual, lags)
+            noise[np.ix_(places, places)] += windows.T @ windows / _ALIKE
+    values, vectors = np.linalg.eigh(gram - noise)
+    signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    ridge = 1e-9 * float(np.trace(gram)) * np.eye(len(gram))
+    return signal, signal @ np.linalg.solve(gram + ridge, right)

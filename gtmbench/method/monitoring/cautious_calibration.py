@@ -1,0 +1,171 @@
+"""Calibration on little: a monitor from half a minute of flight, or a few such records.
+
+Every stretch is judged by operators that haven't seen it, and the monitor's own stand on all of them. What the records
+leave open is carried along as doubt, so that another manoeuvre doesn't alarm for being another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.method.monitoring.bank import Bank, ResidualSpec
+from gtmbench.method.monitoring.cautious import identify_cautiously
+from gtmbench.method.monitoring.doubt import Doubt
+from gtmbench.method.monitoring.monitor import Monitor, residuals_of
+from gtmbench.method.monitoring.statistics import tolerance_of
+from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.method.monitoring.thresholds import thresholds_of
+from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record
+
+_FOLDS = 5  # stretches of one or two records; of more, each record is one
+_MOST_FOLDS = 10
+_NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
+_BASELINES = 5.0  # in the shortest record
+_MOST = 20.0  # deviations that one sample may count for
+_FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
+_SHORTEST_S = 5.0
+Rows = tuple[int, slice]  # of a record, by its number
+
+
+def calibrate_cautiously(
+    records: Sequence[Record],
+    bank: Bank,
+    *,
+    false_alarms_per_hour: float,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Callable[[str, int, int], None] = lambda _step, _done, _of: None,
+) -> Monitor:
+    """Identify a bank on short healthy records and set its thresholds on stretches that identification hadn't seen.
+
+    Too little energy doesn't alarm, means are compared with those of the last fifth of a record, and the noise may be
+    twice as strong as seen: a short record doesn't tell how steady it is.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With the bank's channels, all of one sample period.
+    bank : Bank
+    false_alarms_per_hour : float
+    provenance, progress
+        As for `calibrate`.
+
+    Raises
+    ------
+    InputError
+        Where a channel is constant or the records are too short.
+    """
+    period_s = records[0].sample_period_s
+    shortest_s = min(map(len, records)) * period_s
+    if shortest_s < _SHORTEST_S:
+        raise InputError(
+            f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
+            "better minutes"
+        )
+    baseline_s = min(bank.statistic.baseline_s, shortest_s / _BASELINES)
+    bank = replace(bank, statistic=replace(bank.statistic, baseline_s=baseline_s, two_sided=False))
+    learnt = {}
+    for done, spec in enumerate(bank.residuals):
+        progress(f"identify {spec.output}", done, len(bank.residuals) + 1)
+        learnt[spec.output] = _learn(bank, spec, records)
+    progress("thresholds", len(bank.residuals), len(bank.residuals) + 1)
+    seen = {output: one.seen for output, one in learnt.items()}
+    tolerances = {}
+    for output, pairs in seen.items():
+        found = tolerance_of([white for _, white in pairs], bank.statistic, period_s, noise=4.0)
+        tolerances[output] = replace(found, high=max(found.high, _NOISE_POWER))
+    thresholds, block_s = thresholds_of(bank.statistic, seen, tolerances, period_s, false_alarms_per_hour)
+    hours = sum(map(len, records)) * period_s / 3600.0
+    progress("done", len(bank.residuals) + 1, len(bank.residuals) + 1)
+    return Monitor(
+        bank=bank,
+        operators={output: one.operator for output, one in learnt.items()},
+        whiteners={output: one.whitener for output, one in learnt.items()},
+        tolerances=tolerances,
+        thresholds=thresholds,
+        doubts={output: one.doubt for output, one in learnt.items()},
+        sample_period_s=period_s,
+        provenance={
+            **(provenance or {}),
+            "records": len(records),
+            "identification_hours": hours,
+            "threshold_hours": hours,
+            "block_s": block_s,
+            "false_alarms_per_hour": false_alarms_per_hour,
+            "false_alarms_per_hour_at_most": rate_bound(0, hours),
+        },
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Learnt:
+    """One residual; `seen`: raw and whitened, over their spread, by operators that hadn't seen them, one a record."""
+
+    operator: Transmissibility
+    whitener: Whitener
+    doubt: Doubt
+    seen: list[tuple[FloatArray, FloatArray]] = field(repr=False)
+
+
+def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt:
+    whole = identify_cautiously(records, spec)
+    operators = {spec.output: whole.operator}
+    residuals = [residuals_of(bank, record, operators, [spec.output]).raw[spec.output] for record in records]
+    order = round(bank.whitening_s / records[0].sample_period_s)
+    whitener = fit_whitener(residuals, order=min(order, sum(map(len, records)) // 50))
+    raw = [np.full(len(record), np.nan) for record in records]
+    white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
+    for others, held in _folds(records):
+        part = identify_cautiously(others, spec)
+        for number, rows in held:
+            record = records[number]
+            residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
+            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
+            raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
+            of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
+    raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance)
+    white_factor, scale = _factor(np.concatenate(white), np.concatenate(of_white) / whitener.deviation**2)
+    deviation = whitener.deviation * scale
+    doubt = Doubt(root=whole.root, raw=raw_factor / whole.variance, white=white_factor / whitener.deviation**2)
+    seen = [
+        (e / np.sqrt(1.0 + doubt.raw * h), w / scale / np.sqrt(1.0 + doubt.white * g))
+        for e, w, h, g in zip(raw, white, of_raw, of_white, strict=True)
+    ]
+    return _Learnt(operator=whole.operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
+
+
+def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]]]:
+    """Yield what to identify on, and which rows of which records that leaves to be judged."""
+    pieces: list[Rows] = []
+    for number, record in enumerate(records):
+        edges = np.linspace(0, len(record), (1 if len(records) > 2 else _FOLDS) + 1).astype(int).tolist()
+        pieces += [(number, slice(first, stop)) for first, stop in pairwise(edges)]
+    for first in range(min(len(pieces), _MOST_FOLDS)):
+        held = pieces[first::_MOST_FOLDS]
+        yield [_part(records[number], rows) for number, rows in pieces if (number, rows) not in held], held
+
+
+def _part(record: Record, rows: slice) -> Record:
+    return record.between(record.time_s[rows.start], record.time_s[rows.stop - 1])
+
+
+def _factor(values: FloatArray, share: FloatArray) -> tuple[float, float]:
+    """Return k and s that make values of deviation s sqrt(1 + k share) likeliest (Gaussian, k of 1 or more)."""
+    there = np.isfinite(values)
+    squares = np.square(values[there])
+    scale = float(np.median(squares)) / 0.455  # of a normal's square
+    squares = np.minimum(squares, _MOST**2 * max(scale, 1e-300))
+    best = (np.inf, 1.0, 1.0)
+    for factor in _FACTORS.tolist():
+        power = 1.0 + factor * share[there]
+        level = float(np.mean(squares / power))
+        cost = float(np.sum(np.log(power))) + len(squares) * np.log(level)
+        best = min(best, (cost, factor, np.sqrt(level)))
+    return best[1], float(best[2])

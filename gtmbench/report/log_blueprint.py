@@ -1,0 +1,88 @@
+"""How the recording of a watched log opens: the first fault, the whole log, residuals, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from gtmbench.channels import unit_of
+from gtmbench.record import Span
+from gtmbench.report.lines import GROUPS
+from gtmbench.report.log_faults import about, faults_of, signals_of, whole_of
+from gtmbench.report.text import with_unit
+from gtmbench.report.views import event_log, opened, plot
+from gtmbench.study.watched_log import WatchedLog
+
+_SHOWN_LEVELS = 4.0  # the levels' axis ends at this many thresholds: what lies above has alarmed anyway
+_MOST_SIGNALS = 6
+
+
+def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
+    """Return the blueprint of a watched log's recording."""
+    whole, signals = whole_of(watched), signals_of(watched)
+    faults = [same[0] for same in faults_of(watched).values()][:1]
+    pages = [
+        _decision(fault.verdict, about(fault, whole), [name for name in signals if name in fault.last.candidates])
+        for fault in faults
+    ]
+    pages += [_decision("Whole log", whole, signals), _residuals(watched, whole), _sensors(watched, whole)]
+    return opened(*pages)
+
+
+def entity(root: str, channel: str) -> str:
+    """Return the entity of a channel, whatever its name."""
+    return f"{root}/{rr.escape_entity_path_part(channel)}"
+
+
+def sensor_entity(channel: str) -> str:
+    """Return the entity of a channel as measured: ``/sensors/rates/p``, ``/sensors/other/...``."""
+    group = next((group for group, members in GROUPS.items() if channel in members), "other")
+    return entity(f"/sensors/{group}", channel)
+
+
+def _decision(name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
+    """Return levels above, measured and virtual sensors in the middle, what was watched and what was said below."""
+    levels = plot(
+        "levels", ["+ /threshold", "+ /levels/**", "+ /began", "+ /alarm", "+ /named"], span, top=_SHOWN_LEVELS
+    )
+    plots = [_signal(signal, span) for signal in signals[:_MOST_SIGNALS]]
+    axis = rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(seconds=span[0]), end=rr.TimeRangeBoundary.absolute(seconds=span[1])
+        )
+    )
+    states = rrb.StateTimelineView(name="what was watched", origin="/", contents=["+ /state"], time_view=axis)
+    signal_plots = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
+    return rrb.Horizontal(
+        rrb.Vertical(levels, signal_plots, states, row_shares=[3, 5, 1]),
+        event_log(["+ /events"]),
+        column_shares=[5, 2],
+        name=name,
+    )
+
+
+def _signal(name: str, span: Span) -> rrb.TimeSeriesView:
+    title = with_unit(f"{name}: measured and virtual", unit_of(name))
+    return plot(title, [f"+ {sensor_entity(name)}", f"+ {entity('/virtual', name)}"], span)
+
+
+def _residuals(watched: WatchedLog, span: Span) -> rrb.Container:
+    plots = []
+    for output in watched.monitor.operators:
+        residual = with_unit(f"residual of {output}", unit_of(output))
+        plots.append(plot(residual, [f"+ {entity('/residuals', output)}"], span, legend=False))
+        level = [f"+ {entity('/levels', output)}", "+ /threshold"]
+        plots.append(plot(f"level of {output}", level, span, top=_SHOWN_LEVELS, legend=False))
+    return rrb.Grid(*plots, grid_columns=2, name="Residuals")
+
+
+def _sensors(watched: WatchedLog, span: Span) -> rrb.Container:
+    """Return a plot a group of a unit, and one each for channels of other names."""
+    channels = watched.log.channels
+    groups = [group for group, members in GROUPS.items() if set(members) & set(channels)]
+    known = {name for members in GROUPS.values() for name in members}
+    plots = [plot(group, [f"+ /sensors/{group}/**"], span) for group in groups]
+    plots += [plot(name, [f"+ {sensor_entity(name)}"], span) for name in channels if name not in known]
+    return rrb.Grid(*plots, grid_columns=2, name="Sensors")

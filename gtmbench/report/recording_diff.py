@@ -1,0 +1,242 @@
+"""Two recordings, compared: values, not bytes, for two files of equal runs differ in ids and dates."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtmbench.record import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Name = tuple[str, str]  # entity, series
+Told = tuple[str, float, str, str]  # entity, time in s, level, text
+Line = tuple[npt.NDArray[Any], FloatArray]  # times in s (of a Markov parameter its lag, in words), values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """Within `relative` times the series' greatest magnitude, or `absolute`, values are equal; at 0: bit for bit."""
+
+    relative: float = 0.0
+    absolute: float = 0.0
+
+    def limit(self, scale: float) -> float:
+        """Return how far values of a scale may lie apart."""
+        return max(self.absolute, self.relative * scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """A sample of two recordings, in the series' unit; `at`: its time in s, of a Markov parameter its lag, in words."""
+
+    at: float | str
+    a: float
+    b: float
+    difference: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineDifference:
+    """A series that differs.
+
+    Attributes
+    ----------
+    entity, series : str
+    samples, differing : int
+        Samples that both recordings hold, and how many of them differ.
+    only_a, only_b : int
+        Samples at times at which the other recording has none.
+    worst : Sample or None
+        The one that differs most; None where only times do.
+    relative : float
+        Its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number.
+    """
+
+    entity: str
+    series: str
+    samples: int
+    differing: int
+    only_a: int
+    only_b: int
+    worst: Sample | None
+    relative: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldDifference:
+    """A field of a verdict that differs: a number, words, or None."""
+
+    entity: str
+    field: str
+    a: float | str | None
+    b: float | str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventDifference:
+    """An event that only one recording (``A`` or ``B``) tells of."""
+
+    only_in: str
+    entity: str
+    time_s: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What two recordings differ in.
+
+    Attributes
+    ----------
+    series, fields, events : int
+        How many of each were held against each other.
+    only_a, only_b : tuple of (entity, series)
+        Series, and fields of verdicts, that the other recording lacks.
+    lines : tuple of LineDifference
+        The worst first.
+    verdicts : tuple of FieldDifference
+    told : tuple of EventDifference
+        In time.
+    """
+
+    series: int
+    fields: int
+    events: int
+    only_a: tuple[Name, ...]
+    only_b: tuple[Name, ...]
+    lines: tuple[LineDifference, ...]
+    verdicts: tuple[FieldDifference, ...]
+    told: tuple[EventDifference, ...]
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing differs."""
+        return not (self.only_a or self.only_b or self.lines or self.verdicts or self.told)
+
+
+def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None) -> Comparison:
+    """Compare two recordings, as `read_recording` gives them.
+
+    Parameters
+    ----------
+    a, b : DataFrame
+    tolerance : Tolerance, optional
+        Of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
+    >>> b = a.assign(value=[1.0, 2.5])
+    >>> compare(a, b).lines[0].worst.at, compare(a, b, Tolerance(relative=0.2)).equal
+    (0.1, True)
+    """
+    tolerance = tolerance or Tolerance()
+    lines_a, lines_b = lines(a), lines(b)
+    fields_a, fields_b = _fields(a), _fields(b)
+    names_a, names_b = [*lines_a, *fields_a], [*lines_b, *fields_b]
+    shared = [name for name in lines_a if name in lines_b]
+    differing = [line for name in shared if (line := _line(name, lines_a[name], lines_b[name], tolerance))]
+    common = [name for name in fields_a if name in fields_b]
+    told_a, told_b = events(a), events(b)
+    return Comparison(
+        series=len(shared),
+        fields=len(common),
+        events=(told_a & told_b).total(),
+        only_a=tuple(name for name in names_a if name not in set(names_b)),
+        only_b=tuple(name for name in names_b if name not in set(names_a)),
+        lines=tuple(sorted(differing, key=lambda line: -line.relative)),
+        verdicts=tuple(
+            FieldDifference(entity=name[0], field=name[1], a=fields_a[name], b=fields_b[name])
+            for name in common
+            if not _alike(fields_a[name], fields_b[name], tolerance)
+        ),
+        told=tuple(sorted([*_told("A", told_a - told_b), *_told("B", told_b - told_a)], key=lambda one: one.time_s)),
+    )
+
+
+def lines(frame: pd.DataFrame) -> dict[Name, Line]:
+    """Return the series of numbers of a recording, each with the times that its values stand at."""
+    numbers = frame[~_of_verdicts(frame) & ~_of_events(frame)]
+    found = {}
+    for name, rows in numbers.groupby(["entity", "series"], observed=True, sort=True):
+        static = rows.time_s.isna().all()
+        found[name] = (rows.text.astype(str) if static else rows.time_s).to_numpy(), rows.value.to_numpy()
+    return found
+
+
+def _of_verdicts(frame: pd.DataFrame) -> pd.Series:
+    return frame.entity.str.endswith("/verdict")
+
+
+def _of_events(frame: pd.DataFrame) -> pd.Series:
+    return frame.text.notna() & frame.value.isna() & ~_of_verdicts(frame)
+
+
+def _fields(frame: pd.DataFrame) -> dict[Name, float | str | None]:
+    rows = frame[_of_verdicts(frame)]
+    return {
+        (entity, field): text if isinstance(text, str) else None if np.isnan(value) else value
+        for entity, field, value, text in zip(rows.entity, rows.series, rows.value, rows.text, strict=True)
+    }
+
+
+def events(frame: pd.DataFrame) -> Counter[Told]:
+    """Return the events of a recording: entity, time in s, level and text, counted."""
+    rows = frame[_of_events(frame)]
+    return Counter(zip(rows.entity, rows.time_s, rows.series, rows.text, strict=True))
+
+
+def _told(which: str, told: Counter[Told]) -> Iterator[EventDifference]:
+    for entity, time_s, level, text in told.elements():
+        yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
+
+
+def _line(name: Name, a: Line, b: Line, tolerance: Tolerance) -> LineDifference | None:
+    """Return how a series differs, None where it doesn't."""
+    at, values_a, values_b = a[0], a[1], b[1]
+    if not np.array_equal(a[0], b[0]):
+        at, in_a, in_b = np.intersect1d(a[0], b[0], return_indices=True)
+        values_a, values_b = a[1][in_a], b[1][in_b]
+    scale = max(np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in (values_a, values_b))
+    with np.errstate(invalid="ignore", over="ignore"):
+        distance = np.abs(values_a - values_b)
+    distance[np.isnan(distance)] = np.inf
+    limit = tolerance.limit(scale)
+    differs = ~_same(values_a, values_b) & ~((distance <= limit) & (limit > 0.0))
+    only_a, only_b = len(a[0]) - len(at), len(b[0]) - len(at)
+    if not (differs.any() or only_a or only_b):
+        return None
+    worst = None
+    if differs.any():
+        k = int(np.argmax(np.where(differs, distance, -1.0)))
+        place = at[k] if isinstance(at[k], str) else float(at[k])
+        worst = Sample(at=place, a=float(values_a[k]), b=float(values_b[k]), difference=float(distance[k]))
+    return LineDifference(
+        entity=name[0],
+        series=name[1],
+        samples=len(at),
+        differing=int(differs.sum()),
+        only_a=only_a,
+        only_b=only_b,
+        worst=worst,
+        relative=np.inf if only_a or only_b or worst is None else worst.difference / (scale or 1.0),
+    )
+
+
+def _same(a: FloatArray, b: FloatArray) -> npt.NDArray[np.bool_]:
+    return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
+
+
+def _alike(a: float | str | None, b: float | str | None, tolerance: Tolerance) -> bool:
+    if isinstance(a, float) and isinstance(b, float):
+        return a == b or abs(a - b) <= tolerance.limit(max(abs(a), abs(b)))
+    return a == b

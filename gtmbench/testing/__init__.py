@@ -1,0 +1,11 @@
+"""Assertions for tests of detectors: residuals below a bound, faults detected in time, quiet on a healthy record.
+
+They fail with an `AssertionError` that names the figure, the bound, and a recording (.rrd, for ``gtmbench view``) of
+what failed. In pytest the plugin names the recording after the test; elsewhere it goes into ``gtmbench-artefacts``.
+"""
+
+from gtmbench.study.shared_flights import fly_once, standard_record
+from gtmbench.testing.monitors import assert_detects, assert_quiet
+from gtmbench.testing.residuals import assert_residual
+
+__all__ = ["assert_detects", "assert_quiet", "assert_residual", "fly_once", "standard_record"]

@@ -1,0 +1,317 @@
+"""What a watched log leaves behind: words, plain data, a figure, a recording."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gtmbench as gb
+from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.report.log_figure import thinned, write_log_figure
+from gtmbench.report.log_recording import write_log_recording
+from gtmbench.report.log_results import log_results
+from gtmbench.report.log_spans import State, stretches
+from gtmbench.report.log_text import log_report, outcome_text
+from tests.logged import CASES, ODD, jammed, never_armed, odd, passing, remark, short, unexplained, unwatched
+
+cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return a function that writes a case's recording, once, and gives its path."""
+    folder = tmp_path_factory.mktemp("recordings")
+
+    @cache
+    def write(case):
+        write_log_recording(case(), folder / f"{case.__name__}.rrd")
+        return folder / f"{case.__name__}.rrd"
+
+    return write
+
+
+@cases
+def test_every_finding_and_every_remark_is_named_with_its_time(case):
+    watched, text = case(), "\n".join(log_report(case()))
+    for finding in watched.findings:
+        assert f"{finding.alarm_s:.2f} s  " in text
+        assert all(name in text for name in finding.last.candidates)
+        assert finding.last.kind is None or f"; {finding.last.kind}" in text
+    for one in watched.log.remarks:
+        assert f"remark: {one.start_s:.2f} to {one.end_s:.2f} s  {one.kind}" in text
+    assert all(reason in text for reason in watched.reasons)
+    assert all(line in text for line in watched.log.method)
+
+
+def test_the_report_tells_a_fault_from_beginning_to_end():
+    text = "\n".join(log_report(passing()))
+    assert re.search(r"60\.\d\d s  p failed; saturation 3\.0\d ± 0\.0\d deg/s\n", text)
+    assert re.search(r"since about (59\.9|60\.\d)\d s; named at 60\.\d\d s; gone since (89\.9|90\.0)\d s", text)
+    assert "psi failed; jam" in text
+    assert "not seen to end; residuals no longer watched: p, q, r" in text
+    assert outcome_text(passing()).startswith("p failed at 60.")
+    assert "; reference attitude failed (psi) at 170." in outcome_text(passing())
+
+
+def test_a_sensor_that_isnt_decided_on_is_said_to_be_so():
+    (finding,) = odd().findings
+    assert outcome_text(odd()) == f"something failed at {finding.alarm_s:.2f} s, undecided: {' or '.join(ODD)}"
+
+
+def test_a_fault_that_is_found_again_and_again_is_one_fault():
+    healthy, broken = jammed().watches
+    later = replace(broken.findings[0], alarm_s=200.0)
+    again = replace(jammed(), watches=(healthy, replace(broken, findings=(broken.findings[0], later))))
+    first_s = broken.findings[0].alarm_s
+    assert outcome_text(again) == f"q failed at {first_s:.2f} s (found 2 times, last at 200.00 s)"
+
+
+def test_a_long_list_of_remarks_is_shortened_and_counted():
+    many = [remark(float(i), float(i), "duplicate") for i in range(30)] + [remark(90.0, 95.0)]
+    lines = log_report(replace(short(), log=replace(short().log, remarks=tuple(many))))
+    told = [line for line in lines if line.startswith("remark: ")]
+    (rest,) = [line for line in lines if " remarks more" in line]
+    assert rest == f"{31 - len(told)} remarks more, up to 95.00 s: duplicate ({30 - len(told)}), gap (1)"
+
+
+WORDS = {0: "nothing found", 1: "failed at", 3: "could not tell"}
+
+
+@cases
+def test_the_words_match_the_exit_code(case):
+    found = log_results(case())
+    assert found["exit_code"] == case().outcome
+    assert [code for code, words in WORDS.items() if words in found["verdict"]] == [found["exit_code"]]
+    assert found["verdict"] in log_report(case())
+
+
+@cases
+def test_the_bound_is_that_of_the_length_watched(case):
+    watched, text = case(), "\n".join(log_report(case()))
+    passed = sum(not finding.last.candidates for finding in watched.findings)
+    bound = rate_bound(passed, watched.armed_hours)
+    found = log_results(watched)
+    assert (found["false_alarms_per_hour_at_most"], found["alarms_unexplained"]) == (bound, passed)
+    if bound is None:
+        assert "no false-alarm rate is bounded" in text
+    else:
+        assert f"{3600.0 * watched.armed_hours:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
+
+
+def test_twenty_seconds_without_an_alarm_bound_little():
+    assert 500.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
+    assert "; 1 alarm that nothing explains in 19.4 s watched" in outcome_text(unexplained())
+    assert "one that was there before, or grows more slowly than the drifts above, isn't seen" in log_report(short())
+
+
+@cases
+def test_stretches_cover_the_log_and_add_up(case):
+    watched, found = case(), stretches(case())
+    log, period_s = watched.log, watched.log.sample_period_s
+    assert (found[0].start_s, found[-1].end_s) == (log.segments[0].start_s, log.segments[-1].end_s)
+    assert all(one.end_s == after.start_s for one, after in pairwise(found))
+    assert all(one.duration_s >= 0.0 for one in found)
+    seconds = {state: sum(one.duration_s for one in found if one.state is state) for state in State}
+    slack = 2.0 * period_s * len(found)
+    assert seconds[State.WATCHED] == pytest.approx(3600.0 * watched.armed_hours, abs=slack)
+    assert seconds[State.IDENTIFIED] == pytest.approx(
+        sum(end - start for start, end in watched.identified_s), abs=slack
+    )
+    gaps = sum(after.start_s - one.end_s for one, after in pairwise(log.segments))
+    assert seconds[State.GAP] == pytest.approx(gaps)
+
+
+def test_stretches_say_why_nothing_was_watched():
+    def states(case):
+        return [one.state for one in stretches(case())]
+
+    assert states(unwatched) == [State.LEFT_OUT]
+    assert states(never_armed) == [State.ARMING]
+    part = [State.ARMING, State.WATCHED, State.LOST]
+    assert states(jammed) == [State.IDENTIFIED, State.GAP, *part, State.GAP, *part]
+    assert states(passing) == [State.ARMING, State.WATCHED, State.GIVEN_UP]
+    blind = short().log.segments[0].values.copy()
+    blind[1000:1010] = np.nan
+    log = replace(short().log, segments=(gb.Record(blind, channels=short().log.channels, sample_period_s=0.02),))
+    seen = gb.watch(short().monitor, log.segments[0])
+    found = stretches(replace(short(), log=log, watches=(seen,)))
+    assert [one.state for one in found] == [*part[:2], State.LOST, *part[1:]]
+    assert found[2].start_s <= 20.0 <= 20.18 <= found[2].end_s
+
+
+@cases
+def test_results_are_plain_data_and_say_what_the_watch_says(case):
+    watched, found = case(), log_results(case())
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert (found["schema"], found["study"], found["outcome"]) == (1, "log", watched.outcome.name.lower())
+    for row, finding in zip(found["findings"], watched.findings, strict=True):
+        assert (row["alarm_s"], row["sensor"], row["verdict"]) == (finding.alarm_s, finding.sensor, finding.verdict)
+        assert [one["time_s"] for one in row["judgements"]] == [one.time_s for one in finding.judgements]
+        assert row["parameters"] == finding.last.parameters
+    assert [one["text"] for one in found["log"]["remarks"]] == [one.text for one in watched.log.remarks]
+    assert found["log"]["segments_s"] == [[one.start_s, one.end_s] for one in watched.log.segments]
+    assert len(found["residuals"]) == len(watched.watches) * len(watched.monitor.operators)
+    assert {"gtmbench", "python", "numpy"} <= set(found["versions"])
+
+
+def test_results_measure_every_residual_on_every_segment():
+    rows = {(row["start_s"], row["residual"]): row for row in log_results(jammed())["residuals"]}
+    seen = jammed().watches[1]
+    jam, level = rows[146.5, "q"], seen.levels["q"]
+    peak = np.nanmax(level.values)
+    assert (jam["peak_level"], jam["unit"]) == (peak, "deg/s")
+    assert jam["peak_level_s"] == level.known_s[np.flatnonzero(level.values == peak)[0]] > 170.0
+    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(seen.residuals.raw["q"] ** 2)))
+    assert jam["rms_signal"] == pytest.approx(np.nanstd(seen.record["q"]))
+    assert jam["rms"] > 5.0 * jam["rms_identified"] > 4.0 * rows[63.0, "q"]["rms"]
+    before, missing = rows[63.0, "q"], rows[63.0, "p"]
+    assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
+
+
+@pytest.mark.parametrize("case", [jammed, passing, odd, unwatched])
+def test_the_figure_has_something_on_it(case, tmp_path):
+    from matplotlib.image import imread
+
+    write_log_figure(case(), tmp_path / "log.png")
+    picture = imread(tmp_path / "log.png")[:, :, :3]
+    assert min(picture.shape[:2]) > 600
+    assert np.std(picture) > 0.05  # a blank page has none
+
+
+@given(st.integers(1, 400), st.integers(0, 40), st.randoms(use_true_random=False))
+def test_thinning_keeps_extremes_and_gaps(rows, every, random):
+    values = np.array([random.gauss(0.0, 1.0) for _ in range(rows)])
+    start = random.randrange(rows)
+    values[start : start + 2 * every] = np.nan
+    time_s = 5.0 + 0.01 * np.arange(rows)
+    when, drawn = thinned(time_s, values, every=every)
+    assert len(when) == len(drawn) <= (rows if every <= 2 else 2 * -(-rows // every))
+    if np.isfinite(values).any():
+        assert (np.nanmin(drawn), np.nanmax(drawn)) == (np.nanmin(values), np.nanmax(values))
+    assert np.isnan(drawn).any() or start + 2 * every > rows or every == 0
+    assert (np.diff(when) >= 0.0).all()
+    assert (when[0], when[-1] <= time_s[-1]) == (time_s[0], True)
+
+
+def of(frame, entity):
+    rows = frame[frame.entity == entity]
+    return rows.time_s.to_numpy(), rows.value.to_numpy()
+
+
+def lines_of(watched):
+    """Yield what a recording should hold: entity, times and values of its stretches."""
+    groups = {
+        "p": "rates",
+        "q": "rates",
+        "r": "rates",
+        "phi": "attitude",
+        "tas": "speed",
+        **dict.fromkeys(ODD, "other"),
+    }
+    for name in groups:
+        if name in watched.log.channels:
+            yield f"/sensors/{groups[name]}/{escaped(name)}", [(one.time_s, one[name]) for one in watched.log.segments]
+    for output in watched.monitor.operators:
+        name = escaped(output)
+        yield f"/residuals/{name}", [(one.record.time_s, one.residuals.raw[output]) for one in watched.watches]
+        yield f"/levels/{name}", [(one.levels[output].known_s, one.levels[output].values) for one in watched.watches]
+        yield f"/virtual/{name}", [(one.record.time_s, one.virtual(output)) for one in watched.watches]
+
+
+def escaped(name):
+    import rerun as rr
+
+    return rr.escape_entity_path_part(name)
+
+
+@pytest.mark.parametrize("case", [jammed, passing, odd])
+def test_signals_come_back_from_the_recording_bit_for_bit(case, recorded):
+    frame = gb.read_recording(recorded(case))
+    for entity, parts in lines_of(case()):
+        time_s, values = (np.concatenate(column) for column in zip(*parts, strict=True))
+        there = np.isfinite(values)
+        times, found = of(frame, entity)
+        np.testing.assert_array_equal(found, values[there], err_msg=entity)
+        np.testing.assert_allclose(times, time_s[there], rtol=0.0, atol=1e-9)
+    angle = case().watches[0].virtual("psi") if case is passing else []  # what failed, but isn't predicted
+    np.testing.assert_array_equal(of(frame, "/virtual/psi")[1], angle)
+
+
+def breaks(path, entity):
+    """Return the times of the rows that hold no value."""
+    from rerun.chunk import RrdReader
+
+    found = []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        if "Scalars:scalars" in batch.schema.names:
+            empty = [len(row) == 0 for row in batch.column("Scalars:scalars").to_pylist()]
+            found += [one.value / 1e9 for one, is_empty in zip(batch.column("time"), empty, strict=True) if is_empty]
+    return sorted(found)
+
+
+def test_no_line_runs_over_a_gap(recorded):
+    path = recorded(jammed)
+    assert breaks(path, "/sensors/rates/q") == pytest.approx([60.02, 140.02])
+    assert breaks(path, "/sensors/rates/p") == pytest.approx([60.02, 100.0, 140.02])  # p misses two seconds
+    for entity in ("/residuals/q", "/levels/q", "/virtual/q"):
+        (between,) = breaks(path, entity)
+        assert 139.0 < between < 146.5
+    assert breaks(recorded(passing), "/sensors/rates/p") == []
+
+
+def words_of(path, entity, component):
+    from rerun.chunk import RrdReader
+
+    rows = []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        if component in batch.schema.names and "time" in batch.schema.names:
+            texts = [row[0] for row in batch.column(component).to_pylist()]
+            rows += list(zip((one.value / 1e9 for one in batch.column("time")), texts, strict=True))
+    return rows
+
+
+def test_the_recording_tells_what_happened_when(recorded):
+    path, watched = recorded(jammed), jammed()
+    (finding,) = watched.findings
+    told = dict(words_of(path, "/events", "TextLog:text")[::-1])
+    texts = [text for _, text in words_of(path, "/events", "TextLog:text")]
+    assert all(
+        any(one.text in text and f"{one.start_s:.2f} s  remark" in text for text in texts)
+        for one in watched.log.remarks
+    )
+    assert f"{finding.alarm_s:.2f} s  alarm: residual of q, {finding.series}" in texts
+    assert any("q failed; jam" in text for text in texts)
+    assert told[239.0] == f"239.00 s  outcome: {outcome_text(watched)}"
+    states = words_of(path, "/state", "StateChange:state")
+    assert states[:-1] == [(pytest.approx(one.start_s), str(one.state)) for one in stretches(watched)]
+    assert states[-1][1] == ""
+    frame = gb.read_recording(path)
+    for entity, time_s in (("/alarm", finding.alarm_s), ("/named", finding.isolated_s)):
+        assert of(frame, entity)[0] == pytest.approx([time_s])
+
+
+def test_the_recording_holds_outcome_and_findings_for_programs(recorded):
+    frame, found = gb.read_recording(recorded(passing)), log_results(passing())
+    verdict = frame[frame.entity == "/verdict"].set_index("series")
+    assert (verdict.text["verdict"], verdict.value["exit_code"]) == (found["verdict"], 1.0)
+    assert verdict.value["watched_hours"] == found["watched_hours"]
+    for number, row in enumerate(found["findings"], 1):
+        fields = frame[frame.entity == f"/findings/{number}/verdict"].set_index("series")
+        assert (fields.value["alarm_s"], fields.text["sensor"]) == (row["alarm_s"], row["sensor"])
+    assert not (frame.entity == "/findings/3/verdict").any()
+
+
+@pytest.mark.parametrize("case", [odd, unwatched])
+def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, tmp_path, capfd):
+    write_log_recording(case(), tmp_path / "log.rrd")
+    assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
+    frame = gb.read_recording(tmp_path / "log.rrd")
+    assert set(case().log.channels) <= set(frame.series)
