@@ -38,12 +38,14 @@ from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.report.read_recording import read_recording
+from gtmbench.study.log_watch import bank_between, watch_log
 from gtmbench.study.monitor_score import MonitorVerdict, score_watch
 from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial, run_monitored
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.study.watched_log import Outcome, WatchedLog
 
 __all__ = [
     "CHANNELS",
@@ -78,6 +80,7 @@ __all__ = [
     "NoiseModel",
     "NormStream",
     "OrderChoice",
+    "Outcome",
     "PredictionError",
     "PseudoInput",
     "RankWarning",
@@ -98,8 +101,10 @@ __all__ = [
     "TrimError",
     "Verdict",
     "Watch",
+    "WatchedLog",
     "WindowedNorm",
     "alarms",
+    "bank_between",
     "calibrate",
     "count_excitations",
     "decimate",
@@ -133,6 +138,7 @@ __all__ = [
     "threshold",
     "trim",
     "watch",
+    "watch_log",
     "windowed_norm",
     "write_log",
 ]

@@ -19,6 +19,7 @@ from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__
@@ -38,6 +39,7 @@ for command in (
     check_command,
     calibrate_command,
     bank_command,
+    monitor_command,
     trim_command,
     fly_command,
     view_command,

@@ -1,110 +1,180 @@
-"""Watching a recorded flight: a monitor identified on one part of it (or on other logs), or ready-made, and the rest."""
+"""Watching a recorded flight: with a monitor that is ready, or identified on one part of it or on other logs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.method.monitoring.bank import Bank, bank_of, load_bank
+from gtmbench.intake.open import open_log
+from gtmbench.method.monitoring.bank import Bank, bank_of
 from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.pose import operator_names
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
+from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
 from gtmbench.study.watched_log import WatchedLog
 
-_FIRST_SHARE = 0.4  # of a log, taken as healthy where nobody says what is
-_FIRST_MOST_S = 300.0
+_FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
+_FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0  # of a log, taken as healthy where nobody says what is
+_LONG_ENOUGH = 0.2  # of the longest healthy stretch
 _WIDE = 3.0  # spread of a residual beyond which little shows
-_MUCH = 0.1  # share of the time
+_MUCH = 0.1  # of the time
 Progress = Callable[[str, int, int], None]
 
 
-def bank_between(inputs: Sequence[str], outputs: Sequence[str], look_s: float) -> Bank:
-    """Return a bank of operators from some channels to others, each with the energy of its residual as its alarm.
+def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:
+    """Return a bank of operators from some channels to others, each judged by the energy of its residual.
 
-    >>> bank = bank_between(["p", "q", "beta"], ["r"], 0.5)
+    Parameters
+    ----------
+    inputs, outputs : sequence of str
+        Pseudo inputs (channels, or names of `PSEUDO_INPUTS`) and pseudo outputs.
+    look_s : float
+        r Ts and d Ts: how far they look back and ahead.
+
+    Examples
+    --------
+    >>> bank = bank_between(["p", "q", "beta"], ["r"])
     >>> bank.name, bank.suspects
     ('[p q beta] -> r', ('r', 'p', 'q', 'beta'))
     """
     u, y = operator_names(inputs, outputs)
-    residuals = [{"output": output, "inputs": list(u), "look_back_s": look_s, "look_ahead_s": look_s} for output in y]
-    raw = dict.fromkeys(name for given in (*y, *u) for name in sorted(raw_needs(given)))
-    alarm = {"statistic": "energy", "windows_s": [0.5, 2.0], "two_sided": False}
-    name = f"[{' '.join(u)}] -> {' '.join(y)}"
-    return bank_of(
-        name, {"title": "identified on this log", "suspects": list(raw), "residuals": residuals, "alarm": alarm}
-    )
-
-
-def first_part(log: FlightLog) -> Span:
-    """Return the part of a log that is taken as healthy where nobody says which is: its first 40 %, 300 s at most."""
-    start_s, end_s = log.segments[0].start_s, log.segments[-1].end_s
-    return start_s, start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S)
-
-
-def within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
-    """Return the parts of a log that lie in some spans.
-
-    Raises
-    ------
-    InputError
-        Where a span holds nothing of the log.
-    """
-    found = []
-    for start_s, end_s in spans:
-        parts = [_cut(segment, start_s, end_s) for segment in log.segments]
-        there = [part for part in parts if part is not None]
-        if not there:
-            raise InputError(
-                f"{start_s:g}..{end_s:g} s holds nothing of {log.path.name}, which runs from "
-                f"{log.segments[0].start_s:g} to {log.segments[-1].end_s:g} s; choose a span inside"
-            )
-        found += there
-    return found
-
-
-def identified_on(
-    records: Sequence[Record], bank: Bank, *, rate: float, provenance: dict[str, object], progress: Progress
-) -> Monitor:
-    """Identify and calibrate a bank on healthy stretches, those that are too short left out."""
-    long = [record for record in records if (len(record) - 1) * record.sample_period_s >= 0.2 * _longest_s(records)]
-    return calibrate_cautiously(long, bank, false_alarms_per_hour=rate, provenance=provenance, progress=progress)
+    look = {"look_back_s": look_s, "look_ahead_s": look_s}
+    suspects = dict.fromkeys(raw for name in (*y, *u) for raw in sorted(raw_needs(name)))
+    table = {
+        "title": "identified on the log",
+        "suspects": list(suspects),
+        "residuals": [{"output": output, "inputs": list(u), **look} for output in y],
+        "alarm": {"statistic": "energy", "windows_s": [0.5, 2.0], "two_sided": False},
+    }
+    return bank_of(f"[{' '.join(u)}] -> {' '.join(y)}", table)
 
 
 def watch_log(
-    log: FlightLog,
-    monitor: Monitor,
+    path: str | Path,
+    monitor: Monitor | Bank,
     *,
-    identified_s: Sequence[Span] = (),
-    reasons: Sequence[str] = (),
+    healthy: Sequence[Span | str | Path] = (),
+    mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
+    false_alarms_per_hour: float = 0.002,
     progress: Progress = lambda _step, _done, _of: None,
 ) -> WatchedLog:
-    """Watch every segment of a log but the spans that the monitor was identified on.
+    """Open a recorded flight and watch it.
+
+    A monitor watches all of it. A bank is first identified, with caution (`calibrate_cautiously`), on what is
+    `healthy`, and watches the rest.
 
     Parameters
     ----------
-    log : FlightLog
-        At the monitor's sample rate, with its bank's channels.
-    monitor : Monitor
-    identified_s : sequence of (start, end)
-        Not watched.
-    reasons : sequence of str
-        What limits what can be said.
+    path : str or Path
+        As `open_log` takes it.
+    monitor : Monitor or Bank
+    healthy : sequence of (start, end), str or Path
+        For a bank: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
+        first 40 % of this log, 300 s at most.
+    mapping : sequence of str
+        As `open_log` takes it.
+    rate_hz : float, optional
+        To resample to; without it a monitor's own, for a bank the slowest channel's, 100 at most.
+    false_alarms_per_hour : float
+        Wanted of a bank.
     progress : callable
         Told the step, how many are done, and of how many.
 
     Raises
     ------
     InputError
-        Where the log lacks a channel of the bank or has another sample period.
+        Where a log can't be read, lacks channels, or holds too little that is healthy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gtmbench.logs import write_log
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_log(record, Path(folder, "flight.csv"))
+    ...     seen = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> seen.outcome, seen.identified_s
+    (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
+    bank = monitor.bank if isinstance(monitor, Monitor) else monitor
+    if isinstance(monitor, Monitor):
+        if healthy:
+            raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
+        log = open_log(path, mapping=mapping, rate_hz=1.0 / monitor.sample_period_s, needs=bank.channels)
+        return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
+    rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
+    log = _opened(path, bank, mapping, rate_hz)
+    same_rate_hz = 1.0 / log.sample_period_s
+    paths = [given for given in healthy if isinstance(given, (str, Path))]
+    whole_s = log.segments[0].start_s, log.segments[-1].end_s
+    spans = tuple(_clipped(given, whole_s) for given in healthy if not isinstance(given, (str, Path)))
+    reasons = []
+    if not healthy:
+        spans = (_first_part(whole_s),)
+        reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
+    others = [open_log(other, mapping=mapping, rate_hz=same_rate_hz, needs=bank.channels) for other in paths]
+    records = [record for other in others for record in other.segments] + _within(log, spans)
+    longest = max(map(len, records))
+    ready = calibrate_cautiously(
+        [record for record in records if len(record) >= _LONG_ENOUGH * longest],
+        bank,
+        false_alarms_per_hour=rate,
+        provenance={
+            "source": "logs",
+            "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
+            "healthy_s": [list(span) for span in spans],
+        },
+        progress=progress,
+    )
+    return _watched(log, ready, identified_s=spans, reasons=reasons, progress=progress)
+
+
+def _opened(path: str | Path, bank: Bank, mapping: Sequence[str], rate_hz: float | None) -> FlightLog:
+    log = open_log(path, mapping=mapping, rate_hz=rate_hz, needs=bank.channels)
+    if rate_hz is None and log.sample_period_s < 0.99 / _FASTEST_HZ:
+        log = open_log(path, mapping=mapping, rate_hz=_FASTEST_HZ, needs=bank.channels)
+    return log
+
+
+def _clipped(span: Span, whole_s: Span) -> Span:
+    """Return a span without its open ends."""
+    return max(span[0], whole_s[0]), min(span[1], whole_s[1])
+
+
+def _first_part(whole_s: Span) -> Span:
+    start_s, end_s = whole_s
+    return start_s, round(start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S), 2)
+
+
+def _within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
+    """Return the parts of a log that lie in some spans."""
+    found = []
+    for start_s, end_s in spans:
+        parts = [_cut(segment, start_s, end_s) for segment in log.segments]
+        there = [part for part in parts if part is not None]
+        if not there:
+            raise InputError(
+                f"{start_s:g}..{end_s:g} s hold nothing of {log.path.name}, which runs from "
+                f"{log.segments[0].start_s:g} to {log.segments[-1].end_s:g} s; choose a span inside"
+            )
+        found += there
+    return found
+
+
+def _watched(
+    log: FlightLog, monitor: Monitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
+) -> WatchedLog:
+    """Watch every segment of a log but the spans that the monitor was identified on."""
     parts = [part for segment in log.segments for part in _without(segment, identified_s)]
     watches = []
     for done, part in enumerate(parts):
@@ -123,34 +193,13 @@ def watch_log(
     )
 
 
-def possible(channels: Iterable[str]) -> list[str]:
-    """Say which banks and pseudo inputs some channels allow, and what the others lack."""
-    there = set(channels)
-    lines = []
-    for name in shipped_banks():
-        bank = load_bank(name)
-        missing = [channel for channel in bank.channels if channel not in there]
-        lines.append(f"bank {name}: " + (f"no, {', '.join(missing)} missing" if missing else f"possible, {bank.title}"))
-    derivable = [name for name in PSEUDO_INPUTS if raw_needs(name) <= there]
-    return [*lines, f"pseudo inputs: {', '.join(derivable) or 'none'}"]
-
-
 def _limits(watches: Sequence[Watch]) -> list[str]:
     """Say what limits what was seen."""
-    wide, rows = 0, 0
-    for seen in watches:
-        for spread in seen.residuals.spread.values():
-            wide += int(np.count_nonzero(spread.white > _WIDE))
-            rows += len(spread.white)
-    if not rows or wide < _MUCH * rows:
+    wide = [spread.white > _WIDE for seen in watches for spread in seen.residuals.spread.values()]
+    share = float(np.concatenate(wide).mean()) if wide else 0.0
+    if share < _MUCH:
         return []
-    return [
-        f"{100.0 * wide / rows:.0f} % of the time the motion was beyond what identification held: faults show less there"
-    ]
-
-
-def _longest_s(records: Sequence[Record]) -> float:
-    return max((len(record) - 1) * record.sample_period_s for record in records)
+    return [f"{100.0 * share:.0f} % of the time the motion was beyond what identification held; faults show less there"]
 
 
 def _without(segment: Record, spans: Sequence[Span]) -> list[Record]:
@@ -159,9 +208,8 @@ def _without(segment: Record, spans: Sequence[Span]) -> list[Record]:
     for start_s, end_s in spans:
         pieces = []
         for part in left:
-            step = part.sample_period_s
-            pieces += [_cut(part, part.start_s, min(start_s - step, part.end_s))] if start_s > part.start_s else []
-            pieces += [_cut(part, max(end_s + step, part.start_s), part.end_s)] if end_s < part.end_s else []
+            pieces.append(_cut(part, part.start_s, min(start_s - part.sample_period_s, part.end_s)))
+            pieces.append(_cut(part, max(end_s + part.sample_period_s, part.start_s), part.end_s))
         left = [piece for piece in pieces if piece is not None]
     return left
 

@@ -23,7 +23,7 @@ from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.monitoring.thresholds import thresholds_of
 from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import FloatArray, Record, frozen
 
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
 _MOST_FOLDS = 10
@@ -138,7 +138,9 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
         (e / np.sqrt(1.0 + doubt.raw * h), w / scale / np.sqrt(1.0 + doubt.white * g))
         for e, w, h, g in zip(raw, white, of_raw, of_white, strict=True)
     ]
-    return _Learnt(operator=whole.operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
+    rms = float(np.sqrt(np.nanmean(np.square(np.concatenate(residuals)))))
+    operator = replace(whole.operator, rms_residual=frozen([rms]))
+    return _Learnt(operator=operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
 
 
 def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]]]:

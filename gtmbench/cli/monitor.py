@@ -1,0 +1,238 @@
+"""``gtmbench monitor``: a recorded flight, watched."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gtmbench.checks import number
+from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.errors import InputError
+from gtmbench.files import check_file, shipped_banks, written_aside
+from gtmbench.method.monitoring.bank import load_bank
+from gtmbench.method.pseudo_inputs import derivable
+from gtmbench.record import Span
+
+if TYPE_CHECKING:
+    from gtmbench.intake.open import LogColumn
+    from gtmbench.method.monitoring.bank import Bank
+    from gtmbench.method.monitoring.monitor import Monitor
+    from gtmbench.study.watched_log import WatchedLog
+
+_SPAN = re.compile(r"\s*([-+]?[\d.]*(?:[eE][-+]?\d+)?)\s*:\s*([-+]?[\d.]*(?:[eE][-+]?\d+)?)\s*")
+_LONGEST_S = 1e12
+
+
+@click.command("monitor")
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--map",
+    "mapping",
+    multiple=True,
+    metavar="CHANNEL=COLUMN:UNIT",
+    help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), time=stamp:us.",
+)
+@click.option(
+    "--monitor",
+    "source",
+    metavar="FILE|BANK",
+    help="A monitor of `gtmbench calibrate` (.json), or a bank (C, B, a .toml), which is identified first.",
+)
+@click.option(
+    "--identify",
+    "healthy",
+    multiple=True,
+    metavar="T0:T1|LOG",
+    help="What is healthy, to identify on: a span of this log in seconds, or another log. Without it a bank takes this "
+    "log's first 40 %, 300 s at most.",
+)
+@click.option(
+    "--inputs", metavar="p,q,beta", help="Instead of a bank: predict from these channels or pseudo inputs ..."
+)
+@click.option("--outputs", metavar="r", help="... predict these sensors.")
+@click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
+@click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@click.option("--false-alarms-per-hour", "wanted", default=0.002, show_default=True, help="Of what is identified here.")
+@click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
+@click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
+@click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
+@click.option("--force", is_flag=True, help="Write over existing files.")
+@common_options
+def monitor_command(
+    log: Path,
+    mapping: tuple[str, ...],
+    source: str | None,
+    healthy: tuple[str, ...],
+    inputs: str | None,
+    outputs: str | None,
+    look: float,
+    rate: float | None,
+    wanted: float,
+    record: Path | None,
+    figure: Path | None,
+    save: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
+
+    With a monitor that is ready, or identified on a healthy part; the rest is watched. Without either, it lists what
+    the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    """
+    for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
+        if path is not None:
+            _check_output(path, ending, log, force=force)
+    monitor = _monitor(source, inputs, outputs, look)
+    if monitor is None:
+        raise _nothing_to_watch_with(log, mapping, shown=not (as_json or quiet))
+    from gtmbench.study.log_watch import watch_log
+
+    with progress_bar(silent=as_json or quiet) as tell:
+        watched = watch_log(
+            log,
+            monitor,
+            healthy=[_healthy(text) for text in healthy],
+            mapping=mapping,
+            rate_hz=rate,
+            false_alarms_per_hour=number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
+            progress=tell,
+        )
+        tell("writing", None, None)
+        _write(watched, record, figure, save)
+    if as_json:
+        from gtmbench.report.log_results import log_results
+
+        print_json(log_results(watched))
+    elif not quiet:
+        _print(watched, record, figure, save)
+    return int(watched.outcome)
+
+
+def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
+    option = {".rrd": "--record", ".png": "--figure", ".json": "--save"}[ending]
+    if path.suffix.lower() != ending:
+        raise InputError(f"{option} is '{path}'; its name ends in {ending}")
+    if path.exists() and log.exists() and path.samefile(log):
+        raise InputError(f"{option} is the log itself; give another name")
+    check_file(path, force=force, option=option)
+
+
+def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: float) -> Monitor | Bank | None:
+    """Return what watches: a monitor, a bank, or None where nothing was said."""
+    if source is not None and (inputs or outputs):
+        raise InputError("both --monitor and --inputs/--outputs are given; a bank has its own, so leave one out")
+    if source is not None:
+        from gtmbench.study.monitored import find_monitor
+
+        return find_monitor(source)
+    if not inputs and not outputs:
+        return None
+    if not inputs or not outputs:
+        missing = "--outputs" if inputs else "--inputs"
+        raise InputError(
+            f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
+        )
+    from gtmbench.study.log_watch import bank_between
+
+    split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
+    return bank_between(*split, look_s=number("--look", look, 0.0, 60.0))
+
+
+def _healthy(text: str) -> Span | Path:
+    """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
+    match = _SPAN.fullmatch(text)
+    if match is None or Path(text).is_file():
+        return Path(text)
+    try:
+        start_s = float(match[1]) if match[1] else -math.inf
+        end_s = float(match[2]) if match[2] else math.inf
+    except ValueError:
+        raise InputError(f"--identify is '{text}'; give a span in seconds, such as 0:30, or another log") from None
+    if not start_s < end_s or (min(end_s, -start_s) > _LONGEST_S and math.isfinite(end_s) and math.isfinite(start_s)):
+        raise InputError(f"--identify is '{text}'; the start must come before the end")
+    return start_s, end_s
+
+
+def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) -> InputError:
+    """List what a log holds and allows; return the error that ends the command."""
+    from gtmbench.intake.open import log_columns, open_log
+
+    columns = log_columns(log)
+    try:
+        channels: tuple[str, ...] = open_log(log, mapping=mapping).channels
+    except InputError as error:
+        channels, reason = (), f" ({error})"
+    else:
+        reason = ""
+    if shown:
+        _print_columns(log, columns)
+        for line in _possible(channels):
+            click.echo(line)
+    allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
+    banks = f"--monitor {' or '.join(allowed)}" if allowed else "no bank's channels are there"
+    return InputError(
+        f"nothing was said about how to watch {log.name}: {banks}; or --identify T0:T1 --inputs ... --outputs ... of "
+        f"{', '.join(channels[:30]) or 'no channels'}{reason}"
+    )
+
+
+def _possible(channels: Iterable[str]) -> list[str]:
+    """Say which banks and pseudo inputs some channels allow."""
+    there, lines = set(channels), []
+    for name in shipped_banks():
+        bank = load_bank(name)
+        missing = [channel for channel in bank.channels if channel not in there]
+        lines.append(
+            f"bank {name}: " + (f"no, {', '.join(missing)} missing" if missing else f"possible ({bank.title})")
+        )
+    return [*lines, f"pseudo inputs: {', '.join(derivable(there)) or 'none'}"]
+
+
+def _print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
+    names = ["column", "unit", "samples", "rate (Hz)", "from (s)", "to (s)", "channel"]
+    rows = [
+        [
+            one.name,
+            one.unit,
+            str(one.samples),
+            *(f"{value:.6g}" if math.isfinite(value) else "-" for value in (one.rate_hz, one.start_s, one.end_s)),
+            one.channel or one.why_not,
+        ]
+        for one in columns
+    ]
+    print_table(log.name, names, rows, right=names[2:6])
+
+
+def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+    if figure is not None:
+        from gtmbench.report.log_figure import write_log_figure
+
+        with written_aside(figure) as aside:
+            write_log_figure(watched, aside)
+    if record is not None:
+        from gtmbench.report.log_recording import write_log_recording
+
+        with written_aside(record) as aside:
+            write_log_recording(watched, aside)
+    if save is not None:
+        from gtmbench.method.monitoring.files import save_monitor
+
+        save_monitor(watched.monitor, save)
+
+
+def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+    from gtmbench.report.log_text import log_report
+
+    for line in log_report(watched):
+        click.echo(line)
+    for what, path in (("figure", figure), ("monitor", save)):
+        if path is not None:
+            click.echo(f"{what}: {path}")
+    if record is not None:
+        click.echo(f"recording: {record}    look at it: gtmbench view {record}")
