@@ -178,6 +178,21 @@ def test_a_second_instance_and_undocumented_topics_are_there_by_their_names(flig
     np.testing.assert_allclose(log.segments[0]["sensor_gyro.y"], 2 * rates[1], rtol=1e-6)
 
 
+def test_of_two_imus_none_is_taken_and_one_can_be_chosen(flight, tmp_path):
+    """A mapping that states no unit takes the documented one, and the documented axes."""
+    rates, *_ = metric(flight)
+    sent = [
+        (round(t * 1e9), files.cdr_imu(round(t * 1e9), rate, [0, 0, 9.8], [0, 0, 0, 1]))
+        for t, rate in zip(flight.time_s, np.column_stack(rates), strict=True)
+    ]
+    files.mcap(tmp_path / "log.mcap", {"/a": sent, "/b": sent}, schema="sensor_msgs/msg/Imu", encoding="cdr")
+    with pytest.raises(gb.InputError, match=r"'/a.angular_velocity.y' may be q, as may '/b\.angular_velocity.y'"):
+        gb.open_log(tmp_path / "log.mcap", needs=["q"])
+    for stated, sign in (("", -1), (":rad/s", 1)):
+        log = gb.open_log(tmp_path / "log.mcap", mapping=[f"q=/a.angular_velocity.y{stated}"], needs=["q"])
+        np.testing.assert_allclose(log.segments[0]["q"], sign * flight["q"], atol=1e-9)
+
+
 def test_stamps_of_when_a_topic_was_sampled_are_preferred(tmp_path):
     """PX4 stamps a message when it's published; what counts is when it was measured."""
     us = np.arange(1000) * 10_000 + 1_000_000

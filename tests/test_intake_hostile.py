@@ -63,7 +63,7 @@ def _through_a_file(name, table, headers):
 
 
 FORMATS = ["log.csv", "log.parquet", "log.ulg", "log.bin", "log.log", "plain.mcap", "zstd.mcap"]
-INPUTS = 400  # a format
+INPUTS = 250  # a format
 
 
 def damaged(content, seed):

@@ -109,7 +109,7 @@ def test_what_is_in_doubt_isnt_taken(tmp_path, header):
 
 def test_of_two_columns_that_may_be_a_channel_neither_is_taken(tmp_path):
     path = table(tmp_path, roll_rate_dps=VALUES, gyro_x_dps=2 * VALUES)
-    with pytest.raises(gb.InputError, match="may be p, as 'roll_rate_dps', 'gyro_x_dps' may: --map p=COLUMN"):
+    with pytest.raises(gb.InputError, match="'roll_rate_dps' may be p, as may 'gyro_x_dps': --map p=COLUMN"):
         gb.open_log(path, needs=["p"])
     assert gb.open_log(path, mapping=["p=gyro_x_dps"], needs=["p"]).segments[0]["p"][1] == 2 * VALUES[1]
 
@@ -132,6 +132,7 @@ def test_unless_one_is_named_as_this_package_names_it(tmp_path):
         ("GX [rad/s]", "p=GX [rad/s]", np.degrees(1)),
         ("GX [rad/s]", "p=GX:deg/s", 1.0),
         ("strain", "strain_3=strain", 1.0),
+        ("p_dps", "p=p_dps:rad/s", np.degrees(1)),
     ],
 )
 def test_a_mapping_states_column_unit_and_sign(tmp_path, header, mapping, factor):
@@ -160,6 +161,11 @@ def test_a_bad_mapping_is_one_line_that_says_what_to_do(tmp_path, mapping, messa
     with pytest.raises(gb.InputError, match=r"\A[^\n]*\Z") as refused:
         gb.open_log(path, mapping=mapping)
     assert message in str(refused.value)
+
+
+def test_needing_nothing_is_refused(tmp_path):
+    with pytest.raises(gb.InputError, match="needs is empty"):
+        gb.open_log(table(tmp_path, p_dps=VALUES), needs=[])
 
 
 def test_a_needed_channel_that_isnt_there_is_named_with_what_looks_like_it(tmp_path):
@@ -243,4 +249,4 @@ def test_a_csv_is_read_as_it_is_written(tmp_path, dialect):
 def test_words_are_left_out_and_said(tmp_path):
     log = gb.open_log(table(tmp_path, p_deg_s=VALUES, mode=["AUTO"] * SAMPLES, armed=[True] * SAMPLES))
     assert log.channels == ("p", "armed")
-    assert "not taken, no numbers: 'mode'" in log.method
+    assert "not taken, no numbers: mode" in log.method

@@ -67,6 +67,15 @@ def test_mixed_rates_come_at_the_slowest_through_one_low_pass(tmp_path):
     np.testing.assert_allclose(record["p"], signal(record.time_s, 15), atol=0.01)
     np.testing.assert_allclose(record["phi"], signal(record.time_s, 15, seed=1), atol=0.01)
     assert any("one low-pass for every channel" in line for line in log.method)
+    assert any("that is the rate of phi, theta, psi" in line for line in log.method)
+
+
+def test_who_begins_late_and_ends_early_is_said(tmp_path):
+    fast_s, slow_s = np.arange(0, 30, 0.02), np.arange(5, 20, 0.02)
+    log = gb.open_log(two_topics(tmp_path, fast_s, slow_s, fast_s, slow_s), needs=["p", "phi"])
+    assert (log.segments[0].start_s, round(log.segments[0].end_s, 2)) == (5.0, 19.98)
+    assert "all are there from 5 s on, when phi begins" in log.method
+    assert "all are there up to 19.98 s, when phi ends" in log.method
 
 
 def test_the_low_pass_keeps_the_operator_between_channels(tmp_path):

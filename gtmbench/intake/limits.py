@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 LARGEST_FILE_BYTES = 1 << 30
-LARGEST_CHUNK_BYTES = 1 << 28  # of a container, unpacked
+LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked
 MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
 MOST_COLUMNS = 5_000
-MOST_MESSAGES = 20_000_000
+MOST_MESSAGES = 10_000_000
 MOST_VALUES = 200_000_000  # samples times channels: 1.6 GB of doubles
-LONGEST_LINE_BYTES = 1 << 20
+LONGEST_LINE_BYTES = 1 << 20  # or message of text

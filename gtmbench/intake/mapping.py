@@ -10,12 +10,12 @@ import numpy as np
 from gtmbench.channels import CHANNELS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
-from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
+from gtmbench.intake.names import is_table_header, stated_unit
+from gtmbench.intake.questions import judged, missing, open_questions, there
 from gtmbench.intake.raw import Meaning, RawLog, RawSeries, in_seconds
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 
 AS_IT_IS = "as it is"
-_MOST_NAMED = 40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,13 +36,6 @@ class Chosen:
             there = np.isfinite(values)
             values[there] = np.unwrap(values[there], period=360.0)
         return values
-
-
-def judged(one: RawSeries, raw: RawLog) -> Guess:
-    """Return what a column is: by the format's documentation, else by its name where names may be believed."""
-    if one.meaning is not None:
-        return Guess(channel=one.meaning.channel, meaning=one.meaning)
-    return guess(one.name, one.unit) if raw.by_name else Guess()
 
 
 def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
@@ -93,7 +86,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
         if (found := unit(stated_unit(one.name, one.unit)[1])) and found.dimension == "time"
     ]
     perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
-    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {_there(raw)}")
+    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
 
 
 def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[Chosen]:
@@ -110,12 +103,12 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     if needs is not None:
         for channel in needs:
             if channel not in chosen and channel not in own:
-                raise InputError(_missing(raw, channel, chosen))
+                raise InputError(missing(raw, channel, list(chosen)))
         return [chosen.get(channel) or own[channel] for channel in needs]
     if list(raw.clocks) == [""]:  # a table's; of a container's topics only what is a channel, or asked for
         chosen |= own
     if not chosen:
-        raise InputError(f"no column becomes a channel: {_open_questions(raw)}")
+        raise InputError(f"no column becomes a channel: {open_questions(raw)}")
     return list(chosen.values())
 
 
@@ -149,29 +142,6 @@ def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
     ]
 
 
-def not_taken(raw: RawLog, chosen: Sequence[Chosen]) -> list[str]:
-    """Return a line for every column that looks like a channel and isn't one, a few at most."""
-    channels, taken = {one.channel for one in chosen}, {id(one.series) for one in chosen}
-    lines = []
-    for one in raw.series:
-        told = judged(one, raw)
-        if id(one) in taken and told.channel not in CHANNELS:
-            continue
-        if told.channel and told.channel != "time" and told.channel not in channels:
-            lines.append(f"not taken: column '{one.name}' {_doubt(raw, told)}")
-    if raw.ignored:
-        shown = ", ".join(f"'{name}'" for name in raw.ignored[:_MOST_NAMED])
-        lines.append(f"not taken, no numbers: {shown}")
-    return lines[:_MOST_NAMED]
-
-
-def _doubt(raw: RawLog, told: Guess) -> str:
-    rivals = [
-        f"'{one.name}'" for one in raw.series if (other := judged(one, raw)).meaning and other.channel == told.channel
-    ]
-    return told.why_not or f"may be {told.channel}, as {', '.join(rivals)} may: --map {told.channel}=COLUMN"
-
-
 def _by_meaning(one: RawSeries, raw: RawLog, rather: str) -> Chosen:
     meaning = judged(one, raw).meaning
     assert meaning is not None  # the caller looked
@@ -190,7 +160,9 @@ def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
     series, meaning = _mapped(raw, channel, column)
     known = unit(meaning.unit) if channel in CHANNELS else None
     turned = "-" if meaning.sign < 0 else ""
-    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}, as mapped"
+    own = stated_unit(series.name, series.unit)[1]
+    but = f", though the column states '{own}'" if own and own != meaning.unit else ""
+    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}, as mapped{but}"
     return Chosen(channel=channel, series=series, factor=meaning.sign * (known.factor if known else 1.0), how=how)
 
 
@@ -209,11 +181,14 @@ def _mapped(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
     name = before or text
     alike = [one.name for one in raw.series if name.lstrip("-").lower() in one.name.lower()][:5]
     likes = f" (perhaps {', '.join(alike)})" if alike else ""
-    raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {_there(raw)}")
+    raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {there(raw)}")
 
 
 def _stated(channel: str, one: RawSeries, given: str, sign: float) -> Meaning:
-    stated = given or (one.meaning.unit if one.meaning else stated_unit(one.name, one.unit)[1])
+    documented = one.meaning
+    if documented is not None and documented.channel == channel and not given and sign > 0:
+        return documented
+    stated = given or (documented.unit if documented else stated_unit(one.name, one.unit)[1])
     if channel not in CHANNELS and channel != "time":
         return Meaning(channel=channel, unit=stated, sign=sign)
     known: Unit | None = unit(stated) if stated else None
@@ -222,29 +197,3 @@ def _stated(channel: str, one: RawSeries, given: str, sign: float) -> Meaning:
         what = f"'{stated}' isn't a unit of {dimension_of(channel)}" if stated else "the column states no unit"
         raise InputError(f"--map {channel}={one.name}: {what}; give one behind a colon, as :{first} or :{second}")
     return Meaning(channel=channel, unit=stated, sign=sign)
-
-
-def _missing(raw: RawLog, channel: str, chosen: Mapping[str, Chosen]) -> str:
-    alike = [
-        f"column '{one.name}' {_doubt(raw, told)}"
-        for one in raw.series
-        if (told := judged(one, raw)).channel == channel
-    ]
-    names = ", ".join(list(chosen)[:_MOST_NAMED]) or "none"
-    ask = (
-        "; ".join(alike[:3]) or f"nothing looks like it: --map {asked(channel, 'COLUMN').removeprefix('--map ')}"
-        if channel in CHANNELS
-        else "no column has that name"
-    )
-    return f"no channel '{channel}': {ask}; channels that are there: {names}; {_there(raw)}"
-
-
-def _open_questions(raw: RawLog) -> str:
-    asks = [f"column '{one.name}' {told.why_not}" for one in raw.series if (told := judged(one, raw)).why_not]
-    return "; ".join(asks[:4]) or f"--map CHANNEL=COLUMN:UNIT; {_there(raw)}"
-
-
-def _there(raw: RawLog) -> str:
-    names = [one.name for one in raw.series]
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return f"its columns: {', '.join(names[:_MOST_NAMED])}{more}" if names else "it has no columns of numbers"

@@ -104,10 +104,11 @@ def guess(header: str, unit_beside: str = "") -> Guess:
     "looks like p, but states 'hPa', not a unit of angular rate that is known: --map 'p=p [hPa]:rad/s' or :deg/s"
     """
     base, stated = stated_unit(header, unit_beside)
-    field = re.split(r"[./:]", base)[-1]
+    parts = re.split(r"[./:]", base)
+    field = parts[-1]
     if _NOT_MEASURED.search(base):
         return Guess()
-    for key in (_key(base), _key(field)):
+    for key in (_key(base), _key("".join(parts[-2:])), _key(field)):
         if key in _KNOWN:
             channel, sign = _KNOWN[key]
             return _judged(header, channel, stated or _STATED.get(key, ""), sign)

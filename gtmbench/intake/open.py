@@ -14,8 +14,9 @@ from gtmbench.checks import names, number
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
+from gtmbench.intake.questions import judged, not_taken
 from gtmbench.intake.raw import RawLog, RawSeries, check_values, one_line
 from gtmbench.intake.read import read_raw
 from gtmbench.intake.remarks import summed_up
@@ -98,6 +99,8 @@ def open_log(
     path = Path(path)
     rate = None if rate_hz is None else number("rate_hz", rate_hz, 0.0, above=True)
     wanted = None if needs is None else names("needs", needs)
+    if wanted == ():
+        raise InputError("needs is empty; name the channels that are wanted, or leave it out for all")
     columns = split_mapping(mapping)
     raw = read_raw(path)
     try:
@@ -124,7 +127,7 @@ def _opened(
     own = [one.channel for one in chosen if one.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
-    left = not_taken(raw, chosen) if needs is None else []
+    left = not_taken(raw, [one.channel for one in chosen]) if needs is None else []
     return FlightLog(
         path=path,
         segments=tuple(segments),

@@ -7,6 +7,7 @@ readers step through garbage byte by byte with a line of print for each, call th
 from __future__ import annotations
 
 import contextlib
+import io
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,6 +30,7 @@ _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 _TEXTS = "anNZ"  # format characters whose values are no numbers
 _MOST_INSTANCES = 16
+_TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
 _CLOCKS = {"TimeUS": 1e6, "TimeMS": 1e3}
 
 # ArduPilot's log documentation: body axes forward, right, down
@@ -105,7 +107,7 @@ def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
             continue
         messages += 1
         if messages > MOST_MESSAGES:
-            raise InputError(f"it has more than {MOST_MESSAGES} messages; cut the log")
+            raise InputError(_TOO_MANY)
         if kind == _FMT:
             number, length, name, form, columns = _FMT_BODY.unpack_from(content, place + 3)
             if number not in layouts and length > 3:
@@ -126,21 +128,24 @@ def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
 def _rows(octets: NDArray[np.uint8], places: list[int], layout: Any, pymavlink: ModuleType) -> NDArray[Any]:
     codes = [pymavlink.FORMAT_TO_STRUCT[letter][0] for letter in layout.format]
     dtype = np.dtype([(f"f{i}", f"S{code[:-1]}" if code[-1] == "s" else f"<{code}") for i, code in enumerate(codes)])
-    bodies = octets[np.array(places)[:, np.newaxis] + np.arange(3, 3 + dtype.itemsize)]
-    return np.ascontiguousarray(bodies).view(dtype)[:, 0]
+    bodies = np.lib.stride_tricks.sliding_window_view(octets, dtype.itemsize)[np.array(places) + 3]
+    rows: NDArray[Any] = bodies.view(dtype)[:, 0]
+    return rows
 
 
 def _text(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
     layouts: dict[str, Any] = {}
     lines: dict[str, list[bytes]] = {}
-    for line in content.splitlines():
+    for number, line in enumerate(io.BytesIO(content)):
+        if number > MOST_MESSAGES:
+            raise InputError(_TOO_MANY)
         name, _, rest = line.partition(b",")
         word = _word(name)
         if word in layouts:
             lines[word].append(rest)
         elif word == "FMT" and rest.count(b",") >= 4:
-            number, length, declared, form, columns = (_word(text) for text in rest.split(b",", 4))
-            layout = _layout(pymavlink, int(number), int(length), declared, form, columns.replace(" ", ""))
+            kind, length, declared, form, columns = (_word(text) for text in rest.split(b",", 4))
+            layout = _layout(pymavlink, int(kind), int(length), declared, form, columns.replace(" ", ""))
             if layout is not None and declared != "FMT":
                 layouts[declared], lines[declared] = layout, lines.get(declared, [])
     return {name: _Table(layout=layout, rows=lines[name]) for name, layout in layouts.items() if lines[name]}

@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake import ros_imu
 from gtmbench.intake.libraries import library, quiet
-from gtmbench.intake.limits import LARGEST_CHUNK_BYTES, MOST_COLUMNS, MOST_MESSAGES, MOST_UNPACKED_BYTES
+from gtmbench.intake.limits import (
+    LARGEST_CHUNK_BYTES,
+    LONGEST_LINE_BYTES,
+    MOST_COLUMNS,
+    MOST_MESSAGES,
+    MOST_UNPACKED_BYTES,
+)
 from gtmbench.intake.quaternion import euler_deg
 from gtmbench.intake.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
 
@@ -154,6 +160,8 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
 
 
 def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] | None, str]:
+    if len(data) > LONGEST_LINE_BYTES:
+        return None, f"{encoding[:30]} of more than {LONGEST_LINE_BYTES} bytes"
     try:
         if encoding == "json":
             found: dict[str, float] = {}

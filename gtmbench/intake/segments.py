@@ -111,7 +111,13 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     period_s = _common_period(reference, rate_hz)
     filtered = any(decimation(one.period_s, period_s) > 1 for one in all_parts)
     made.method += [_described(one) for one in all_parts] + _method(all_parts, period_s, filtered=filtered)
-    for span in _common([one.spans for one in all_parts]):
+    if rate_hz is None and filtered:
+        made.method.append(
+            f"that is the rate of {slowest.label}: name the channels that are needed, or a rate, for more"
+        )
+    common = _common([one.spans for one in all_parts])
+    made.method += _latecomers(all_parts, common)
+    for span in common:
         _add_record(made, all_parts, span, reference, period_s, filtered=filtered)
     if not made.records:
         names = "; ".join(track.label for track in tracks)
@@ -171,6 +177,19 @@ def _common(spans: Sequence[Sequence[Span]]) -> list[Span]:
                 both.append((max(start_s, other[0]), min(end_s, other[1])))
         common = both
     return common
+
+
+def _latecomers(parts: Sequence[_Parts], common: Sequence[Span]) -> list[str]:
+    """Return who begins last and who ends first, where that costs the others more than a moment."""
+    if not common:
+        return []
+    first, last = max(parts, key=lambda one: one.spans[0][0]), min(parts, key=lambda one: one.spans[-1][1])
+    lines = []
+    if first.spans[0][0] - min(one.spans[0][0] for one in parts) > SHORTEST_S:
+        lines.append(f"all are there from {first.spans[0][0]:.6g} s on, when {first.track.label} begins")
+    if max(one.spans[-1][1] for one in parts) - last.spans[-1][1] > SHORTEST_S:
+        lines.append(f"all are there up to {last.spans[-1][1]:.6g} s, when {last.track.label} ends")
+    return lines
 
 
 def _add_record(

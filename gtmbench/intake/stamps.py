@@ -178,7 +178,7 @@ def _without_doubles(name: str, rows: IntArray, time_s: FloatArray, remarks: lis
     doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
     if len(doubled):
         first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
-        text = f"{_label(name)}{len(doubled)} stamps stand there twice: the first row of each is taken"
+        text = f"{_label(name)}{len(doubled)} stamps stand there twice, or nearly: the first row is taken"
         remarks.append(_remark("duplicate", first_s, last_s, text))
     return Clock(rows=np.delete(rows, doubled), time_s=np.delete(time_s, doubled))
 
