@@ -142,7 +142,7 @@ BAD = {
     "other rates": (["log1.csv", "slow.csv"], "slow.csv: it is sampled every 0.05 s, log1.csv every 0.02 s"),
     "a channel less": (["log1.csv", "gyros.csv"], "gyros.csv: bank C needs p, q, r, phi, psi, theta"),
     "what can be used": (["gyros.csv"], "with these channels can be used: bank leave-one-out, bank paper"),
-    "too short": (["short.csv"], "too short"),
+    "too short": (["short.csv"], "15 samples; give at least 20"),
     "too short for whitening": (["brief.csv"], "samples"),
     "not a log": (["junk.csv"], "junk.csv"),
     "no flights": (["--flights", "0"], "flights is 0; it must be a whole number, 1 or more"),
