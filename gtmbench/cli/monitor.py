@@ -57,7 +57,12 @@ _LONGEST_S = 1e12
 @click.option("--outputs", metavar="r", help="... predict these sensors.")
 @click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
 @click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
-@click.option("--false-alarms-per-hour", "wanted", default=0.002, show_default=True, help="Of what is identified here.")
+@click.option(
+    "--false-alarms-per-hour",
+    "wanted",
+    type=float,
+    help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
+)
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
@@ -72,7 +77,7 @@ def monitor_command(
     outputs: str | None,
     look: float,
     rate: float | None,
-    wanted: float,
+    wanted: float | None,
     record: Path | None,
     figure: Path | None,
     save: Path | None,
@@ -100,7 +105,7 @@ def monitor_command(
             healthy=[_healthy(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
-            false_alarms_per_hour=number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
+            false_alarms_per_hour=wanted,
             progress=tell,
         )
         tell("writing", None, None)

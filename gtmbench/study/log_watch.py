@@ -24,6 +24,7 @@ from gtmbench.study.watched_log import WatchedLog
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0  # of a log, taken as healthy where nobody says what is
 _LONG_ENOUGH = 0.2  # of the longest healthy stretch
+_RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
 Progress = Callable[[str, int, int], None]
@@ -64,7 +65,7 @@ def watch_log(
     healthy: Sequence[Span | str | Path] = (),
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
-    false_alarms_per_hour: float = 0.002,
+    false_alarms_per_hour: float | None = None,
     progress: Progress = lambda _step, _done, _of: None,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -84,8 +85,9 @@ def watch_log(
         As `open_log` takes it.
     rate_hz : float, optional
         To resample to; without it a monitor's own, for a bank the slowest channel's, 100 at most.
-    false_alarms_per_hour : float
-        Wanted of a bank.
+    false_alarms_per_hour : float, optional
+        Wanted of a bank; 0.002, and 1 of one that is judged by its residuals' energy, as `bank_between`'s: most of that
+        is the model's error, whose tail half a minute doesn't bound further.
     progress : callable
         Told the step, how many are done, and of how many.
 
@@ -112,7 +114,8 @@ def watch_log(
             raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
         log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / monitor.sample_period_s)
         return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
-    rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
+    usual = _RATE_OF_ENERGY if bank.statistic.name == "energy" else _RATE
+    rate = number("false_alarms_per_hour", usual if false_alarms_per_hour is None else false_alarms_per_hour, 1e-9, 1e3)
     log = _opened(path, bank, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
     paths = [given for given in healthy if isinstance(given, (str, Path))]
