@@ -211,8 +211,8 @@ def _without(segment: Record, spans: Sequence[Span]) -> list[Record]:
     for start_s, end_s in spans:
         pieces = []
         for part in left:
-            pieces.append(_cut(part, part.start_s, min(start_s - part.sample_period_s, part.end_s)))
-            pieces.append(_cut(part, max(end_s + part.sample_period_s, part.start_s), part.end_s))
+            pieces.append(_cut(part, part.start_s, start_s - 0.5 * part.sample_period_s))
+            pieces.append(_cut(part, end_s + 0.5 * part.sample_period_s, part.end_s))
         left = [piece for piece in pieces if piece is not None]
     return left
 
