@@ -130,8 +130,7 @@ def trimmed_engine(
         set_condition(fdm, aircraft, condition(unknowns))
         return np.array([fdm[name] for name in ACCELERATIONS])
 
-    spans = [aircraft.envelope["alpha"], (-60.0, 60.0), *(aircraft.limits[name] for name in COMMANDS)]
-    low, high = (np.array(bound) for bound in zip(*spans, strict=True))
+    low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
     found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
     left = accelerations(found.x)

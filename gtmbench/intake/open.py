@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.channels import SENSORS
-from gtmbench.checks import names, number
+from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.raw import RawLog, RawSeries, check_values, one_line
+from gtmbench.intake.raw import RawLog, RawSeries, check_values
 from gtmbench.intake.read import read_raw
 from gtmbench.intake.remarks import summed_up
 from gtmbench.intake.segments import Track, cut

@@ -161,7 +161,8 @@ def logged_records(
                 )
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
         twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
