@@ -202,6 +202,7 @@ def _resolved(target: Path) -> Path:
     """Return the file that is meant, through a link; nothing else is written over."""
     try:
         meant = target.resolve()
+        str(meant).encode()  # Parquet's and rerun's libraries want UTF-8
         is_folder, is_other = meant.is_dir(), meant.exists() and not meant.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # too long a name, links in a circle, a zero in the name
         raise InputError(f"can't write {target}: {error}") from error

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,6 +114,19 @@ def _span(name: str, value: Any) -> Span:
     return low, high
 
 
+@contextmanager
+def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
+    """Turn what JSBSim throws at a model into an error of ours.
+
+    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
+    """
+    try:
+        yield
+    except RuntimeError as error:  # JSBSim's own errors are among these
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
+
+
 def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
 
@@ -133,10 +149,8 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
     fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
-    try:
+    with simulating(fdm, aircraft):
         loaded = fdm.load_model(aircraft.name)
-    except jsbsim.BaseError as error:
-        raise GtmbenchError(f"JSBSim can't load {model}: {error}") from error
     if not loaded:
         raise GtmbenchError(f"JSBSim can't load {model}, for the reason it printed")
     fdm.disable_output()

@@ -96,7 +96,7 @@ def open_log(
     'p is 28.6479 from start to end: constant'
     """
     path = Path(path)
-    rate = None if rate_hz is None else number("rate_hz", rate_hz, 0.0, above=True)
+    rate = None if rate_hz is None else number("rate_hz", rate_hz, 1e-3, 1e6)
     wanted = None if needs is None else names("needs", needs)
     columns = split_mapping(mapping)
     raw = read_raw(path)
