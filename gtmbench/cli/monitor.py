@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, shipped_banks, written_aside
+from gtmbench.files import check_file, is_file, shipped_banks, written_aside
 from gtmbench.method.monitoring.bank import load_bank
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.record import Span
@@ -152,7 +152,7 @@ def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: 
 def _healthy(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
     match = _SPAN.fullmatch(text)
-    if match is None or Path(text).is_file():
+    if match is None or is_file(Path(text)):
         return Path(text)
     try:
         start_s = float(match[1]) if match[1] else -math.inf
@@ -178,7 +178,7 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     if shown:
         _print_columns(log, columns)
         for line in _possible(channels):
-            click.echo(line)
+            echo(line)
     allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
     banks = f"--monitor {' or '.join(allowed)}" if allowed else "no bank's channels are there"
     return InputError(
@@ -235,9 +235,9 @@ def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
     from gtmbench.report.log_text import log_report
 
     for line in log_report(watched):
-        click.echo(line)
+        echo(line)
     for what, path in (("figure", figure), ("monitor", save)):
         if path is not None:
-            click.echo(f"{what}: {path}")
+            echo(f"{what}: {path}")
     if record is not None:
-        click.echo(f"recording: {record}    look at it: gtmbench view {record}")
+        echo(f"recording: {record}    look at it: gtmbench view {record}")
