@@ -123,7 +123,7 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
     for others, held in _folds(records):
-        part = identify_cautiously(others, spec)
+        part = identify_cautiously(others, spec, rms=whole.rms)
         for number, rows in held:
             record = records[number]
             residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
