@@ -1,4 +1,4 @@
-"""A transport aircraft's manoeuvres as a flight recorder has them: JSBSim's own 737, half minutes, imperfect sensors."""
+"""A transport aircraft's manoeuvres as a flight recorder has them: JSBSim's own A320, imperfect sensors."""
 
 import os
 from functools import cache
@@ -44,7 +44,7 @@ def flown(manoeuvre, duration_s=30):
     fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
     fdm.set_debug_level(0)
     fdm.set_dt(1.0 / RATE_HZ)
-    fdm.load_model("737")
+    fdm.load_model("A320")
     fdm.disable_output()
     for name, value in {"h-sl-ft": 15000.0, "vc-kts": 280.0, "gamma-deg": 0.0, "psi-true-deg": 40.0}.items():
         fdm[f"ic/{name}"] = value

@@ -152,13 +152,11 @@ class _Piece:
 
 
 def _moments(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return means and RMS values about them of what is there; 0 where nothing is."""
-    there = [column[np.isfinite(column)] for column in values.T]
-    moments = [
-        (float(one.mean()), float(one.std()) if np.ptp(one) > 0.0 else 0.0) if len(one) else (0.0, 0.0) for one in there
-    ]
-    means, rms = zip(*moments, strict=True)
-    return frozen(means), frozen(rms)
+    """Return means and RMS values about them, over the rows where nothing is missing; RMS 0 where nothing moves."""
+    there = values[np.isfinite(values).all(axis=1)]
+    if not len(there):
+        return np.zeros(values.shape[1]), np.zeros(values.shape[1])
+    return there.mean(axis=0), np.where(np.ptp(there, axis=0) > 0.0, there.std(axis=0), 0.0)
 
 
 def _check_motion(names: Sequence[str], rms: FloatArray) -> None:
@@ -217,5 +215,5 @@ def _signal(gram: FloatArray, right: FloatArray, noise: FloatArray) -> tuple[Flo
     unit = gram / np.outer(size, size)
     values, vectors = np.linalg.eigh(unit - noise / np.outer(size, size))
     signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    solved = np.linalg.solve(unit + 1e-9 * np.trace(unit) * np.eye(len(unit)), right / size)
+    solved = np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size)
     return signal * np.outer(size, size), size * (signal @ solved)
