@@ -133,7 +133,7 @@ def watch_log(
     kept = [record for record in records if len(record) >= shortest]
     if len(kept) < len(records):
         reasons.append(
-            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: they are shorter than "
+            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: shorter than "
             "a fifth of the longest"
         )
     ready = calibrate_cautiously(
