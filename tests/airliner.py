@@ -22,6 +22,7 @@ MANOEUVRES = {  # surface, start (s), unit of time (s), size of the command, sig
     ],
     "still": [],
 }
+MINUTE = [*MANOEUVRES["all"], *((surface, 30.0 + start_s, *rest) for surface, start_s, *rest in MANOEUVRES["late"])]
 # property, factor to the channel's unit, noise, step of quantisation, bias, gain
 SENSORS = {
     "p": ("velocities/p-rad_sec", 57.29578, 0.06, 0.02, 0.15, 1.01),
@@ -52,10 +53,10 @@ def flown(manoeuvre, duration_s=30):
     fdm["propulsion/set-running"] = -1
     fdm.do_trim(1)
     trim = {surface: fdm[f"fcs/{surface}-cmd-norm"] for surface in ("elevator", "aileron", "rudder")}
-    rows = []
+    rows, pushes = [], MINUTE if manoeuvre == "minute" else MANOEUVRES[manoeuvre]
     for k in range(duration_s * RATE_HZ + 1):
         for surface, value in trim.items():
-            pushed = sum(_push(k / RATE_HZ, *one[1:]) for one in MANOEUVRES[manoeuvre] if one[0] == surface)
+            pushed = sum(_push(k / RATE_HZ, *one[1:]) for one in pushes if one[0] == surface)
             fdm[f"fcs/{surface}-cmd-norm"] = value + pushed
         fdm.run()
         rows.append([fdm[name] * factor for name, factor, *_ in SENSORS.values()])

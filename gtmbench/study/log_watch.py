@@ -193,7 +193,8 @@ def _limits(watches: Sequence[Watch]) -> list[str]:
         return ["nothing of the log is left to watch"]
     if not any(seen.armed_hours for seen in watches):
         return ["what is left to watch is too short"]
-    wide = [spread.white > _WIDE for seen in watches for spread in seen.residuals.spread.values()]
+    spreads = [[one.white > _WIDE for one in seen.residuals.spread.values()] for seen in watches]
+    wide = [np.logical_or.reduce(some) for some in spreads if some]
     share = float(np.concatenate(wide).mean()) if wide else 0.0
     if share < _MUCH:
         return []

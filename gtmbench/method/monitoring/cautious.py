@@ -70,16 +70,16 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec, *, rms: F
     y = [record[spec.output] for record in records]
     both = [np.column_stack(pair) for pair in zip(u, y, strict=True)]
     (*means, mean), own_rms = _moments(np.concatenate(both))
-    if rms is None:
-        _check_motion([*spec.inputs, spec.output], own_rms)
-    *input_rms, output_rms = own_rms if rms is None else rms
     pieces = [_Piece.of(ui - means, yi - mean, causal, lags) for ui, yi in zip(u, y, strict=True) if len(yi) >= lags]
     count = sum(int(piece.whole.sum()) for piece in pieces) / _ALIKE
     if count < 10.0:
         raise InputError(
-            f"{sum(map(len, records))} samples are too few windows of {lags} for the residual of {spec.output}; give a "
-            "longer record, or a bank that looks back and ahead less"
+            f"{sum(map(len, records))} samples hold too few windows of {lags} without a missing one for the residual of "
+            f"{spec.output}; give a longer record, or a bank that looks back and ahead less"
         )
+    if rms is None:
+        _check_motion([*spec.inputs, spec.output], own_rms)
+    *input_rms, output_rms = own_rms if rms is None else rms
     own = next((i for i, name in enumerate(spec.inputs) if _reproduces(name, spec.output)), None)
     scale = output_rms / np.asarray(input_rms)
     before, precision = _prior(own, inputs, causal, noncausal, period_s, scale)
@@ -114,7 +114,12 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec, *, rms: F
         estimator="cautious",
         solver="cholesky",
     )
-    return Cautious(operator=operator, root=frozen(root), variance=variance, rms=frozen([*input_rms, output_rms]))
+    return Cautious(
+        operator=operator,
+        root=frozen(np.ascontiguousarray(root)),
+        variance=variance,
+        rms=frozen([*input_rms, output_rms]),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
