@@ -124,7 +124,7 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
 
 
 HOSTILE = {
-    "a doubt that is no table": (lambda doubt: [1.0], "residuals.p.doubt is"),
+    "a doubt that is no table": (lambda _: [1.0], "residuals.p.doubt is"),
     "no root": (lambda doubt: {key: doubt[key] for key in ("raw", "white")}, "key 'root' is missing"),
     "one key more": (lambda doubt: {**doubt, "grey": 1.0}, "unknown key 'grey'"),
     "negative": (lambda doubt: {**doubt, "raw": -1.0}, "doubt.raw is -1"),

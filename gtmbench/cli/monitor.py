@@ -159,21 +159,23 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     from gtmbench.intake.open import log_columns, open_log
 
     columns = log_columns(log)
+    channels: tuple[str, ...] = ()
+    no_use = ""
     try:
-        channels: tuple[str, ...] = open_log(log, mapping=mapping).channels
+        channels = open_log(log, mapping=mapping).channels
     except InputError as error:
-        channels, reason = (), f" ({error})"
-    else:
-        reason = ""
+        no_use = str(error)
     if shown:
         _print_columns(log, columns)
         for line in _possible(channels):
             click.echo(line)
+    if no_use:
+        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")
     allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
-    banks = f"--monitor {' or '.join(allowed)}" if allowed else "no bank's channels are there"
+    banks = f"give --monitor {' or '.join(allowed)}, or" if allowed else "no bank's channels are there; give"
     return InputError(
-        f"nothing was said about how to watch {log.name}: {banks}; or --identify T0:T1 --inputs ... --outputs ... of "
-        f"{', '.join(channels[:30]) or 'no channels'}{reason}"
+        f"nothing was said about how to watch {log.name}: {banks} --inputs ... --outputs ... of "
+        f"{', '.join(channels[:30])}"
     )
 
 

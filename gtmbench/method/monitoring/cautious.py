@@ -74,8 +74,8 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec, *, rms: F
     count = sum(int(piece.whole.sum()) for piece in pieces) / _ALIKE
     if count < 10.0:
         raise InputError(
-            f"{sum(map(len, records))} samples hold too few windows of {lags} without a missing one for the residual of "
-            f"{spec.output}; give a longer record, or a bank that looks back and ahead less"
+            f"{sum(map(len, records))} samples hold too few windows of {lags} without a missing one for the residual "
+            f"of {spec.output}; give a longer record, or a bank that looks back and ahead less"
         )
     if rms is None:
         _check_motion([*spec.inputs, spec.output], own_rms)
