@@ -33,6 +33,7 @@ _BASELINES = 5.0  # in the shortest record
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _SHORTEST_S = 5.0
+_LEAST_THERE = 0.5  # of the residual
 Rows = tuple[int, slice]  # of a record, by its number
 
 
@@ -126,13 +127,14 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
     for others, held in _folds(records):
-        part = identify_cautiously(others, spec)
+        part = identify_cautiously(others, spec, rms=whole.rms)
         for number, rows in held:
             record = records[number]
             residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
             spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
             raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
             of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
+    _check_there(np.concatenate(white), spec.output)
     noise = float(np.nanmean(np.square(np.concatenate(residuals))))
     raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance, noise)
     white_factor, scale = _factor(np.concatenate(white), np.concatenate(of_white) / whitener.deviation**2, 1.0)
@@ -159,6 +161,16 @@ def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]
 
 def _part(record: Record, rows: slice) -> Record:
     return record.between(record.time_s[rows.start], record.time_s[rows.stop - 1])
+
+
+def _check_there(white: FloatArray, output: str) -> None:
+    """Refuse residuals that are mostly missing: thresholds wouldn't stand on anything."""
+    share = float(np.isfinite(white).mean())
+    if share < _LEAST_THERE:
+        raise InputError(
+            f"{100.0 * (1.0 - share):.0f} % of the residual of {output} is missing, for every missing sample takes "
+            "those around it along; choose another stretch, or resample the log to its slowest channel"
+        )
 
 
 def _factor(values: FloatArray, share: FloatArray, least: float) -> tuple[float, float]:
