@@ -148,6 +148,16 @@ def test_a_bomb_of_toml_is_refused_in_little_time_and_memory(tmp_path, reader, b
     assert peak_mb(lambda: reader(path)) < 40.0
 
 
+def test_a_scenario_of_more_than_memory_holds_is_refused(tmp_path):
+    path = tmp_path / "given.toml"
+    fault = '[[faults]]\nkind = "drift"\nchannels = ["p"]\nonset_s = 300\nslope = '
+    path.write_text(f"duration_s = 86400.0\n{fault}{[0.1 * k for k in range(1, 7)]}\n")
+    with pytest.raises(gb.InputError, match="6 trials of 86400 s would be held in memory"):
+        gb.load_scenario(path)
+    path.write_text(f"duration_s = 86400.0\n{fault}{[0.1 * k for k in range(1, 6)]}\n")
+    assert len(gb.load_scenario(path).faults) == 5
+
+
 @pytest.mark.parametrize("text", ["[" * 10**6, '{"a":' * 10**6, "9" * 10**6, '"' + "\\u0000" * 10**5 + '"', "1e999"])
 def test_a_bomb_of_json_is_refused_in_little_time_and_memory(tmp_path, text):
     (tmp_path / "monitor.json").write_text(text)
