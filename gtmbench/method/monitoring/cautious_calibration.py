@@ -18,7 +18,8 @@ from gtmbench.method.monitoring.bank import Bank, ResidualSpec
 from gtmbench.method.monitoring.cautious import identify_cautiously
 from gtmbench.method.monitoring.doubt import Doubt
 from gtmbench.method.monitoring.monitor import Monitor, residuals_of
-from gtmbench.method.monitoring.statistics import Spread, tolerance_of
+from gtmbench.method.monitoring.spread import Spread
+from gtmbench.method.monitoring.statistics import tolerance_of
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.monitoring.thresholds import thresholds_of
 from gtmbench.method.monitoring.whitening import Whitener, fit_whitener

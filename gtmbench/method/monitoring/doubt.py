@@ -3,6 +3,7 @@
 A minute of flight excites few directions. On another manoeuvre the residual is then noise plus what the Markov
 parameters leave open, phi(k)'(theta - theta_hat); its deviation follows from their covariance, and what is judged is
 the residual over it: motion that nobody has seen widens what is normal, a fault in known motion stands out as before.
+theta - theta_hat is one error at all samples, so that a window's mean of it follows from the window's mean of phi(k).
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from gtmbench.method.monitoring.statistics import Spread, Statistic
+from gtmbench.method.monitoring.spread import Spread
+from gtmbench.method.monitoring.statistics import Statistic
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record

@@ -9,7 +9,8 @@ from typing import Any
 
 from gtmbench.method.monitoring.bank import Bank
 from gtmbench.method.monitoring.doubt import HALF, Doubt
-from gtmbench.method.monitoring.statistics import Series, Spread, Tolerance
+from gtmbench.method.monitoring.spread import Spread
+from gtmbench.method.monitoring.statistics import Series, Tolerance
 from gtmbench.method.monitoring.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility

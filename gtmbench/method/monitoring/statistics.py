@@ -6,15 +6,17 @@ so it is known when the residual's row k is. Missing rows are passed over: a win
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmbench.method.monitoring.spread import Given, Spread
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 
 _LONG_S = 20.0
+_FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
 _MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
@@ -64,38 +66,6 @@ class Series:
         return float(np.log(self.looks_per_row / crossings_per_row)) if self.looks_per_row else -np.inf
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Spread:
-    """How far a residual may be off where its operator is in doubt.
-
-    Attributes
-    ----------
-    raw, white : shape (samples,)
-        By which the residual, as it is and whitened, is divided before its energy is judged; 1 where all is known.
-    means : mapping of int to array of shape (samples,)
-        Of windows of so many samples: the variance of their mean about that of the baseline before, in whitened
-        samples, from the operator's error alone. That is one error, at all samples: windows don't average it out.
-    """
-
-    raw: FloatArray = field(repr=False)
-    white: FloatArray = field(repr=False)
-    means: Mapping[int, FloatArray] = field(default_factory=dict, repr=False)
-
-    def between(self, rows: slice) -> Spread:
-        """Return some rows."""
-        means = {window: values[rows] for window, values in self.means.items()}
-        return Spread(raw=self.raw[rows], white=self.white[rows], means=means)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Given:
-    """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`."""
-
-    values: FloatArray
-    plain: FloatArray
-    means: Mapping[int, FloatArray]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Statistic:
     """A kind of test and its parameters; windows in seconds, shifts and ratios in deviations and variances.
@@ -139,6 +109,7 @@ class Statistic:
             values=np.clip((plain / by)[there], -most, most),
             plain=np.clip(plain[there], -most, most),
             means={} if spread is None else {rows: values[there] for rows, values in spread.means.items()},
+            doubtful=np.zeros(len(there)) if spread is None else (1.0 - 1.0 / np.square(spread.white))[there],
         )
         found = STATISTICS[self.name](self, given, sample_period_s, tolerance)
         placed = []
@@ -205,8 +176,8 @@ def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Toler
     """Generalised likelihood ratios over windows of L samples, in nats.
 
     Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
-    the operator's error gives it. Of another variance:
-    L/2 (s - 1 - log s), s the mean square about m0 over the nearest end of the tolerated range.
+    the operator's error gives it. Of another variance: L/2 (s - 1 - log s), s the mean square about m0 over the
+    nearest end of the tolerated range, which is wider where the operator's error dominates.
     """
     found = []
     for rows in test.rows(sample_period_s):
@@ -215,7 +186,8 @@ def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Toler
         beyond = np.maximum(np.abs(shift) - tolerance.mean, 0.0)
         of_mean = np.square(beyond) / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1) + given.means.get(rows, 0.0)))
         low = tolerance.low if test.two_sided else 0.0
-        ratio = power / np.clip(power, low, tolerance.high)
+        high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * _trailing(given.doubtful, rows) / rows)
+        ratio = power / np.clip(power, low, high)
         of_energy = 0.5 * rows * (ratio - 1.0 - np.log(ratio))
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length

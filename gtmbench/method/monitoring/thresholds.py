@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gtmbench.method.monitoring.statistics import Spread, Statistic, Tolerance
+from gtmbench.method.monitoring.spread import Spread
+from gtmbench.method.monitoring.statistics import Statistic, Tolerance
 from gtmbench.method.monitoring.tails import block_maxima, tail_threshold
 from gtmbench.record import FloatArray
 
