@@ -78,7 +78,7 @@ def test_free_operators_stay_quiet_and_find_what_is_large():
     monitor = calibrated("all", duration_s=60, bank=FREE)
     assert alarmed(monitor, duration_s=60) == []
     flight = airliner("late", 50, duration_s=60)
-    (finding,) = gb.watch(monitor, gb.inject(flight, gb.Drift(channel="r", onset_s=30.0, slope=0.5))).findings
+    (finding,) = gb.watch(monitor, gb.inject(flight, gb.Drift(channel="r", onset_s=30.0, slope=1.0))).findings
     assert finding.alarm_s > 30.0
     assert set(finding.last.candidates) == {"r", "p", "beta", "ny"}  # nothing tells which
 
