@@ -18,6 +18,7 @@ from gtmbench.method.monitoring.bank import Bank, ResidualSpec
 from gtmbench.method.monitoring.cautious import identify_cautiously
 from gtmbench.method.monitoring.doubt import Doubt
 from gtmbench.method.monitoring.monitor import Monitor, residuals_of
+from gtmbench.method.monitoring.spread import Spread
 from gtmbench.method.monitoring.statistics import tolerance_of
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.monitoring.thresholds import thresholds_of
@@ -81,7 +82,7 @@ def calibrate_cautiously(
     seen = {output: one.seen for output, one in learnt.items()}
     tolerances = {}
     for output, pairs in seen.items():
-        found = tolerance_of([white for _, white in pairs], bank.statistic, period_s, noise=4.0)
+        found = tolerance_of([white / spread.white for _, white, spread in pairs], bank.statistic, period_s, noise=4.0)
         tolerances[output] = replace(found, high=max(found.high, _NOISE_POWER))
     thresholds, block_s = thresholds_of(bank.statistic, seen, tolerances, period_s, false_alarms_per_hour)
     if bank.statistic.name == "energy":
@@ -110,12 +111,12 @@ def calibrate_cautiously(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Learnt:
-    """One residual; `seen`: raw and whitened, over their spread, by operators that hadn't seen them, one a record."""
+    """One residual; `seen`: raw, whitened and their spread, by operators that hadn't seen them, one a record."""
 
     operator: Transmissibility
     whitener: Whitener
     doubt: Doubt
-    seen: list[tuple[FloatArray, FloatArray]] = field(repr=False)
+    seen: list[tuple[FloatArray, FloatArray, Spread]] = field(repr=False)
 
 
 def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt:
@@ -126,14 +127,19 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     whitener = fit_whitener(residuals, order=min(order, sum(map(len, records)) // 50))
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
+    of_means: list[dict[int, FloatArray]] = [{} for _ in records]
     for others, held in _folds(records):
         part = identify_cautiously(others, spec, rms=whole.rms)
         for number, rows in held:
             record = records[number]
             residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
-            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
+            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(
+                part.operator, record, whitener.coefficients, bank.statistic
+            )
             raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
             of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
+            for window, variance in spread.means.items():
+                of_means[number].setdefault(window, np.zeros(len(record)))[rows] = variance[rows]
     _check_there(np.concatenate(white), spec.output)
     noise = float(np.nanmean(np.square(np.concatenate(residuals))))
     raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance, noise)
@@ -141,8 +147,16 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     deviation = whitener.deviation * scale
     doubt = Doubt(root=whole.root, raw=raw_factor / whole.variance, white=white_factor / whitener.deviation**2)
     seen = [
-        (e / np.sqrt(1.0 + doubt.raw * h), w / scale / np.sqrt(1.0 + doubt.white * g))
-        for e, w, h, g in zip(raw, white, of_raw, of_white, strict=True)
+        (
+            e,
+            w / scale,
+            Spread(
+                raw=np.sqrt(1.0 + doubt.raw * h),
+                white=np.sqrt(1.0 + doubt.white * g),
+                means={window: doubt.white * variance for window, variance in means.items()},
+            ),
+        )
+        for e, w, h, g, means in zip(raw, white, of_raw, of_white, of_means, strict=True)
     ]
     operator = replace(whole.operator, rms_residual=frozen([np.sqrt(noise)]))
     return _Learnt(operator=operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
