@@ -7,7 +7,9 @@ with imperfect sensors; identifies a bank on one manoeuvre, or on three, and wat
 records alarm, how many faults that begin after 15 s are found, and what is said of them. Prints the tables; writes
 report.md and a figure into DIR. No figure is held against a target.
 
-The method was made on the 737 and the A320. B747 and global5000 are held out: they were first flown when it was frozen.
+The method was made on the 737 and the A320; B747 and global5000 were first flown when it was frozen. Afterwards two
+details of the calibration were changed with the alarms of operators on all four in view: a margin on the thresholds of
+operators, and noise that can't pass for the model's error, which is bank C's, too.
 """
 
 from __future__ import annotations
@@ -174,10 +176,10 @@ def cases(*, quick: bool) -> list[Case]:
 
 
 def monitor_of(case: Case) -> gb.Monitor:
-    """Identify the bank, as `gtmbench monitor` does."""
+    """Identify the bank for the false alarms an hour that `gtmbench monitor` asks for."""
     bank = gb.load_bank("C") if case.bank == "C" else gb.bank_between(case.bank.split(), ["r"])
     records = [sensed(case.aircraft, case.weather, name, 1 + i) for i, name in enumerate(case.identified)]
-    return calibrate_cautiously(records, bank, false_alarms_per_hour=0.002)
+    return calibrate_cautiously(records, bank, false_alarms_per_hour=0.002 if case.bank == "C" else 1.0)
 
 
 def rows_of(case: Case) -> list[Row]:
@@ -223,6 +225,7 @@ def judged(monitor: gb.Monitor, healthy: gb.Record, fault: gb.Fault) -> Row:
         "fault": fault.kind,
         "change": float(np.sqrt(np.mean(change**2) / own)),
         "found": first is not None,
+        "spoiled": bool(findings) and first is None,
         "right gyro": first is not None and first.sensor == fault.channel,
         "wrong gyro": first is not None and first.sensor not in (None, fault.channel),
         "right kind": first is not None and (first.sensor, first.last.kind) == (fault.channel, fault.kind),
@@ -257,14 +260,18 @@ imperfect sensors read it (the script's table says how imperfect). A bank is ide
 three, and watches the others. Faults begin after {ONSET_S:g} s: jam, drift of {DRIFT:g} deg/s², deadzone of the
 record's RMS (0.5 deg/s or more), saturation at half of it (0.3 deg/s or more).
 
-The method was made on the 737 and the A320; {" and ".join(HELD_OUT)} are held out: first flown when it was frozen.
+The method was made on the 737 and the A320; {" and ".join(HELD_OUT)}, "held out", were first flown when it was frozen.
+Afterwards two details of the calibration were changed with the alarms of operators on all four in view: a margin on the
+thresholds of operators, and noise that can't pass for the model's error, which is bank C's, too. So bank C is held out
+but for the latter; of the operators, no aircraft is.
 
 {table(summary(rows, ["bank", "group"]))}
 
 Bank C: every gyro from the attitude. The others are operators between these channels and r, and it is r that breaks:
 they say that one of their sensors broke, not which. Found: an alarm after the onset, and none before. Right gyro,
-wrong gyro (the rest is undecided) and right kind: of those found, at the record's end. Small: after the onset the
-fault changed what the gyro reads by less (RMS) than what it reads that isn't motion: vibration, noise, rounding.
+wrong gyro (the rest is undecided) and right kind: of those found, at the record's end. Of those missed, spoiled: an
+alarm came before the onset; small: none came, and after the onset the fault changed what the gyro reads by less (RMS)
+than what it reads that isn't motion: vibration, noise, rounding.
 
 ## Bank C on the held-out aircraft
 
@@ -296,7 +303,8 @@ def summary(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
         line["faults found"] = f"{broken['found'].sum()} of {len(broken)}"
         line |= {name: int(broken[name].sum()) for name in ("right gyro", "wrong gyro", "right kind")}
         line["median delay (s)"] = f"{broken['delay'].median():.1f}" if broken["found"].any() else ""
-        lines.append(line | {"small, of those missed": f"{(missed['change'] < 1.0).sum()} of {len(missed)}"})
+        line |= {"missed": len(missed), "spoiled": int(missed["spoiled"].sum())}
+        lines.append(line | {"small": int((~missed["spoiled"].astype(bool) & (missed["change"] < 1.0)).sum())})
     return pd.DataFrame(lines)
 
 
@@ -344,6 +352,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     given = parser.parse_args()
+    if given.out:
+        given.out.mkdir(parents=True, exist_ok=True)
     began, todo = time.monotonic(), cases(quick=given.quick)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn"), initializer=quiet) as pool:
@@ -351,9 +361,8 @@ def main() -> int:
         text = report(pd.DataFrame([row for rows in done for row in rows]))
     print(text)
     if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
-        draw(given.out / "example.png")
         (given.out / "report.md").write_text(text + "\n![r, predicted and measured](example.png)\n")
+        draw(given.out / "example.png")
     print(f"{time.monotonic() - began:.0f} s" + (f"; report and figure in {given.out}" if given.out else ""))
     return 0
 
