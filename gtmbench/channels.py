@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from gtmbench.checks import shown
 from gtmbench.errors import InputError
 
 
@@ -144,10 +145,10 @@ def sensor_list(key: str, value: Any) -> tuple[str, ...]:
     ('p', 'beta')
     """
     if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
-        raise InputError(f"{key} is {value!r}; it must be a list of channel names")
+        raise InputError(f"{key} is {shown(value)}; it must be a list of channel names")
     for name in value:
         if name not in SENSORS:
-            raise InputError(f"{key}: no sensor channel '{name}'; there are {', '.join(SENSORS)}")
+            raise InputError(f"{key}: no sensor channel {shown(name)}; there are {', '.join(SENSORS)}")
         if value.count(name) > 1:
             raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
     return tuple(value)

@@ -10,6 +10,9 @@ from typing import Any
 
 from gtmbench.errors import InputError
 
+_LONGEST_TEXT = 200  # bytes; a file system takes 255 of a name
+_LONGEST_LINE = 2_000  # letters of a message
+
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> float:
     """Return a finite number in low..high (with `above`: greater than low) as a float.
@@ -49,13 +52,45 @@ def names(what: str, given: Any) -> tuple[str, ...]:
     return found
 
 
+def text(name: str, value: Any) -> str:
+    """Return a short text that a line, a figure and a terminal can show.
+
+    >>> text("title", "Drifts")
+    'Drifts'
+    """
+    if isinstance(value, str) and value.strip() and value.isprintable() and len(value.encode()) <= _LONGEST_TEXT:
+        return value
+    raise InputError(f"{name} is {shown(value)}; it must be a short text, at most {_LONGEST_TEXT} bytes in one line")
+
+
 def shown(value: Any) -> str:
     """Return a value as a message shows it: as written, and not too much of it."""
     try:
-        text = str(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
+        written = str(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
     except ValueError:  # an integer of thousands of digits
         return "a number of thousands of digits"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    except RecursionError:
+        return "lists or tables in hundreds of others"
+    return written if len(written) <= 60 else f"{written[:57]}..."
+
+
+def printable(line: str) -> str:
+    r"""Return a line without what a terminal would take for commands: files may be called, and hold, anything.
+
+    >>> printable("gyro\x1b[2J")
+    'gyro?[2J'
+    """
+    return line if line.isprintable() else "".join(letter if letter.isprintable() else "?" for letter in line)
+
+
+def one_line(message: str) -> str:
+    r"""Return a message in one printable line, and not without end.
+
+    >>> one_line("gyro\x1b[2J\nx")
+    'gyro?[2J x'
+    """
+    plain = printable(" ".join(message[: 2 * _LONGEST_LINE].split()))
+    return plain if len(plain) <= _LONGEST_LINE else f"{plain[:_LONGEST_LINE]} ..."
 
 
 def _span(low: float, high: float, above: bool) -> str:

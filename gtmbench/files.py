@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import tempfile
@@ -13,10 +14,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 
 _PACKAGE = Path(__file__).parent
 LARGEST_TOML_BYTES = 100_000
+LARGEST_LOG_BYTES = 1 << 30
+_FRACTION = re.compile(r"\d\.\d")
+_MOST_DOTS = 100
+_LONGEST_LINE_BYTES = 1 << 20
 
 
 def share() -> Path:
@@ -49,6 +55,43 @@ def is_installed() -> bool:
     return (_PACKAGE / "_share").is_dir()
 
 
+def is_file(path: Path) -> bool:
+    """Whether a file stands there; not a folder, and no pipe or device, which could be read for ever."""
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, a folder that isn't ours to look into
+        return False
+
+
+def check_size(path: Path, what: str, largest_bytes: int) -> None:
+    """Refuse a file that is too large to be meant, before it is read; `what` it should be: a scenario, a bank.
+
+    Raises
+    ------
+    InputError
+    """
+    size = path.stat().st_size
+    if size > largest_bytes:
+        raise InputError(f"{path} has {size} bytes; a {what} has at most {largest_bytes}")
+
+
+def count_lines(path: Path) -> int:
+    """Return how many lines a text has at most, however they end; refuse one that nobody writes.
+
+    Raises
+    ------
+    InputError
+    """
+    count = 1
+    with path.open("rb") as file:
+        while block := file.read(_LONGEST_LINE_BYTES):
+            ends = max(block.count(b"\n"), block.count(b"\r"))
+            if not ends and len(block) == _LONGEST_LINE_BYTES:
+                raise InputError(f"it has a line of more than {_LONGEST_LINE_BYTES} bytes; nobody writes such a table")
+            count += ends
+    return count
+
+
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank.
 
@@ -58,13 +101,16 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         Where it is too large to be meant, can't be read or isn't TOML.
     """
     try:
-        if path.stat().st_size > LARGEST_TOML_BYTES:
-            raise InputError(f"{path} has {path.stat().st_size} bytes; a {what} has at most {LARGEST_TOML_BYTES}")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        check_size(path, what, LARGEST_TOML_BYTES)
+        text = path.read_text(encoding="utf-8")
+        # a.a.a.a: tomllib's memory and time grow with the square of a key's depth
+        if max(_FRACTION.sub("", line).count(".") for line in text.split("\n")) > _MOST_DOTS:
+            raise InputError(f"{path} has more than {_MOST_DOTS} dots in a line; no table of a {what} is so deep")
+        return tomllib.loads(text)
     except InputError:
         raise
     except (ValueError, RecursionError, OSError) as error:  # tomllib's and Unicode's errors are ValueErrors
-        raise InputError(f"{path} isn't a readable TOML file: {error}") from error
+        raise InputError(f"{path} isn't a readable TOML file: {one_line(str(error))}") from error
 
 
 def check_folder(target: Path, *, force: bool) -> None:
@@ -81,7 +127,7 @@ def check_folder(target: Path, *, force: bool) -> None:
         raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
     if target.exists():
         raise InputError(f"can't write into {target}: it isn't a folder of yours to write; give another --out")
-    with _folder_beside(target):
+    with _folder_beside(_resolved(target)):
         pass
 
 
@@ -93,11 +139,10 @@ def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
     InputError
         Before the long work, not after it.
     """
-    if target.is_dir():
-        raise InputError(f"{target} is a folder; give a file's name")
-    if target.exists() and not force:
+    meant = _resolved(target)
+    if meant.exists() and not force:
         raise InputError(f"{target} exists; give another {option}, or --force to write over it")
-    with _folder_beside(target.resolve()):
+    with _folder_beside(meant):
         pass
 
 
@@ -110,7 +155,7 @@ def written_aside(target: Path) -> Iterator[Path]:
     InputError
         Where the folder doesn't exist or can't be written.
     """
-    target = target.resolve()  # through a link, to the file it means
+    target = _resolved(target)
     with _folder_beside(target) as aside:
         yield aside / target.name
         (aside / target.name).replace(target)
@@ -151,6 +196,20 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, former)
+
+
+def _resolved(target: Path) -> Path:
+    """Return the file that is meant, through a link; nothing else is written over."""
+    try:
+        meant = target.resolve()
+        str(meant).encode()  # Parquet's and rerun's libraries want UTF-8
+        is_folder, is_other = meant.is_dir(), meant.exists() and not meant.is_file()
+    except (OSError, RuntimeError, ValueError) as error:  # too long a name, links in a circle, a zero in the name
+        raise InputError(f"can't write {target}: {error}") from error
+    if is_folder or is_other:
+        kind = "folder" if is_folder else "device or a pipe"
+        raise InputError(f"{target} is a {kind}; give a file's name")
+    return meant
 
 
 @contextmanager

@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gtmbench.channels import channel_of, header_of
+from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files import written_aside
+from gtmbench.files import LARGEST_LOG_BYTES, check_size, count_lines, is_file, written_aside
 from gtmbench.record import Record
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SUFFIXES = (".csv", ".parquet")
+_MOST_VALUES = 200_000_000
 
 
 def check_log_path(path: Path) -> str:
@@ -79,15 +81,16 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
 
     path = Path(path)
     suffix = check_log_path(path)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{path}: no such file")
+    check_size(path, "log", LARGEST_LOG_BYTES)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
-            frame = _read_csv(path) if suffix == ".csv" else pd.read_parquet(path)
+            frame = _read_csv(path) if suffix == ".csv" else _read_parquet(path)
     # ValueError and OSError: pandas' and pyarrow's own errors are among these
     except (ValueError, OSError, MemoryError, pd.errors.ParserWarning) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = one_line(str(error)) or type(error).__name__
         raise InputError(f"{path} isn't a readable {suffix[1:]} table: {reason}") from error
     try:
         names = {name: name if name == "time_s" else channel_of(str(name)) for name in frame.columns}
@@ -100,8 +103,24 @@ def _read_csv(path: Path) -> pd.DataFrame:
     """Read a table under its own column names: pandas would number those that stand there twice."""
     import pandas as pd
 
+    lines = count_lines(path)
     names = pd.read_csv(path, header=None, nrows=1, dtype=str).iloc[0].tolist()
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise ValueError(f"column '{twice[0]}' stands there twice")
+        raise ValueError(f"column {shown(twice[0])} stands there twice")
+    _check_values(lines * len(names))
     return pd.read_csv(path, index_col=False)
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    import pandas as pd
+    import pyarrow.parquet as pq
+
+    held = pq.read_metadata(path)
+    _check_values(held.num_rows * held.num_columns)  # a few kilobytes can say that there are billions
+    return pd.read_parquet(path)
+
+
+def _check_values(count: int) -> None:
+    if count > _MOST_VALUES:
+        raise ValueError(f"it would be {count:.3g} values; at most {_MOST_VALUES:.0e} are read")

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
-import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jsbsim
 
+from gtmbench.bench.model_file import check_model
 from gtmbench.channels import CHANNELS, COMMANDS
+from gtmbench.checks import number, shown, text
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import share, shipped_aircraft
+from gtmbench.files import is_file, read_toml, share, shipped_aircraft
 from gtmbench.record import Span
 
 SAMPLE_PERIOD_S = 0.01
@@ -37,6 +42,11 @@ class Aircraft:
     limits: dict[str, Span]
     envelope: dict[str, Span]
 
+    @property
+    def searched(self) -> dict[str, Span]:
+        """Where trim looks for its unknowns."""
+        return {"alpha": self.envelope["alpha"], "phi": (-60.0, 60.0), **{name: self.limits[name] for name in COMMANDS}}
+
 
 def load_aircraft(name: str | Path) -> Aircraft:
     """Return an aircraft by name (one of the package's) or by the path of its folder.
@@ -47,42 +57,74 @@ def load_aircraft(name: str | Path) -> Aircraft:
         Where there is no such aircraft or its ``aircraft.toml`` is incomplete.
     """
     shipped = shipped_aircraft()
-    folder = share() / "aircraft" / name if str(name) in shipped else Path(name).resolve()
+    folder = share() / "aircraft" / name if str(name) in shipped else Path(os.path.realpath(name))
     path = folder / "aircraft.toml"
-    if not path.is_file():
-        raise InputError(f"no aircraft '{name}'; there are {', '.join(shipped)}, or give a folder's path")
+    if not is_file(path):
+        raise InputError(f"no aircraft {shown(str(name))}; there are {', '.join(shipped)}, or give a folder's path")
+    facts = read_toml(path, "aircraft")
     try:
-        facts = tomllib.loads(path.read_text())
-        trim = facts["trim"]
-        found = Aircraft(
-            name=folder.name,
-            title=facts["title"],
-            folder=folder,
-            altitude_ft=float(trim["altitude_ft"]),
-            tas_kt=float(trim["tas_kt"]),
-            psi_deg=float(trim["psi_deg"]),
-            latitude_deg=float(trim["latitude_deg"]),
-            guess={key: float(value) for key, value in trim["guess"].items()},
-            limits={key: _span(value) for key, value in facts["limits"].items()},
-            envelope={key: _span(value) for key, value in facts["envelope"].items()},
-        )
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{path} is incomplete or malformed: {error!r}; see the GTM's for every key") from error
+        return _aircraft(folder, facts)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; see the GTM's for every key") from error
+
+
+def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
+    trim, limits, envelope = (_table(facts, key) for key in ("trim", "limits", "envelope"))
+    guess = _table(trim, "guess")
     for table, wanted, given in (
-        ("trim.guess", UNKNOWNS, set(found.guess)),
-        ("limits", COMMANDS, set(found.limits)),
-        ("envelope", ("alpha", "altitude"), set(found.envelope)),
+        ("trim", ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg"), trim),
+        ("trim.guess", UNKNOWNS, guess),
+        ("limits", COMMANDS, limits),
+        ("envelope", ("alpha", "altitude"), envelope),
     ):
-        if missing := set(wanted) - given:
-            raise InputError(f"{path}: [{table}] lacks {', '.join(sorted(missing))}; see the GTM's for every key")
-    if unknown := found.envelope.keys() - CHANNELS.keys():
-        raise InputError(f"{path}: [envelope] names no channel: {', '.join(sorted(unknown))}")
+        if missing := sorted(set(wanted) - given.keys()):
+            raise InputError(f"[{table}] lacks {', '.join(missing)}")
+    if unknown := envelope.keys() - CHANNELS.keys():
+        raise InputError(f"[envelope] names no channel: {', '.join(sorted(unknown))}")
+    found = Aircraft(
+        name=text("the folder's name", folder.name),
+        title=text("title", facts.get("title")),
+        folder=folder,
+        altitude_ft=number("trim.altitude_ft", trim["altitude_ft"], -1e6, 1e6),
+        tas_kt=number("trim.tas_kt", trim["tas_kt"], 0.0, 2000.0, above=True),
+        psi_deg=number("trim.psi_deg", trim["psi_deg"], -360.0, 360.0),
+        latitude_deg=number("trim.latitude_deg", trim["latitude_deg"], -90.0, 90.0),
+        guess={key: number(f"trim.guess.{key}", guess[key]) for key in UNKNOWNS},
+        limits={key: _span(f"limits.{key}", limits[key]) for key in COMMANDS},
+        envelope={key: _span(f"envelope.{key}", value) for key, value in envelope.items()},
+    )
+    for key, (low, high) in found.searched.items():
+        if not low <= found.guess[key] <= high:
+            raise InputError(f"trim.guess.{key} is {found.guess[key]:g}; it must lie in {low:g}..{high:g}")
     return found
 
 
-def _span(value: list[float]) -> Span:
-    low, high = value
-    return float(low), float(high)
+def _table(facts: dict[str, Any], key: str) -> dict[str, Any]:
+    if not isinstance(facts.get(key), dict):
+        raise InputError(f"{key} is {shown(facts.get(key))}; it must be a table")
+    return dict(facts[key])
+
+
+def _span(name: str, value: Any) -> Span:
+    if not isinstance(value, list) or len(value) != 2:
+        raise InputError(f"{name} is {shown(value)}; it must be two numbers, [low, high]")
+    low, high = (number(name, bound) for bound in value)
+    if not low < high:
+        raise InputError(f"{name} is {shown(value)}; the first must be less than the second")
+    return low, high
+
+
+@contextmanager
+def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
+    """Turn what JSBSim throws at a model into an error of ours.
+
+    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
+    """
+    try:
+        yield
+    except RuntimeError as error:  # JSBSim's own errors are among these
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
 
 
 def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
@@ -95,6 +137,8 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     GtmbenchError
         Where JSBSim can't load the model; it prints why.
     """
+    model = aircraft.folder / f"{aircraft.name}.xml"
+    check_model(model)
     # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
     # ends, without Python's lock, and takes the process with it.
     os.environ.setdefault("JSBSIM_DEBUG", "0")
@@ -105,11 +149,8 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
     fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
-    model = f"{aircraft.folder / aircraft.name}.xml"
-    try:
+    with simulating(fdm, aircraft):
         loaded = fdm.load_model(aircraft.name)
-    except jsbsim.BaseError as error:
-        raise GtmbenchError(f"JSBSim can't load {model}: {error}") from error
     if not loaded:
         raise GtmbenchError(f"JSBSim can't load {model}, for the reason it printed")
     fdm.disable_output()

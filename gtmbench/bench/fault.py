@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gtmbench.checks import number
+from gtmbench.checks import number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -59,7 +59,7 @@ class Fault:
 
     def __post_init__(self) -> None:
         if not isinstance(self.channel, str):
-            raise InputError(f"{self.kind}: channel is {self.channel!r}; it must be a channel's name")
+            raise InputError(f"{self.kind}: channel is {shown(self.channel)}; it must be a channel's name")
         number(f"{self.kind}: onset_s", self.onset_s)
         for item in self.parameters():
             if item.is_severity:

@@ -10,7 +10,7 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench import excitation as excitations
-from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, load_aircraft
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, load_aircraft, simulating
 from gtmbench.bench.trim import Trim, trimmed_engine
 from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import number, whole
@@ -72,7 +72,8 @@ def fly(
         fdm["simulation/randomseed"] = seed
         for name, value in _TURBULENCE.items():
             fdm[name] = value
-    read = _fly(fdm, commands)
+    with simulating(fdm, craft):
+        read = _fly(fdm, commands)
     record = _record(read, commands, trimmed)
     _check_envelope(record, craft, excitation)
     return record

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gtmbench.bench.sensors import stream
-from gtmbench.checks import names, number, whole
+from gtmbench.checks import names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, is_record
 
@@ -141,19 +141,19 @@ def parse_imperfections(text: str) -> Imperfections:
     Imperfections(bias=0.5, wander=0.0, lag_s=0.005, quantum=0.0)
     """
     if not isinstance(text, str):
-        raise InputError(f"imperfections are {text!r}; give them as text such as bias=0.5,lag=0.005")
+        raise InputError(f"imperfections are {shown(text)}; give them as text such as bias=0.5,lag=0.005")
     legal = ", ".join(f"{key} ({unit})" for key, unit in _UNITS.items())
     figures: dict[str, float] = {}
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or key not in _UNITS:
-            raise InputError(f"imperfection {part.strip()!r} isn't key=number; the keys are {legal}")
+            raise InputError(f"imperfection {shown(part.strip())} isn't key=number; the keys are {legal}")
         if key in figures:
             raise InputError(f"imperfection '{key}' is given twice; give it once")
         try:
             figure = float(value)
         except ValueError as error:
-            raise InputError(f"imperfection {key} is {value!r}; it must be a number, in {_UNITS[key]}") from error
+            raise InputError(f"imperfection {key} is {shown(value)}; it must be a number, in {_UNITS[key]}") from error
         figures[key] = number(f"imperfection {key}", figure, 0.0, LARGEST)
     return Imperfections(**{"lag_s" if key == "lag" else key: figure for key, figure in figures.items()})
 

@@ -60,7 +60,8 @@ def modes(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas
     lateral = _lateral(vectors, speed)
     fastest_first = [i for i in np.argsort(-np.abs(values)) if values[i].imag >= 0]
     names = {kind: iter(known) for kind, known in _NAMES.items()}
-    return [_mode(next(names[bool(lateral[i]), bool(values[i].imag > 0)]), values[i]) for i in fastest_first]
+    kinds = {i: (bool(lateral[i]), bool(values[i].imag > 0)) for i in fastest_first}
+    return [_mode(next(names[kinds[i]], "another"), values[i]) for i in fastest_first]
 
 
 def _lateral(vectors: np.ndarray, speed_ft_s: float) -> np.ndarray:

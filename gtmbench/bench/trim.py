@@ -8,7 +8,7 @@ from pathlib import Path
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, engine, load_aircraft
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, engine, load_aircraft, simulating
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.checks import number
 from gtmbench.errors import TrimError
@@ -130,11 +130,16 @@ def trimmed_engine(
         set_condition(fdm, aircraft, condition(unknowns))
         return np.array([fdm[name] for name in ACCELERATIONS])
 
-    spans = [aircraft.envelope["alpha"], (-60.0, 60.0), *(aircraft.limits[name] for name in COMMANDS)]
-    low, high = (np.array(bound) for bound in zip(*spans, strict=True))
+    low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
-    found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
-    left = accelerations(found.x)
+    try:
+        with simulating(fdm, aircraft):
+            found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
+            left = accelerations(found.x)
+    except ValueError as error:
+        raise TrimError(
+            f"no trim for '{aircraft.name}': its accelerations aren't all numbers; check the model"
+        ) from error
     if not np.all(np.abs(left) < TOLERANCE):
         raise TrimError(_failure(aircraft, fixed, found.x, left, low, high))
     return fdm, _read(fdm, condition(found.x))

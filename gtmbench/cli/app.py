@@ -15,11 +15,13 @@ from collections.abc import Sequence
 
 import click
 
+from gtmbench.checks import one_line
 from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.monitor import monitor_command
+from gtmbench.cli.output import echo
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__
@@ -82,13 +84,13 @@ def _run(given: list[str], as_json: bool) -> int:
 
 def _note(message: Warning | str) -> None:
     if isinstance(message, RankWarning):  # a library's own warnings mean nothing to a user
-        click.echo(f"note: {message}", err=True)
+        echo(f"note: {one_line(str(message))}", err=True)
 
 
 def _fail(message: str, as_json: bool, code: int = 2) -> int:
-    line = " ".join(message.split())
+    line = one_line(message)
     if as_json:
         click.echo(json.dumps({"error": line, "exit_code": code}))
     else:
-        click.echo(f"gtmbench: {line}", err=True)
+        echo(f"gtmbench: {line}", err=True)
     return code

@@ -10,7 +10,7 @@ import click
 
 from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_banks
 from gtmbench.method.monitoring.bank import Bank, bank_table, load_bank
@@ -100,14 +100,14 @@ def calibrate_command(
         print_json(facts(monitor) | {"out": str(out)})
     elif not quiet:
         _print_monitor(monitor)
-        click.echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
+        echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
 
 def _print_monitor(monitor: Monitor) -> None:
     columns, rows, right = residual_rows(monitor)
     print_table(f"bank {monitor.bank.name}: {monitor.bank.title}", columns, rows, right=right)
     for line in facts_text(monitor):
-        click.echo(line)
+        echo(line)
 
 
 @click.command("bank")
@@ -141,9 +141,7 @@ def _list_banks(as_json: bool, quiet: bool) -> None:
     elif not quiet:
         rows = [[bank.name, bank.title, " ".join(bank.channels)] for bank in banks]
         print_table("Banks", ["name", "predicts", "needs"], rows)
-        click.echo(
-            "one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml"
-        )
+        echo("one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml")
 
 
 def _print_residuals(bank: Bank) -> None:
@@ -158,10 +156,10 @@ def _print_residuals(bank: Bank) -> None:
 def _print_signatures(found: Signatures) -> None:
     rows = [[name, *found.pattern[name]] for name in found.channels]
     print_table("Fault signatures", ["fault of", *(f"in {output}" for output in found.outputs)], rows)
-    click.echo("level: any error of the channel enters the residual; slope: only changes of the error do")
-    click.echo(click.style("Blind spots", bold=True))
+    echo("level: any error of the channel enters the residual; slope: only changes of the error do")
+    echo("Blind spots", bold=True)
     for line in found.blind_spots:
-        click.echo(f"- {line}")
+        echo(f"- {line}")
 
 
 def _bank_json(found: Signatures) -> dict[str, Any]:

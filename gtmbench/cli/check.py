@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file, is_installed, shipped_baselines, shipped_scenarios
 
@@ -74,7 +74,9 @@ def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int
     from gtmbench.study.check import check
 
     if junit is not None:
-        check_file(junit, force=True)
+        if junit.suffix.lower() != ".xml":
+            raise InputError(f"--junit is '{junit}'; its name ends in .xml")
+        check_file(junit, force=True, option="--junit")
     reference = read_reference(path)
     reference.check_recorded()
     began = time.monotonic()
@@ -89,7 +91,7 @@ def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int
         print_json(check_results(found))
     else:
         for line in map(regression_line, found.regressions) if quiet else check_lines(found):
-            click.echo(line)
+            echo(line)
     return 1 if found.regressions else 0
 
 
@@ -147,12 +149,10 @@ def _print_changes(reference: Reference, changes: list[Pair]) -> None:
     from gtmbench.report.check_text import changed_rows
 
     if not reference.recorded:
-        click.echo(
-            f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}"
-        )
+        echo(f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}")
         return
     rows = changed_rows(changes)
     if rows:
         print_table(f"{reference.path}: what changes", ["figure", "was", "is", "unit"], rows, right=["was", "is"])
     else:
-        click.echo(f"{reference.path}: nothing changes in {len(changes)} figures")
+        echo(f"{reference.path}: nothing changes in {len(changes)} figures")

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, written_aside
 from gtmbench.report.read_recording import read_recording
@@ -54,7 +54,7 @@ def diff_command(
     elif not quiet:
         _print(found, a, b)
         if overlay is not None:
-            click.echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
+            echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
     return 0 if found.equal else 1
 
 
@@ -74,7 +74,7 @@ def _print_json(found: Comparison, a: Path, b: Path, overlay: Path | None) -> No
 
 
 def _print(found: Comparison, a: Path, b: Path) -> None:
-    click.echo(f"A: {a}\nB: {b}")
+    echo(f"A: {a}\nB: {b}")
     if found.lines:
         names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
         rows = [_row(line) for line in found.lines]
@@ -88,13 +88,13 @@ def _print(found: Comparison, a: Path, b: Path) -> None:
     alone = [("A", name) for name in found.only_a] + [("B", name) for name in found.only_b]
     if alone:
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
-    click.echo(_summary(found, len(alone)))
+    echo(_summary(found, len(alone)))
 
 
 def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
     print_table(title, columns, rows[:_MOST], right=right or [])
     if len(rows) > _MOST:
-        click.echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
+        echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
 
 
 def _row(line: LineDifference) -> list[str]:

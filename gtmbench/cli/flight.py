@@ -15,9 +15,9 @@ from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
-from gtmbench.cli.output import common_options, print_json, print_table
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_aircraft, shipped_banks, shipped_scenarios
+from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.monitoring.bank import load_bank
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
@@ -43,7 +43,7 @@ def trim_command(
     if as_json:
         print_json({"trim": asdict(found)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
     elif not quiet:
-        click.echo(trim_text(found))
+        echo(trim_text(found))
         if linear:
             _print_modes(linear)
 
@@ -99,10 +99,7 @@ def fly_command(
 ) -> None:
     """Fly and write a log: the truth, or with --noise what the sensors read."""
     check_log_path(out)
-    if out.is_dir():
-        raise InputError(f"{out} is a folder; give a file's name")
-    if out.exists() and not force:
-        raise InputError(f"{out} exists; give another name, or --force to write over it")
+    check_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     record = fly(aircraft, excitation, duration, seed)
@@ -112,7 +109,7 @@ def fly_command(
     if as_json:
         print_json({"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s})
     elif not quiet:
-        click.echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
+        echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
 
 
 def _ratio(text: str) -> float:
@@ -139,9 +136,9 @@ def list_command(as_json: bool, quiet: bool) -> None:
         print_json(sections)
     elif not quiet:
         for title, entries in sections.items():
-            click.echo(click.style(title, bold=True))
+            echo(title, bold=True)
             for name, meaning in entries.items():
-                click.echo(f"  {name:<16} {meaning}")
+                echo(f"  {name:<16} {meaning}")
 
 
 def _first_line(of: object) -> str:

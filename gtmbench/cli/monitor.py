@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, shipped_banks, written_aside
+from gtmbench.files import check_file, is_file, shipped_banks, written_aside
 from gtmbench.method.monitoring.bank import load_bank
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.record import Span
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
     from gtmbench.method.monitoring.bank import Bank
     from gtmbench.method.monitoring.monitor import Monitor
     from gtmbench.study.watched_log import WatchedLog
-
-_SPAN = re.compile(r"\s*([-+]?[\d.]*(?:[eE][-+]?\d+)?)\s*:\s*([-+]?[\d.]*(?:[eE][-+]?\d+)?)\s*")
-_LONGEST_S = 1e12
 
 
 @click.command("monitor")
@@ -57,7 +53,12 @@ _LONGEST_S = 1e12
 @click.option("--outputs", metavar="r", help="... predict these sensors.")
 @click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
 @click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
-@click.option("--false-alarms-per-hour", "wanted", default=0.002, show_default=True, help="Of what is identified here.")
+@click.option(
+    "--false-alarms-per-hour",
+    "wanted",
+    type=float,
+    help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
+)
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
@@ -72,7 +73,7 @@ def monitor_command(
     outputs: str | None,
     look: float,
     rate: float | None,
-    wanted: float,
+    wanted: float | None,
     record: Path | None,
     figure: Path | None,
     save: Path | None,
@@ -100,7 +101,7 @@ def monitor_command(
             healthy=[_healthy(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
-            false_alarms_per_hour=number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
+            false_alarms_per_hour=wanted,
             progress=tell,
         )
         tell("writing", None, None)
@@ -146,15 +147,14 @@ def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: 
 
 def _healthy(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
-    match = _SPAN.fullmatch(text)
-    if match is None or Path(text).is_file():
+    if ":" not in text or is_file(Path(text)):
         return Path(text)
+    start, end = (bound.strip() for bound in text.split(":", 1))
     try:
-        start_s = float(match[1]) if match[1] else -math.inf
-        end_s = float(match[2]) if match[2] else math.inf
+        start_s, end_s = float(start or "-inf"), float(end or "inf")
     except ValueError:
         raise InputError(f"--identify is '{text}'; give a span in seconds, such as 0:30, or another log") from None
-    if not start_s < end_s or (min(end_s, -start_s) > _LONGEST_S and math.isfinite(end_s) and math.isfinite(start_s)):
+    if not start_s < end_s:  # so for NaN, too
         raise InputError(f"--identify is '{text}'; the start must come before the end")
     return start_s, end_s
 
@@ -164,21 +164,23 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     from gtmbench.intake.open import log_columns, open_log
 
     columns = log_columns(log)
+    channels: tuple[str, ...] = ()
+    no_use = ""
     try:
-        channels: tuple[str, ...] = open_log(log, mapping=mapping).channels
+        channels = open_log(log, mapping=mapping).channels
     except InputError as error:
-        channels, reason = (), f" ({error})"
-    else:
-        reason = ""
+        no_use = str(error)
     if shown:
         _print_columns(log, columns)
         for line in _possible(channels):
-            click.echo(line)
+            echo(line)
+    if no_use:
+        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")
     allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
-    banks = f"--monitor {' or '.join(allowed)}" if allowed else "no bank's channels are there"
+    banks = f"give --monitor {' or '.join(allowed)}, or" if allowed else "no bank's channels are there; give"
     return InputError(
-        f"nothing was said about how to watch {log.name}: {banks}; or --identify T0:T1 --inputs ... --outputs ... of "
-        f"{', '.join(channels[:30]) or 'no channels'}{reason}"
+        f"nothing was said about how to watch {log.name}: {banks} --inputs ... --outputs ... of "
+        f"{', '.join(channels[:30])}"
     )
 
 
@@ -230,9 +232,9 @@ def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
     from gtmbench.report.log_text import log_report
 
     for line in log_report(watched):
-        click.echo(line)
+        echo(line)
     for what, path in (("figure", figure), ("monitor", save)):
         if path is not None:
-            click.echo(f"{what}: {path}")
+            echo(f"{what}: {path}")
     if record is not None:
-        click.echo(f"recording: {record}    look at it: gtmbench view {record}")
+        echo(f"recording: {record}    look at it: gtmbench view {record}")

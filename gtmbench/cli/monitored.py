@@ -6,9 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from gtmbench.cli.output import print_json, print_table, progress_bar
+from gtmbench.cli.output import echo, print_json, print_table, progress_bar
 from gtmbench.files import folder_aside
 from gtmbench.study.scenario import Scenario
 
@@ -55,5 +53,5 @@ def _print_study(study: MonitoredStudy, out: Path) -> None:
     columns, rows, right = monitored_rows(study)
     print_table(f"bank {study.baseline.monitor.bank.name}: {len(rows)} trials", columns, rows, right=right)
     for line in summary_lines(study):
-        click.echo(line)
-    click.echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
+        echo(line)
+    echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")

@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import click
 
+from gtmbench.checks import printable
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -16,6 +18,12 @@ def common_options(command: F) -> F:
     """Add ``--json`` and ``-q`` to a command."""
     command = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
     return click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")(command)
+
+
+def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
+    """Print lines, without what a terminal would take for commands: names and titles come from files."""
+    plain = "\n".join(map(printable, text.split("\n")))
+    click.secho(plain, bold=bold or None, err=err)
 
 
 def print_json(value: Mapping[str, Any]) -> None:
@@ -32,13 +40,20 @@ def progress_bar(*, silent: bool) -> Iterator[Callable[[str, int | None, int | N
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:<24}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
         task = bar.add_task("reading", total=None)
 
         def tell(step: str, done: int | None = None, total: int | None = None) -> None:
-            bar.update(task, description=step, completed=done, total=total, advance=1 if done is None else None)
+            bar.update(
+                task, description=printable(step), completed=done, total=total, advance=1 if done is None else None
+            )
 
         yield tell
 
@@ -52,11 +67,13 @@ def print_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=Text(printable(title)), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
+    )
     for name in columns:
         table.add_column(name, justify="right" if name in right else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))  # as text: rich reads [p q beta] as markup
+        table.add_row(*(Text(printable(cell)) for cell in row))  # as text: rich reads [p q beta] as markup
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=140)  # a pipe or a log has no width of its own

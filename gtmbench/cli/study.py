@@ -13,9 +13,9 @@ import click
 
 from gtmbench.channels import unit_of
 from gtmbench.cli.monitored import run_with_monitor
-from gtmbench.cli.output import common_options, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
-from gtmbench.files import check_folder, folder_aside, shipped_scenarios, written_aside
+from gtmbench.files import check_file, check_folder, folder_aside, shipped_scenarios, written_aside
 from gtmbench.report.read_recording import check_recording
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -100,15 +100,15 @@ def _print_study(study: Study, out: Path) -> None:
     found = sum(trial.detected for trial in study.trials)
     bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
     limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
-    click.echo(f"detected: {found} of {len(study.trials)}")
-    click.echo(f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
+    echo(f"detected: {found} of {len(study.trials)}")
+    echo(f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
     unit = unit_of(baseline.operator.outputs[0])
     armed = "never armed" if baseline.armed_s is None else f"armed at {baseline.armed_s:g} s"
-    click.echo(f"threshold: {baseline.threshold:.4g} {unit}; {armed}, when the norm first stood at or below it")
+    echo(f"threshold: {baseline.threshold:.4g} {unit}; {armed}, when the norm first stood at or below it")
     norm = baseline.norm
     window_s = (norm.window + 1) * norm.sample_period_s
-    click.echo(f"an alarm at k is dated (k + w + d) Ts: look-ahead {norm.look_ahead_s:g} s, window {window_s:g} s")
-    click.echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
+    echo(f"an alarm at k is dated (k + w + d) Ts: look-ahead {norm.look_ahead_s:g} s, window {window_s:g} s")
+    echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
 
 
 @click.command("view")
@@ -137,9 +137,10 @@ def new_command(name: Path, as_json: bool, quiet: bool) -> None:
         raise InputError(f"'{name}' should end in .toml")
     if name.exists():
         raise InputError(f"{name} exists; give another name")
+    check_file(name, force=False)
     with written_aside(name) as aside:
         aside.write_text((files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"), encoding="utf-8")
     if as_json:
         print_json({"scenario": str(name)})
     elif not quiet:
-        click.echo(f"{name}: edit it, then: gtmbench run {name}")
+        echo(f"{name}: edit it, then: gtmbench run {name}")

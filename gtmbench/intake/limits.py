@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-LARGEST_FILE_BYTES = 1 << 30
+from gtmbench.files import LARGEST_LOG_BYTES
+
+LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
 LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked
 MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
 MOST_COLUMNS = 5_000

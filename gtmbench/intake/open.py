@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.channels import SENSORS
-from gtmbench.checks import names, number
+from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
 from gtmbench.intake.questions import judged, not_taken
-from gtmbench.intake.raw import RawLog, RawSeries, check_values, one_line
+from gtmbench.intake.raw import RawLog, RawSeries, check_values
 from gtmbench.intake.read import read_raw
 from gtmbench.intake.remarks import summed_up
 from gtmbench.intake.segments import Track, cut
@@ -97,7 +97,7 @@ def open_log(
     'p is 28.6479 from start to end: constant'
     """
     path = Path(path)
-    rate = None if rate_hz is None else number("rate_hz", rate_hz, 0.0, above=True)
+    rate = None if rate_hz is None else number("rate_hz", rate_hz, 1e-3, 1e6)
     wanted = None if needs is None else names("needs", needs)
     if wanted == ():
         raise InputError("needs is empty; name the channels that are wanted, or leave it out for all")

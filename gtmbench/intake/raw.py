@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.checks import one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.limits import MOST_VALUES
 
 EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
 _GREATEST = 1e100
-_LONGEST = 2_000  # letters of a message
 _LAST_DATE_S = 2.5e11  # of four figures a year
 
 
@@ -131,13 +131,3 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except Exception as error:
         reason = one_line(str(error))[:160] or type(error).__name__
         raise InputError(f"{path} isn't a readable {kind}: {reason}") from error
-
-
-def one_line(text: str) -> str:
-    r"""Return a text in one line, without what a terminal would take for commands, and not without end.
-
-    >>> one_line("gyro\x1b[2J\nx")
-    'gyro?[2J x'
-    """
-    plain = "".join(letter if letter.isprintable() else "?" for letter in " ".join(text[: 2 * _LONGEST].split()))
-    return plain if len(plain) <= _LONGEST else f"{plain[:_LONGEST]} ..."

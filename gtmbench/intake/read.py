@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.intake import read_dataflash, read_mcap, read_ulog
 from gtmbench.intake.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.raw import RawLog, one_line
+from gtmbench.intake.raw import RawLog
 from gtmbench.intake.read_csv import read_csv
 from gtmbench.intake.read_parquet import read_parquet
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.files import count_lines
 from gtmbench.intake.limits import LONGEST_LINE_BYTES
 from gtmbench.intake.raw import RawLog, RawSeries, check_values, reading
 from gtmbench.intake.table import check_names, dates_in_seconds
@@ -44,7 +45,7 @@ def read_csv(path: Path) -> RawLog:
     with reading(path, "CSV table"):
         layout = _layout(path)
         check_names(layout.names)
-        check_values(len(layout.names) * _lines(path), "its table")
+        check_values(len(layout.names) * count_lines(path), "its table")
         frame = _frame(path, layout)
     series, ignored, notes = [], [], []
     if layout.encoding != "utf-8-sig":
@@ -120,11 +121,6 @@ def _is_comment(line: str) -> bool:
 
 def _fields(line: str, separator: str) -> list[str]:
     return line.split() if separator == r"\s+" else next(csv.reader([line], delimiter=separator), [])
-
-
-def _lines(path: Path) -> int:
-    with path.open("rb") as file:
-        return 1 + sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))
 
 
 def _frame(path: Path, layout: _Layout) -> pd.DataFrame:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from gtmbench.checks import one_line
 from gtmbench.intake.flight_log import Remark
-from gtmbench.intake.raw import one_line
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST = 36

@@ -103,8 +103,14 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     axis.legend(loc="upper left", fontsize="small")
     kinds = sorted({trial.fault for trial in trials})
     source = _SOURCES.get(kinds[0], "") if len(kinds) == 1 else ""
-    figure.suptitle(f"{scenario}: E(k) under {', '.join(kind.replace('_', ' ') for kind in kinds)}{source}")
+    under = ", ".join(kind.replace("_", " ") for kind in kinds)
+    figure.suptitle(as_it_is(f"{scenario}: E(k) under {under}{source}"))
     return figure
+
+
+def as_it_is(text: str) -> str:
+    """Return a text that matplotlib takes for no formula: files may be called anything."""
+    return text.replace("$", r"\$")
 
 
 def panels(

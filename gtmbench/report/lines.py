@@ -132,7 +132,7 @@ def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Even
     """Log what happened, in words, in time."""
     for time_s, level, text in sorted(events):
         set_time(recording, time_s)
-        recording.log(entity, rr.TextLog(f"{time_s:.2f} s  {text}", level=level))
+        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=level))
 
 
 def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:

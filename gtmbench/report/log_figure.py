@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.checks import printable
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures import panels
 from gtmbench.report.log_faults import about, began_s, faults_of, signals_of, tints_of, whole_of
@@ -174,5 +175,5 @@ def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None
             shown.setdefault(label, handle)
     figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=5)
     bank = watched.monitor.bank.name
-    said = textwrap.wrap(f"{watched.log.path.name}, bank {bank}: {outcome_text(watched)}", _TITLE)
+    said = textwrap.wrap(f"{printable(watched.log.path.name)}, bank {bank}: {outcome_text(watched)}", _TITLE)
     figure.suptitle("\n".join(said), fontweight="bold")

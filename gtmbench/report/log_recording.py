@@ -26,6 +26,7 @@ import numpy as np
 import rerun as rr
 
 from gtmbench.channels import unit_of
+from gtmbench.checks import printable
 from gtmbench.method.monitoring.findings import Finding
 from gtmbench.report.lines import Event, across, log_events, log_lines, log_mark, log_verdict, rgb
 from gtmbench.report.log_blueprint import entity, log_blueprint, sensor_entity
@@ -56,7 +57,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
     recording.save(path, default_blueprint=log_blueprint(watched))
-    recording.send_recording_name(f"{watched.log.path.name}: bank {watched.monitor.bank.name}")
+    recording.send_recording_name(f"{printable(watched.log.path.name)}: bank {watched.monitor.bank.name}")
     _sensors(recording, watched)
     if watched.watches:
         _virtual(recording, watched)

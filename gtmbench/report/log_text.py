@@ -112,7 +112,7 @@ def remark_text(remark: Remark) -> str:
 
 
 def _span(span: Span) -> str:
-    return f"{span[0]:.2f} to {span[1]:.2f} s"
+    return f"{span[0]:z.2f} to {span[1]:z.2f} s"
 
 
 def _spans(spans: Sequence[Span]) -> str:

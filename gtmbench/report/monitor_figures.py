@@ -12,7 +12,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.figures import panels
+from gtmbench.report.figures import as_it_is, panels
 from gtmbench.report.monitor_text import judgement_text
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import trial_label
@@ -89,7 +89,8 @@ def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequenc
     figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=8)
     rest = len(trials) - _MOST_TRIALS
     bank = trials[0].baseline.monitor.bank.name
-    figure.suptitle(f"{scenario}, bank {bank}: {what}" + (f" ({rest} more trials not drawn)" if rest > 0 else ""))
+    more = f" ({rest} more trials not drawn)" if rest > 0 else ""
+    figure.suptitle(as_it_is(f"{scenario}, bank {bank}: {what}{more}"))
     return figure
 
 

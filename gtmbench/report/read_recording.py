@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
+from gtmbench.files import check_size, is_file
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
 _READER = Path(__file__).with_name("rrd_rows.py")
+_LARGEST_BYTES = 1 << 31
 _LONGEST_S, _BYTES_PER_S = 60.0, 1e6  # it takes a second for 70 MB
 
 
@@ -83,8 +85,9 @@ def _application(table: pa.Table) -> str:
 
 def _read(path: Path, *what: str) -> pa.Table:
     """Return what `rrd_rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{path}: no such file; `gtmbench run` writes one")
+    check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S
     with subprocess.Popen(

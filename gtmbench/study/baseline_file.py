@@ -9,7 +9,7 @@ from typing import Any
 
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
-from gtmbench.files import read_toml, shipped_banks, shipped_baselines, shipped_scenarios
+from gtmbench.files import is_file, read_toml, shipped_banks, shipped_baselines, shipped_scenarios
 from gtmbench.study.check_compare import Recorded
 from gtmbench.study.check_figures import Value, trial_names
 from gtmbench.study.check_rules import KINDS, RULES
@@ -100,11 +100,7 @@ def read_reference(path: Path) -> Reference:
     InputError
         Naming file, key, what was given and what is legal.
     """
-    try:
-        found = path.is_file()
-    except OSError:  # a name too long for the file system
-        found = False
-    if not found:
+    if not is_file(path):
         raise InputError(
             f"no baseline '{str(path)[:200]}'; give one of {', '.join(shipped_baselines())}, or record one: "
             "gtmbench check FILE.toml --update"

@@ -9,6 +9,7 @@ from collections.abc import Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gtmbench.checks import printable
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, shipped_banks, shipped_scenarios, written_aside
 from gtmbench.study.baseline_file import TOLERATED, reference_of
@@ -57,7 +58,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], monitor: str | None) -
     stated = [f"{key} = {json.dumps(RULES[key].tolerance)}" for key in keys]
     width = max(len(line) for line in stated)
     return _HEAD.format(
-        name=path.name,
+        name=printable(path.name),
         scenarios=", ".join(_text(_seen_from(path, name, shipped_scenarios())) for name in scenarios),
         seed=load_scenario(scenarios[0]).setup.seed,
         monitor='# monitor = "monitor.json"'
@@ -171,4 +172,4 @@ def _text(given: str) -> str:
 
 def _seen_from(path: Path, name: str, shipped: Mapping[str, Path]) -> str:
     """Return a shipped name, or a file's path from the folder of a baseline."""
-    return name if name in shipped else Path(os.path.relpath(name, path.absolute().parent)).as_posix()
+    return name if name in shipped else Path(os.path.relpath(Path(name), path.absolute().parent)).as_posix()

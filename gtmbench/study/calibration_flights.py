@@ -162,7 +162,8 @@ def logged_records(
                     f"{records[0].sample_period_s:g} s; a monitor has one sample period, so give the slowest log first"
                 )
             log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / records[0].sample_period_s)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
         twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")

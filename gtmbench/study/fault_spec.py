@@ -8,7 +8,7 @@ from typing import Any
 from gtmbench.bench.fault import Fault, Parameter
 from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number
+from gtmbench.checks import number, shown
 from gtmbench.errors import InputError
 from gtmbench.study.severity import Severity, parse_severity
 
@@ -35,13 +35,13 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     """
     kind = block.get("kind")
     if not isinstance(kind, str) or kind not in FAULTS:
-        raise InputError(f"{where}: kind is {kind!r}; there are {', '.join(FAULTS)}")
+        raise InputError(f"{where}: kind is {shown(kind)}; there are {', '.join(FAULTS)}")
     parameters = FAULTS[kind].parameters()
     own = [item.name for item in parameters]
     legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
     for key in block:
         if key not in legal:
-            raise InputError(f"{where}: unknown key '{key}'; a {kind} has {', '.join(legal)}")
+            raise InputError(f"{where}: unknown key {shown(key)}; a {kind} has {', '.join(legal)}")
     for key in ("channels", "onset_s", *own):
         if key not in block:
             raise InputError(f"{where}: key '{key}' is missing; a {kind} needs it")
@@ -87,7 +87,7 @@ def _channels(channels: Any, unit: Any, where: str) -> tuple[str, ...]:
     for name in names:
         if unit is not None and unit != CHANNELS[name].unit:
             raise InputError(
-                f"{where}: unit is {unit!r}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
+                f"{where}: unit is {shown(unit)}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
             )
     return names
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,13 +17,14 @@ from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
-from gtmbench.record import Record, Span
+from gtmbench.record import Span
 from gtmbench.study.bank_log import open_for_bank
+from gtmbench.study.log_parts import first_part, healthy_spans, within, without
 from gtmbench.study.watched_log import WatchedLog
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
-_FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0  # of a log, taken as healthy where nobody says what is
 _LONG_ENOUGH = 0.2  # of the longest healthy stretch
+_RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
 Progress = Callable[[str, int, int], None]
@@ -64,7 +65,7 @@ def watch_log(
     healthy: Sequence[Span | str | Path] = (),
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
-    false_alarms_per_hour: float = 0.002,
+    false_alarms_per_hour: float | None = None,
     progress: Progress = lambda _step, _done, _of: None,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -83,9 +84,10 @@ def watch_log(
     mapping : sequence of str
         As `open_log` takes it.
     rate_hz : float, optional
-        To resample to; without it a monitor's own, for a bank the slowest channel's, 100 at most.
-    false_alarms_per_hour : float
-        Wanted of a bank.
+        For a bank: to resample to; without it the slowest channel's, 100 at most. A monitor has its own.
+    false_alarms_per_hour : float, optional
+        Wanted of a bank; 0.002, and 1 of one that is judged by its residuals' energy, as `bank_between`'s: most of that
+        is the model's error, whose tail half a minute doesn't bound further.
     progress : callable
         Told the step, how many are done, and of how many.
 
@@ -98,6 +100,7 @@ def watch_log(
     --------
     >>> import tempfile
     >>> from gtmbench.logs import write_log
+    >>> from gtmbench.record import Record
     >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
     >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -110,23 +113,34 @@ def watch_log(
     if isinstance(monitor, Monitor):
         if healthy:
             raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
+        if rate_hz is not None:
+            raise InputError(
+                f"a rate of {rate_hz:g} Hz is given, and the monitor has its own, {1.0 / monitor.sample_period_s:g} "
+                "Hz; leave the rate out, or give a bank"
+            )
         log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / monitor.sample_period_s)
         return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
-    rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
+    usual = _RATE_OF_ENERGY if bank.statistic.name == "energy" else _RATE
+    rate = number("false_alarms_per_hour", usual if false_alarms_per_hour is None else false_alarms_per_hour, 1e-9, 1e3)
     log = _opened(path, bank, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
-    paths = [given for given in healthy if isinstance(given, (str, Path))]
-    whole_s = log.segments[0].start_s, log.segments[-1].end_s
-    spans = tuple(_clipped(given, whole_s) for given in healthy if not isinstance(given, (str, Path)))
+    paths = [_other(given, log) for given in healthy if isinstance(given, (str, Path))]
+    spans = healthy_spans(log, [given for given in healthy if not isinstance(given, (str, Path))])
     reasons = []
     if not healthy:
-        spans = (_first_part(whole_s),)
+        spans = (first_part(log),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
     others = [open_for_bank(other, bank, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
-    records = [record for other in others for record in other.segments] + _within(log, spans)
-    longest = max(map(len, records))
+    records = [record for other in others for record in other.segments] + within(log, spans)
+    shortest = _LONG_ENOUGH * max(map(len, records))
+    kept = [record for record in records if len(record) >= shortest]
+    if len(kept) < len(records):
+        reasons.append(
+            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: shorter than "
+            "a fifth of the longest"
+        )
     ready = calibrate_cautiously(
-        [record for record in records if len(record) >= _LONG_ENOUGH * longest],
+        kept,
         bank,
         false_alarms_per_hour=rate,
         provenance={
@@ -146,28 +160,11 @@ def _opened(path: str | Path, bank: Bank, mapping: Sequence[str], rate_hz: float
     return log
 
 
-def _clipped(span: Span, whole_s: Span) -> Span:
-    """Return a span without its open ends."""
-    return max(span[0], whole_s[0]), min(span[1], whole_s[1])
-
-
-def _first_part(whole_s: Span) -> Span:
-    start_s, end_s = whole_s
-    return start_s, round(start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S), 2)
-
-
-def _within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
-    """Return the parts of a log that lie in some spans."""
-    found = []
-    for start_s, end_s in spans:
-        parts = [_cut(segment, start_s, end_s) for segment in log.segments]
-        there = [part for part in parts if part is not None]
-        if not there:
-            raise InputError(
-                f"{start_s:g}..{end_s:g} s hold nothing of {log.path.name}, which runs from "
-                f"{log.segments[0].start_s:g} to {log.segments[-1].end_s:g} s; choose a span inside"
-            )
-        found += there
+def _other(path: str | Path, log: FlightLog) -> Path:
+    """Return the path of another log, and refuse this one: it would be watched by what it taught."""
+    found = Path(path)
+    if found.exists() and found.samefile(log.path):
+        raise InputError(f"{found} is the log that is watched; give a span of it that is healthy, or another log")
     return found
 
 
@@ -175,7 +172,7 @@ def _watched(
     log: FlightLog, monitor: Monitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
 ) -> WatchedLog:
     """Watch every segment of a log but the spans that the monitor was identified on."""
-    parts = [part for segment in log.segments for part in _without(segment, identified_s)]
+    parts = without(log, identified_s)
     watches = []
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
@@ -189,32 +186,19 @@ def _watched(
         monitor=monitor,
         identified_s=tuple(identified_s),
         watches=tuple(watches),
-        reasons=(*reasons, *_limits(watches)),
+        reasons=(*_limits(watches), *reasons),
     )
 
 
 def _limits(watches: Sequence[Watch]) -> list[str]:
-    """Say what limits what was seen."""
-    wide = [spread.white > _WIDE for seen in watches for spread in seen.residuals.spread.values()]
+    """Say why nothing was seen, or what limits what was."""
+    if not watches:
+        return ["nothing of the log is left to watch"]
+    if not any(seen.armed_hours for seen in watches):
+        return ["what is left to watch is too short"]
+    spreads = [[one.white > _WIDE for one in seen.residuals.spread.values()] for seen in watches]
+    wide = [np.logical_or.reduce(some) for some in spreads if some]
     share = float(np.concatenate(wide).mean()) if wide else 0.0
     if share < _MUCH:
         return []
     return [f"{100.0 * share:.0f} % of the time the motion was beyond what identification held; faults show less there"]
-
-
-def _without(segment: Record, spans: Sequence[Span]) -> list[Record]:
-    """Return what of a segment lies outside all spans."""
-    left = [segment]
-    for start_s, end_s in spans:
-        pieces = []
-        for part in left:
-            pieces.append(_cut(part, part.start_s, min(start_s - part.sample_period_s, part.end_s)))
-            pieces.append(_cut(part, max(end_s + part.sample_period_s, part.start_s), part.end_s))
-        left = [piece for piece in pieces if piece is not None]
-    return left
-
-
-def _cut(record: Record, start_s: float, end_s: float) -> Record | None:
-    """Return the part from start to end, both included; None where there are less than two samples."""
-    first, last = max(start_s, record.start_s), min(end_s, record.end_s)
-    return record.between(first, last) if last - first >= 1.5 * record.sample_period_s else None

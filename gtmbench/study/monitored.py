@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gtmbench.bench.trim import Trim
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
+from gtmbench.files import is_file, shipped_banks
 from gtmbench.method.monitoring.bank import Bank, load_bank
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.watch import Watch, watch
@@ -102,7 +102,7 @@ def find_monitor(source: str | Path) -> Monitor | Bank:
     path = Path(source)
     if path.suffix != ".json":
         return load_bank(source)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(
             f"{path}: no such monitor; `gtmbench calibrate --out {path.name}` writes one, or give a bank: "
             f"{', '.join(shipped_banks())}"

@@ -12,9 +12,9 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number, whole
+from gtmbench.checks import number, shown, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import read_toml, shipped_scenarios
+from gtmbench.files import is_file, read_toml, shipped_scenarios
 from gtmbench.record import Span
 from gtmbench.study.fault_spec import FaultSpec, fault_specs
 
@@ -94,22 +94,16 @@ def load_scenario(source: str | Path) -> Scenario:
 def _find(source: str | Path) -> Path:
     shipped = shipped_scenarios()
     path = shipped.get(str(source), Path(source))
-    if path.parent.name == "faults" and path.stem in shipped and not path.exists():
+    if path.parent.name == "faults" and path.stem in shipped and not is_file(path):
         path = shipped[path.stem]  # faults/drift.toml, away from a checkout
-    try:
-        found = path.is_file()
-    except OSError:  # a name too long for the file system
-        found = False
-    if not found:
+    if not is_file(path):
         raise InputError(f"no scenario '{str(source)[:200]}'; give a TOML file or one of {', '.join(shipped)}")
     return path
 
 
 def _scenario(name: str, table: dict[str, Any]) -> Scenario:
-    title = table.pop("title", name)
+    title = text("title", table.pop("title", text("its name", name)))
     blocks = table.pop("faults", None)
-    if not isinstance(title, str):
-        raise InputError(f"title is {title!r}; it must be a text")
     if not isinstance(blocks, list) or not blocks or not all(isinstance(block, dict) for block in blocks):
         raise InputError("no [[faults]] given; add at least one table with kind, channels and onset_s")
     setup = _setup(table)
@@ -155,14 +149,14 @@ def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     for key in table:
         if key not in known:
             where = f" in [{prefix.rstrip('.')}]" if prefix else ""
-            raise InputError(f"unknown key '{key}'{where}; there are {', '.join(known)}")
+            raise InputError(f"unknown key {shown(key)}{where}; there are {', '.join(known)}")
     return {key: _CHECKS[key](prefix + key, value) for key, value in table.items()}
 
 
 def _table(of: type) -> Callable[[str, Any], Any]:
     def check(key: str, value: Any) -> Any:
         if not isinstance(value, dict):
-            raise InputError(f"{key} is {value!r}; it must be a table, [{key}]")
+            raise InputError(f"{key} is {shown(value)}; it must be a table, [{key}]")
         return of(**_checked(of, value, f"{key}."))
 
     return check
@@ -171,7 +165,7 @@ def _table(of: type) -> Callable[[str, Any], Any]:
 def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
     def check(key: str, value: Any) -> str:
         if not isinstance(value, str):
-            raise InputError(f"{key} is {value!r}; it must be a text")
+            raise InputError(f"{key} is {shown(value)}; it must be a text")
         try:
             look_up(value)
         except InputError as error:
@@ -183,13 +177,13 @@ def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
 
 def _noise(key: str, value: Any) -> str:
     if value not in NOISES:
-        raise InputError(f"{key} is {value!r}; there is {', '.join(NOISES)}, or give snr")
+        raise InputError(f"{key} is {shown(value)}; there is {', '.join(NOISES)}, or give snr")
     return str(value)
 
 
 def _times(key: str, value: Any) -> Span:
     if not isinstance(value, list) or len(value) != 2:
-        raise InputError(f"{key} is {value!r}; it must be two times in seconds, [start, end]")
+        raise InputError(f"{key} is {shown(value)}; it must be two times in seconds, [start, end]")
     return number(f"{key}[0]", value[0], 0.0), number(f"{key}[1]", value[1], 0.0, 1e9)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.sensors import rms_about_mean
+from gtmbench.checks import shown
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 
@@ -45,7 +46,7 @@ def parse_severity(given: Any, *, per_second: bool, key: str) -> Severity:
         return Severity(value=float(match[1]) / 100.0, of=match[2])
     texts = " or ".join(f"'20 % of {name}'" for name in legal)
     raise InputError(
-        f"{key} is {given!r}; it must be a number in the channel's unit{' per second' * per_second}, or {texts}"
+        f"{key} is {shown(given)}; it must be a number in the channel's unit{' per second' * per_second}, or {texts}"
     )
 
 

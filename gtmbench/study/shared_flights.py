@@ -69,7 +69,7 @@ def _flown(aircraft: str | Path, excitation: str, duration_s: float, seed: int) 
 
 
 def _read(path: Path) -> Record:
-    with np.load(path) as stored:  # no pickle: arrays of numbers and words only
+    with np.load(path, allow_pickle=False) as stored:  # arrays of numbers and words only
         return Record(
             stored["values"], channels=stored["channels"].tolist(), sample_period_s=float(stored["times_s"][0])
         )

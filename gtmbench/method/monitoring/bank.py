@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import number
+from gtmbench.checks import number, shown, text
 from gtmbench.errors import InputError
-from gtmbench.files import read_toml, shipped_banks
+from gtmbench.files import is_file, read_toml, shipped_banks
 from gtmbench.method.monitoring.statistics import STATISTICS, Statistic
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
 
@@ -107,15 +107,11 @@ def load_bank(source: str | Path) -> Bank:
     """
     shipped = shipped_banks()
     path = shipped.get(str(source), Path(source))
-    try:
-        found = path.is_file()
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path} isn't a readable TOML file: {error}") from error
-    if not found:
+    if not is_file(path):
         raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
     table = read_toml(path, "bank")
     try:
-        return bank_of(path.stem, table)
+        return bank_of(text("its name", path.stem), table)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -131,7 +127,7 @@ def bank_of(name: str, table: dict[str, Any]) -> Bank:
         specs.append(_residual_spec(f"residuals, table {i}", block, specs))
     bank = Bank(
         name=name,
-        title=_text("title", table.get("title", name)),
+        title=text("title", table.get("title", name)),
         residuals=tuple(specs),
         suspects=_names("suspects", table.get("suspects", [spec.output for spec in specs])),
         statistic=_statistic(table.get("alarm", {})),
@@ -140,7 +136,7 @@ def bank_of(name: str, table: dict[str, Any]) -> Bank:
     )
     idle = [channel for channel in bank.suspects if not bank.disturbs(channel)]
     if idle:
-        raise InputError(f"suspects: a fault of '{idle[0]}' enters no residual; leave it out")
+        raise InputError(f"suspects: a fault of {shown(idle[0])} enters no residual; leave it out")
     return bank
 
 
@@ -174,9 +170,9 @@ def bank_table(bank: Bank) -> dict[str, Any]:
 
 def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> ResidualSpec:
     if not isinstance(block, dict):
-        raise InputError(f"{where} is {block!r}; it must be a table")
+        raise InputError(f"{where} is {shown(block)}; it must be a table")
     _known(where, block, ("output", "inputs", "look_back_s", "look_ahead_s"))
-    output = _text(f"{where}: output", block.get("output"))
+    output = text(f"{where}: output", block.get("output"))
     inputs = _names(f"{where}: inputs", block.get("inputs"))
     if any(spec.output == output for spec in before):
         raise InputError(f"{where}: output '{output}' has a residual already; name every sensor once")
@@ -195,12 +191,12 @@ def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> Residu
 
 def _statistic(table: Any) -> Statistic:
     if not isinstance(table, dict):
-        raise InputError(f"alarm is {table!r}; it must be a table, [alarm]")
+        raise InputError(f"alarm is {shown(table)}; it must be a table, [alarm]")
     _known("alarm", table, ("statistic", "window_s", "windows_s", "baseline_s", "shift", "ratio", "two_sided"))
     default = Statistic()
     name = table.get("statistic", default.name)
     if not isinstance(name, str) or name not in STATISTICS:
-        raise InputError(f"alarm.statistic is {name!r}; there are {', '.join(STATISTICS)}")
+        raise InputError(f"alarm.statistic is {shown(name)}; there are {', '.join(STATISTICS)}")
     windows = table.get("windows_s", table.get("window_s", list(default.windows_s)))
     windows = windows if isinstance(windows, list) else [windows]
     if not 0 < len(windows) <= 30:
@@ -218,25 +214,19 @@ def _statistic(table: Any) -> Statistic:
 def _known(where: str, table: dict[str, Any], legal: tuple[str, ...]) -> None:
     for key in table:
         if key not in legal:
-            raise InputError(f"{where + ': ' if where else ''}unknown key '{key}'; there are {', '.join(legal)}")
+            raise InputError(f"{where + ': ' if where else ''}unknown key {shown(key)}; there are {', '.join(legal)}")
 
 
 def _flag(key: str, value: Any) -> bool:
     if not isinstance(value, bool):
-        raise InputError(f"{key} is {value!r}; give true or false")
-    return value
-
-
-def _text(key: str, value: Any) -> str:
-    if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 200:
-        raise InputError(f"{key} is {value!r}; it must be a short text")
+        raise InputError(f"{key} is {shown(value)}; give true or false")
     return value
 
 
 def _names(key: str, value: Any) -> tuple[str, ...]:
     if not isinstance(value, list) or not 0 < len(value) <= 50 or not all(isinstance(name, str) for name in value):
-        raise InputError(f"{key} is {value!r}; it must be a list of channel names")
+        raise InputError(f"{key} is {shown(value)}; it must be a list of channel names")
     for name in value:
         if value.count(name) > 1:
             raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
-    return tuple(value)
+    return tuple(text(key, name) for name in value)

@@ -32,14 +32,18 @@ _ITERATIONS = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cautious:
-    """An operator and the root F of the covariance F F' of its Markov parameters; `variance`: of the slow residual."""
+    """An operator and the root F of the covariance F F' of its Markov parameters.
+
+    `variance` is that of the slow residual, `rms` that of inputs and output, in this order.
+    """
 
     operator: Transmissibility
     root: FloatArray = field(repr=False)
     variance: float
+    rms: FloatArray
 
 
-def identify_cautiously(records: Sequence[Record], spec: ResidualSpec) -> Cautious:
+def identify_cautiously(records: Sequence[Record], spec: ResidualSpec, *, rms: FloatArray | None = None) -> Cautious:
     """Identify one residual of a bank: the mean of theta given the records, and its covariance.
 
     H = K^-1 + S / s^2, theta = theta_0 + H^-1 S G^-1 Phi'(y - Phi theta_0) / s^2, on slow motion; G = Phi'Phi, and S is
@@ -51,6 +55,8 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec) -> Cautio
     records : sequence of Record
         Healthy, with the channels that the residual needs.
     spec : ResidualSpec
+    rms : shape (inputs + 1,), optional
+        Of the flight that the records are a part of: in a part, a channel may be at rest.
 
     Raises
     ------
@@ -62,28 +68,36 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec) -> Cautio
     lags, inputs = causal + noncausal + 1, len(spec.inputs)
     u = [derive(record, spec.inputs).matrix(spec.inputs) for record in records]
     y = [record[spec.output] for record in records]
-    means, rms = _moments(spec.inputs, np.concatenate(u))
-    (mean,), (output_rms,) = _moments([spec.output], np.concatenate(y)[:, np.newaxis])
+    both = [np.column_stack(pair) for pair in zip(u, y, strict=True)]
+    (*means, mean), own_rms = _moments(np.concatenate(both))
     pieces = [_Piece.of(ui - means, yi - mean, causal, lags) for ui, yi in zip(u, y, strict=True) if len(yi) >= lags]
     count = sum(int(piece.whole.sum()) for piece in pieces) / _ALIKE
     if count < 10.0:
         raise InputError(
-            f"{sum(map(len, records))} samples are too few windows of {lags} for the residual of {spec.output}; give a "
-            "longer record, or a bank that looks back and ahead less"
+            f"{sum(map(len, records))} samples hold too few windows of {lags} without a missing one for the residual "
+            f"of {spec.output}; give a longer record, or a bank that looks back and ahead less"
         )
+    if rms is None:
+        _check_motion([*spec.inputs, spec.output], own_rms)
+    *input_rms, output_rms = own_rms if rms is None else rms
     own = next((i for i, name in enumerate(spec.inputs) if _reproduces(name, spec.output)), None)
-    before, precision = _prior(own, inputs, causal, noncausal, period_s, output_rms / rms)
+    scale = output_rms / np.asarray(input_rms)
+    before, precision = _prior(own, inputs, causal, noncausal, period_s, scale)
     products = sum((piece.products(before, lags) for piece in pieces), np.zeros((lags * inputs + 1,) * 2))
     gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
-    theta, variance = before, power / count
+    least = 1e-12 * output_rms**2
+    theta, variance = before, max(power / count, least)
     for _ in range(_ITERATIONS):
-        signal, share = (gram, right) if own is None else _signal(gram, right, pieces, theta, own, inputs, lags)
+        noise = np.zeros_like(gram)
+        if own is not None:
+            noise[own::inputs, own::inputs] = count * _noise(pieces, theta, lags)
+        signal, share = (gram, right) if own is None else _signal(gram, right, noise)
         hessian = precision + signal / variance
         step = np.linalg.solve(hessian, share / variance)
         theta = before + step
         used = float(np.trace(np.linalg.solve(hessian, signal / variance)))
         left = power - 2.0 * float(step @ right) + float(step @ gram @ step)
-        variance = max(left, 1e-12 * power) / max(count - used, count / 10.0)
+        variance = max(left / max(count - used, count / 10.0), least)
     root = np.linalg.inv(np.linalg.cholesky(hessian)).T
     operator = Transmissibility(
         markov=frozen(theta.reshape(lags, 1, inputs)),
@@ -100,7 +114,12 @@ def identify_cautiously(records: Sequence[Record], spec: ResidualSpec) -> Cautio
         estimator="cautious",
         solver="cholesky",
     )
-    return Cautious(operator=operator, root=frozen(root), variance=variance)
+    return Cautious(
+        operator=operator,
+        root=frozen(np.ascontiguousarray(root)),
+        variance=variance,
+        rms=frozen([*input_rms, output_rms]),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,16 +156,22 @@ class _Piece:
         return total
 
 
-def _moments(names: Sequence[str], values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return means and RMS values about them; refuse a channel that doesn't move."""
-    there = [column[np.isfinite(column)] for column in values.T]
-    for name, column in zip(names, there, strict=True):
-        if not len(column) or not np.ptp(column) > 0.0:
+def _moments(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return means and RMS values about them, over the rows where nothing is missing; RMS 0 where nothing moves."""
+    there = values[np.isfinite(values).all(axis=1)]
+    if not len(there):
+        return np.zeros(values.shape[1]), np.zeros(values.shape[1])
+    return there.mean(axis=0), np.where(np.ptp(there, axis=0) > 0.0, there.std(axis=0), 0.0)
+
+
+def _check_motion(names: Sequence[str], rms: FloatArray) -> None:
+    """Refuse a channel that doesn't move."""
+    for name, one in zip(names, rms.tolist(), strict=True):
+        if not one > 0.0:
             raise InputError(
                 f"channel '{name}' is constant over the healthy record: nothing can be identified from or for it; "
                 "leave it out or choose another stretch"
             )
-    return frozen([float(column.mean()) for column in there]), frozen([float(column.std()) for column in there])
 
 
 def _reproduces(name: str, output: str) -> bool:
@@ -174,24 +199,26 @@ def _prior(
     return mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
 
-def _signal(
-    gram: FloatArray,
-    right: FloatArray,
-    pieces: Sequence[_Piece],
-    theta: FloatArray,
-    own: int,
-    inputs: int,
-    lags: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise."""
-    places = np.arange(lags) * inputs + own
-    noise = np.zeros_like(gram)
+def _noise(pieces: Sequence[_Piece], theta: FloatArray, lags: int) -> FloatArray:
+    """Return the residual's autocovariance, shape (lags, lags), from what isn't missing."""
+    from scipy.linalg import toeplitz
+
+    sums, counts = np.zeros(lags), np.zeros(lags)
     for piece in pieces:
-        residual = piece.residual(theta, lags)[:, np.newaxis]
-        if len(residual) >= lags:
-            windows = regressors(residual, lags)
-            noise[np.ix_(places, places)] += windows.T @ windows / _ALIKE
-    values, vectors = np.linalg.eigh(gram - noise)
+        there = piece.whole.astype(np.float64)
+        residual = np.where(piece.whole, piece.residual(theta, lags), 0.0)
+        for lag in range(min(lags, len(residual))):
+            sums[lag] += residual[lag:] @ residual[: len(residual) - lag]
+            counts[lag] += there[lag:] @ there[: len(there) - lag]
+    return np.asarray(toeplitz(sums / np.maximum(counts, 1.0)))
+
+
+def _signal(gram: FloatArray, right: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise, whatever the units."""
+    size = np.sqrt(np.diag(gram))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = gram / np.outer(size, size)
+    values, vectors = np.linalg.eigh(unit - noise / np.outer(size, size))
     signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    ridge = 1e-9 * float(np.trace(gram)) * np.eye(len(gram))
-    return signal, signal @ np.linalg.solve(gram + ridge, right)
+    solved = np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size)
+    return signal * np.outer(size, size), size * (signal @ solved)

@@ -28,10 +28,12 @@ from gtmbench.record import FloatArray, Record, frozen
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
 _MOST_FOLDS = 10
 _NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
+_MARGIN = 2.0  # on thresholds of energies: mostly the model's error, which other motion may well double
 _BASELINES = 5.0  # in the shortest record
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _SHORTEST_S = 5.0
+_LEAST_THERE = 0.5  # of the residual
 Rows = tuple[int, slice]  # of a record, by its number
 
 
@@ -82,6 +84,8 @@ def calibrate_cautiously(
         found = tolerance_of([white for _, white in pairs], bank.statistic, period_s, noise=4.0)
         tolerances[output] = replace(found, high=max(found.high, _NOISE_POWER))
     thresholds, block_s = thresholds_of(bank.statistic, seen, tolerances, period_s, false_alarms_per_hour)
+    if bank.statistic.name == "energy":
+        thresholds = {output: {label: _MARGIN * of for label, of in own.items()} for output, own in thresholds.items()}
     hours = sum(map(len, records)) * period_s / 3600.0
     progress("done", len(bank.residuals) + 1, len(bank.residuals) + 1)
     return Monitor(
@@ -123,23 +127,24 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
     for others, held in _folds(records):
-        part = identify_cautiously(others, spec)
+        part = identify_cautiously(others, spec, rms=whole.rms)
         for number, rows in held:
             record = records[number]
             residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
             spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
             raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
             of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
-    raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance)
-    white_factor, scale = _factor(np.concatenate(white), np.concatenate(of_white) / whitener.deviation**2)
+    _check_there(np.concatenate(white), spec.output)
+    noise = float(np.nanmean(np.square(np.concatenate(residuals))))
+    raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance, noise)
+    white_factor, scale = _factor(np.concatenate(white), np.concatenate(of_white) / whitener.deviation**2, 1.0)
     deviation = whitener.deviation * scale
     doubt = Doubt(root=whole.root, raw=raw_factor / whole.variance, white=white_factor / whitener.deviation**2)
     seen = [
         (e / np.sqrt(1.0 + doubt.raw * h), w / scale / np.sqrt(1.0 + doubt.white * g))
         for e, w, h, g in zip(raw, white, of_raw, of_white, strict=True)
     ]
-    rms = float(np.sqrt(np.nanmean(np.square(np.concatenate(residuals)))))
-    operator = replace(whole.operator, rms_residual=frozen([rms]))
+    operator = replace(whole.operator, rms_residual=frozen([np.sqrt(noise)]))
     return _Learnt(operator=operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
 
 
@@ -158,16 +163,29 @@ def _part(record: Record, rows: slice) -> Record:
     return record.between(record.time_s[rows.start], record.time_s[rows.stop - 1])
 
 
-def _factor(values: FloatArray, share: FloatArray) -> tuple[float, float]:
-    """Return k and s that make values of deviation s sqrt(1 + k share) likeliest (Gaussian, k of 1 or more)."""
+def _check_there(white: FloatArray, output: str) -> None:
+    """Refuse residuals that are mostly missing: thresholds wouldn't stand on anything."""
+    share = float(np.isfinite(white).mean())
+    if share < _LEAST_THERE:
+        raise InputError(
+            f"{100.0 * (1.0 - share):.0f} % of the residual of {output} is missing, for every missing sample takes "
+            "those around it along; choose another stretch, or resample the log to its slowest channel"
+        )
+
+
+def _factor(values: FloatArray, share: FloatArray, least: float) -> tuple[float, float]:
+    """Return k and s that make values of deviation s sqrt(1 + k share) likeliest (Gaussian, k >= 1, s^2 >= least).
+
+    Without the least, where the share hardly varies, noise could pass for the model's error.
+    """
     there = np.isfinite(values)
     squares = np.square(values[there])
     scale = float(np.median(squares)) / 0.455  # of a normal's square
-    squares = np.minimum(squares, _MOST**2 * max(scale, 1e-300))
+    squares = np.minimum(squares, _MOST**2 * max(scale, least))
     best = (np.inf, 1.0, 1.0)
     for factor in _FACTORS.tolist():
         power = 1.0 + factor * share[there]
-        level = float(np.mean(squares / power))
-        cost = float(np.sum(np.log(power))) + len(squares) * np.log(level)
+        level = max(float(np.mean(squares / power)), least)
+        cost = float(np.sum(np.log(level * power) + squares / (level * power)))
         best = min(best, (cost, factor, np.sqrt(level)))
     return best[1], float(best[2])

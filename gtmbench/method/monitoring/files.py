@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.files import written_aside
+from gtmbench.files import check_size, is_file, written_aside
 from gtmbench.method.monitoring.bank import bank_table
 from gtmbench.method.monitoring.monitor import Monitor
 from gtmbench.method.monitoring.parsing import FORMAT, NEVER, OPERATOR_KEYS, VERSION, parse_monitor
@@ -52,8 +52,6 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     Transmissibility([p q beta] -> r, lags -5..5, rank 33 of 33, condition nan)
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; give a file's name")
     try:
         lines = [f"{json.dumps(key)}: {_line(value)}" for key, value in _document(monitor).items()]
         text = "{\n" + ",\n".join(lines) + "\n}\n"
@@ -74,10 +72,9 @@ def load_monitor(path: str | Path) -> Monitor:
     """
     path = Path(path)
     try:
-        if not path.is_file():
+        if not is_file(path):
             raise InputError("no such file; `gtmbench calibrate` writes one")
-        if path.stat().st_size > _LARGEST_FILE_BYTES:
-            raise InputError(f"it has {path.stat().st_size} bytes; a monitor has at most {_LARGEST_FILE_BYTES}")
+        check_size(path, "monitor", _LARGEST_FILE_BYTES)
         return parse_monitor(_parsed(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: {_short(error)}") from error

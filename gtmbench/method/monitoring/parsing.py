@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.checks import number, shown, whole
+from gtmbench.checks import number, shown, text, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.monitoring.bank import Bank, ResidualSpec, bank_of
@@ -68,9 +68,8 @@ def parse_monitor(document: Any) -> Monitor:
             f"reads version {VERSION}: use the other, or run `gtmbench calibrate`"
         )
     _keys("", document, _KEYS)
-    name = document["name"]
-    if not isinstance(name, str) or not name.isprintable() or len(name) > 200 or not isinstance(by, str):
-        raise InputError(f"name is {shown(name)}, gtmbench is {shown(by)}; they must be short texts")
+    name = text("name", document["name"])
+    text("gtmbench", by)
     try:
         bank = bank_of(name, _table("bank", document["bank"]))
     except InputError as error:
