@@ -165,7 +165,7 @@ BAD = {
     "look": ([*GYROS, "--look", "-1"], "--look is -1"),
     "a look longer than the record": ([*GYROS, "--look", "20"], "too few windows"),
     "rate": ([*GYROS, "--rate", "0"], "rate_hz is 0"),
-    "false alarms": ([*GYROS, "--false-alarms-per-hour", "0"], "false_alarms_per_hour is 0"),
+    "false alarms": ([*GYROS, "--false-alarms-per-hour", "0"], "--false-alarms-per-hour is 0"),
     "the log as its figure": ([*GYROS, "--save", "healthy.csv"], "its name ends in .json"),
     "no folder": ([*GYROS, "--save", "nowhere/m.json"], "doesn't exist; create it first"),
     "no png": ([*GYROS, "--figure", "f.pdf"], "--figure is 'f.pdf'; its name ends in .png"),
