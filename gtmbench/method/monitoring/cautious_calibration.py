@@ -34,6 +34,7 @@ _BASELINES = 5.0  # in the shortest record
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _SHORTEST_S = 5.0
+_LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
 _LEAST_THERE = 0.5  # of the residual
 Rows = tuple[int, slice]  # of a record, by its number
 
@@ -72,6 +73,7 @@ def calibrate_cautiously(
             f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
             "better minutes"
         )
+    _check_length(bank, sum(map(len, records)) * period_s)
     baseline_s = min(bank.statistic.baseline_s, shortest_s / _BASELINES)
     bank = replace(bank, statistic=replace(bank.statistic, baseline_s=baseline_s, two_sided=False))
     learnt = {}
@@ -171,6 +173,17 @@ def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]
     for first in range(min(len(pieces), _MOST_FOLDS)):
         held = pieces[first::_MOST_FOLDS]
         yield [_part(records[number], rows) for number, rows in pieces if (number, rows) not in held], held
+
+
+def _check_length(bank: Bank, total_s: float) -> None:
+    """Refuse to identify operators that look over much of what there is: they would fit it, and nothing else."""
+    for spec in bank.residuals:
+        least_s = _LOOKS * (spec.look_back_s + spec.look_ahead_s)
+        if total_s < least_s:
+            raise InputError(
+                f"{total_s:.3g} s of healthy records are too few for the residual of {spec.output}, which looks over "
+                f"{spec.look_back_s + spec.look_ahead_s:g} s; give at least {least_s:g} s, or look back and ahead less"
+            )
 
 
 def _part(record: Record, rows: slice) -> Record:
