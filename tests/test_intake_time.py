@@ -284,4 +284,4 @@ def test_nothing_that_is_long_enough_is_refused(tmp_path):
     with pytest.raises(gb.InputError, match="rate_hz is -1"):
         gb.open_log(table(tmp_path, np.arange(150) * 0.01, p_deg_s=np.arange(150)), rate_hz=-1)
     with pytest.raises(gb.InputError, match=r"would be .* values; at most"):
-        gb.open_log(table(tmp_path, np.arange(1500) * 0.01, p_deg_s=np.arange(1500)), rate_hz=1e9)
+        gb.open_log(table(tmp_path, np.arange(3000) * 0.1, p_deg_s=np.arange(3000)), rate_hz=1e6)
