@@ -334,12 +334,12 @@ def draw(path: Path) -> None:
         bottom.fill_between(record.time_s, -band, band, color="0.85", label="3 spreads")
         bottom.plot(record.time_s, residuals.raw["r"], color=COLOURS["r"], lw=0.9, label="residual")
         for finding in watched.findings:
-            for axis in (top, bottom):
-                axis.axvline(finding.alarm_s, color=COLOURS["threshold"], label=f"alarm: {finding.verdict}")
+            top.axvline(finding.alarm_s, color=COLOURS["threshold"], label=f"alarm: {finding.verdict}")
+            bottom.axvline(finding.alarm_s, color=COLOURS["threshold"])
         top.set(title=title, ylabel="r (deg/s)")
         bottom.set(xlabel="time (s)", ylabel="residual of r (deg/s)")
-        for axis in (top, bottom):
-            axis.legend(loc="upper left", fontsize="small")
+    handles, labels = (a + b for a, b in zip(*(row[2].get_legend_handles_labels() for row in axes), strict=True))
+    figure.legend(handles, labels, loc="outside lower center", ncols=5)
     figure.suptitle(f"{case.aircraft}, {case.weather}, bank {case.bank}", fontweight="bold")
     figure.savefig(path, dpi=90)
 
