@@ -163,7 +163,7 @@ BAD = {
     "outside": ([*GYROS, "--identify", "70:90"], "70..90 s hold nothing of healthy.csv, which runs from 0 to 60 s"),
     "too short": ([*GYROS, "--identify", "0:2"], "too short to calibrate on"),
     "look": ([*GYROS, "--look", "-1"], "--look is -1"),
-    "a look longer than the record": ([*GYROS, "--look", "20"], "too few windows"),
+    "a look longer than the record": ([*GYROS, "--look", "20"], "too few for the residual of r, which looks over 40 s"),
     "rate": ([*GYROS, "--rate", "0"], "rate_hz is 0"),
     "false alarms": ([*GYROS, "--false-alarms-per-hour", "0"], "--false-alarms-per-hour is 0"),
     "the log as its figure": ([*GYROS, "--save", "healthy.csv"], "its name ends in .json"),

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.method.monitoring.doubt import HALF, Doubt, leverage, regressors, slow, whitened
+from gtmbench.method.monitoring.doubt import HALF, Doubt, leverage, regressors, shifts, slow, whitened
+from gtmbench.method.monitoring.statistics import Statistic, Tolerance
 from gtmbench.method.transmissibility import Transmissibility
 
 ORDERS = [(0, 0), (3, 0), (0, 2), (4, 3)]
@@ -156,7 +157,7 @@ def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
 
     def spread(size):
         record = gb.Record(np.outer(size * push, [1.0, 2.0]), channels=["p", "q"], sample_period_s=0.1)
-        return doubt.spread(by, record, coefficients)
+        return doubt.spread(by, record, coefficients, Statistic())
 
     rest, once, twice, other = (spread(size) for size in (0.0, 1.0, 2.0, -1.0))
     for way in ("raw", "white"):
@@ -168,3 +169,48 @@ def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
     assert once.raw[200] ** 2 == pytest.approx(1.0 + 4.0 * 0.25 * 3.0 * (1.0 + 4.0), rel=0.02)
     assert once.white[200] ** 2 == pytest.approx(1.0 + 9.0 * 0.25 * 3.0 * (1.0 + 4.0) * 0.25, rel=0.03)
     assert once.between(slice(150, 160)).white.tolist() == once.white[150:160].tolist()
+
+
+@pytest.mark.parametrize(("rows", "before"), [(4, 10), (1, 3), (20, 60)])
+def test_shifts_are_means_less_the_means_before(rows, before):
+    u = motion(50)
+    found = shifts(u, rows, before)
+    for k in range(rows, 50):
+        base = u[max(k + 1 - rows - before, 0) : k + 1 - rows]
+        np.testing.assert_allclose(found[k], u[k + 1 - rows : k + 1].mean(axis=0) - base.mean(axis=0), atol=1e-12)
+
+
+def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
+    """Operators drawn from the doubt: they shift means by what is said, and seldom alarm."""
+    random = np.random.default_rng(5)
+    by, test = operator(np.zeros(2), 0, 0, period_s=0.01), Statistic(windows_s=(0.64,), baseline_s=2.0, two_sided=False)
+    push = np.where((np.arange(1500) // 150) % 2, 3.0, -3.0)  # half turns of 1.5 s
+    record = gb.Record(np.column_stack([push, push**2 / 3.0]), channels=["p", "q"], sample_period_s=0.01)
+    spread = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0).spread(by, record, np.ones(1), test)
+    tolerance, drawn, greatest, judged = Tolerance(high=2.0), [], [], []
+    for _ in range(60):
+        error = record.matrix(["p", "q"]) @ (0.5 * random.standard_normal(2)) + random.standard_normal(1500)
+        drawn.append(error)
+        scaled = test.series(error, error / spread.white, 0.01, tolerance)
+        known = test.series(error, error, 0.01, tolerance, spread)
+        greatest.append(np.nanmax(scaled[0].values))
+        judged.append([np.nanmax(one.values) for one in known])
+    assert np.median(greatest) > 20.0  # samples over their spread alone: most draws would alarm
+    assert np.quantile(judged, 0.9, axis=0).max() < 12.0
+    windows = shifts(np.array(drawn).T, 64, 200)[300:1400]
+    ratio = windows.std(axis=1) / np.sqrt(1.0 / 64 + 1.0 / 200 + spread.means[64][300:1400])
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_shift_in_known_motion_alarms_as_without_doubt():
+    test, noise = Statistic(windows_s=(0.64,), baseline_s=2.0), np.random.default_rng(6).standard_normal(1500)
+    shifted = noise + np.where(np.arange(1500) > 1000, 1.5, 0.0)
+    still = gb.Record(np.zeros((1500, 2)), channels=["p", "q"], sample_period_s=0.01)
+    doubt = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0)
+    spread = doubt.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
+    for one, other in zip(
+        test.series(noise, shifted, 0.01, Tolerance()),
+        test.series(noise, shifted, 0.01, Tolerance(), spread),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one.values, other.values)

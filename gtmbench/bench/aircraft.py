@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import os
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ import jsbsim
 
 from gtmbench.bench.model_file import check_model
 from gtmbench.channels import CHANNELS, COMMANDS
-from gtmbench.checks import number, shown, text
+from gtmbench.checks import number, one_line, shown, text
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import is_file, read_toml, share, shipped_aircraft
 from gtmbench.record import Span
@@ -115,8 +117,16 @@ def _span(name: str, value: Any) -> Span:
 
 
 @contextmanager
+def silenced() -> Iterator[io.StringIO]:
+    """Give what JSBSim prints, which is kept off stdout; not in threads, for stdout is everybody's."""
+    printed = io.StringIO()
+    with redirect_stdout(printed) if threading.current_thread() is threading.main_thread() else nullcontext():
+        yield printed
+
+
+@contextmanager
 def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
-    """Turn what JSBSim throws at a model into an error of ours.
+    """Turn what JSBSim throws into an error of ours.
 
     An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
     """
@@ -135,7 +145,7 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     Raises
     ------
     GtmbenchError
-        Where JSBSim can't load the model; it prints why.
+        Where JSBSim can't load the model.
     """
     model = aircraft.folder / f"{aircraft.name}.xml"
     check_model(model)
@@ -149,10 +159,10 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
     fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
-    with simulating(fdm, aircraft):
+    with simulating(fdm, aircraft), silenced() as printed:
         loaded = fdm.load_model(aircraft.name)
     if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {model}, for the reason it printed")
+        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
     fdm.disable_output()
     properties = fdm.get_property_manager()
     for channel in CHANNELS.values():

@@ -8,7 +8,7 @@ from pathlib import Path
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, engine, load_aircraft, simulating
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, engine, load_aircraft, silenced, simulating
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.checks import number
 from gtmbench.errors import TrimError
@@ -133,7 +133,7 @@ def trimmed_engine(
     low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
     try:
-        with simulating(fdm, aircraft):
+        with simulating(fdm, aircraft), silenced():
             found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
             left = accelerations(found.x)
     except ValueError as error:

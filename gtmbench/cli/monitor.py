@@ -101,7 +101,7 @@ def monitor_command(
             healthy=[_healthy(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
-            false_alarms_per_hour=wanted,
+            false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
             progress=tell,
         )
         tell("writing", None, None)

@@ -19,6 +19,7 @@ from gtmbench.record import Span
 from gtmbench.study.fault_spec import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000
+_LONGEST_S = 500_000.0  # of all trials: 7 GB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +113,9 @@ def _scenario(name: str, table: dict[str, Any]) -> Scenario:
     ]
     if len(specs) > _MOST_TRIALS:
         raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
+    if len(specs) * setup.duration_s > _LONGEST_S:
+        held = f"{len(specs)} trials of {setup.duration_s:g} s would be held in memory"
+        raise InputError(f"{held}; a scenario has at most {_LONGEST_S:g} s in all, so split it")
     states_noise = "snr" in table or "noise" in table
     return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
 

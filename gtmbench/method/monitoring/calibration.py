@@ -15,12 +15,12 @@ from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
 from gtmbench.method.monitoring.monitor import Monitor, residuals_of
 from gtmbench.method.monitoring.statistics import tolerance_of
 from gtmbench.method.monitoring.tails import rate_bound
-from gtmbench.method.monitoring.thresholds import thresholds_of
+from gtmbench.method.monitoring.thresholds import Residual, thresholds_of
 from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
 from gtmbench.method.pose import Records, as_records
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import Record
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 Progress = Callable[[str, int, int], None]
@@ -68,15 +68,17 @@ def calibrate(
     progress("identify", 0, total)
     operators, whiteners = _learn(bank, learn)
     test, period_s = bank.statistic, found[0].sample_period_s
-    seen: dict[str, list[tuple[FloatArray, FloatArray]]] = {spec.output: [] for spec in bank.residuals}
+    seen: dict[str, list[Residual]] = {spec.output: [] for spec in bank.residuals}
     for done, record in enumerate(judge, 1):
         progress("residuals", done, total)
         residuals = residuals_of(bank, record, operators)
         for output, raw in residuals.raw.items():
-            seen[output].append((raw, whiteners[output].whiten(raw)))
+            seen[output].append((raw, whiteners[output].whiten(raw), None))
     progress("thresholds", total - 1, total)
     hours = sum(len(record) for record in judge) * period_s / 3600.0
-    tolerances = {output: tolerance_of([white for _, white in pairs], test, period_s) for output, pairs in seen.items()}
+    tolerances = {
+        output: tolerance_of([white for _, white, _ in pairs], test, period_s) for output, pairs in seen.items()
+    }
     found_thresholds, block_s = thresholds_of(test, seen, tolerances, period_s, rate)
     progress("done", total, total)
     return Monitor(

@@ -18,6 +18,7 @@ from gtmbench.method.monitoring.bank import Bank, ResidualSpec
 from gtmbench.method.monitoring.cautious import identify_cautiously
 from gtmbench.method.monitoring.doubt import Doubt
 from gtmbench.method.monitoring.monitor import Monitor, residuals_of
+from gtmbench.method.monitoring.spread import Spread
 from gtmbench.method.monitoring.statistics import tolerance_of
 from gtmbench.method.monitoring.tails import rate_bound
 from gtmbench.method.monitoring.thresholds import thresholds_of
@@ -33,6 +34,7 @@ _BASELINES = 5.0  # in the shortest record
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _SHORTEST_S = 5.0
+_LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
 _LEAST_THERE = 0.5  # of the residual
 Rows = tuple[int, slice]  # of a record, by its number
 
@@ -71,6 +73,7 @@ def calibrate_cautiously(
             f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
             "better minutes"
         )
+    _check_length(bank, sum(map(len, records)) * period_s)
     baseline_s = min(bank.statistic.baseline_s, shortest_s / _BASELINES)
     bank = replace(bank, statistic=replace(bank.statistic, baseline_s=baseline_s, two_sided=False))
     learnt = {}
@@ -81,7 +84,7 @@ def calibrate_cautiously(
     seen = {output: one.seen for output, one in learnt.items()}
     tolerances = {}
     for output, pairs in seen.items():
-        found = tolerance_of([white for _, white in pairs], bank.statistic, period_s, noise=4.0)
+        found = tolerance_of([white / spread.white for _, white, spread in pairs], bank.statistic, period_s, noise=4.0)
         tolerances[output] = replace(found, high=max(found.high, _NOISE_POWER))
     thresholds, block_s = thresholds_of(bank.statistic, seen, tolerances, period_s, false_alarms_per_hour)
     if bank.statistic.name == "energy":
@@ -110,12 +113,12 @@ def calibrate_cautiously(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Learnt:
-    """One residual; `seen`: raw and whitened, over their spread, by operators that hadn't seen them, one a record."""
+    """One residual; `seen`: raw, whitened and their spread, by operators that hadn't seen them, one a record."""
 
     operator: Transmissibility
     whitener: Whitener
     doubt: Doubt
-    seen: list[tuple[FloatArray, FloatArray]] = field(repr=False)
+    seen: list[tuple[FloatArray, FloatArray, Spread]] = field(repr=False)
 
 
 def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt:
@@ -126,14 +129,19 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     whitener = fit_whitener(residuals, order=min(order, sum(map(len, records)) // 50))
     raw = [np.full(len(record), np.nan) for record in records]
     white, of_raw, of_white = ([np.array(values) for values in raw] for _ in range(3))
+    of_means: list[dict[int, FloatArray]] = [{} for _ in records]
     for others, held in _folds(records):
         part = identify_cautiously(others, spec, rms=whole.rms)
         for number, rows in held:
             record = records[number]
             residual = residuals_of(bank, record, {spec.output: part.operator}, [spec.output]).raw[spec.output]
-            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(part.operator, record, whitener.coefficients)
+            spread = Doubt(root=part.root, raw=1.0, white=1.0).spread(
+                part.operator, record, whitener.coefficients, bank.statistic
+            )
             raw[number][rows], white[number][rows] = residual[rows], whitener.whiten(residual)[rows]
             of_raw[number][rows], of_white[number][rows] = spread.raw[rows] ** 2 - 1.0, spread.white[rows] ** 2 - 1.0
+            for window, variance in spread.means.items():
+                of_means[number].setdefault(window, np.zeros(len(record)))[rows] = variance[rows]
     _check_there(np.concatenate(white), spec.output)
     noise = float(np.nanmean(np.square(np.concatenate(residuals))))
     raw_factor, _ = _factor(np.concatenate(raw), np.concatenate(of_raw) / whole.variance, noise)
@@ -141,8 +149,16 @@ def _learn(bank: Bank, spec: ResidualSpec, records: Sequence[Record]) -> _Learnt
     deviation = whitener.deviation * scale
     doubt = Doubt(root=whole.root, raw=raw_factor / whole.variance, white=white_factor / whitener.deviation**2)
     seen = [
-        (e / np.sqrt(1.0 + doubt.raw * h), w / scale / np.sqrt(1.0 + doubt.white * g))
-        for e, w, h, g in zip(raw, white, of_raw, of_white, strict=True)
+        (
+            e,
+            w / scale,
+            Spread(
+                raw=np.sqrt(1.0 + doubt.raw * h),
+                white=np.sqrt(1.0 + doubt.white * g),
+                means={window: doubt.white * variance for window, variance in means.items()},
+            ),
+        )
+        for e, w, h, g, means in zip(raw, white, of_raw, of_white, of_means, strict=True)
     ]
     operator = replace(whole.operator, rms_residual=frozen([np.sqrt(noise)]))
     return _Learnt(operator=operator, whitener=replace(whitener, deviation=deviation), doubt=doubt, seen=seen)
@@ -157,6 +173,17 @@ def _folds(records: Sequence[Record]) -> Iterator[tuple[list[Record], list[Rows]
     for first in range(min(len(pieces), _MOST_FOLDS)):
         held = pieces[first::_MOST_FOLDS]
         yield [_part(records[number], rows) for number, rows in pieces if (number, rows) not in held], held
+
+
+def _check_length(bank: Bank, total_s: float) -> None:
+    """Refuse to identify operators that look over much of what there is: they would fit it, and nothing else."""
+    for spec in bank.residuals:
+        least_s = _LOOKS * (spec.look_back_s + spec.look_ahead_s)
+        if total_s < least_s:
+            raise InputError(
+                f"{total_s:.3g} s of healthy records are too few for the residual of {spec.output}, which looks over "
+                f"{spec.look_back_s + spec.look_ahead_s:g} s; give at least {least_s:g} s, or look back and ahead less"
+            )
 
 
 def _part(record: Record, rows: slice) -> Record:

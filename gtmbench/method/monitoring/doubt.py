@@ -3,6 +3,7 @@
 A minute of flight excites few directions. On another manoeuvre the residual is then noise plus what the Markov
 parameters leave open, phi(k)'(theta - theta_hat); its deviation follows from their covariance, and what is judged is
 the residual over it: motion that nobody has seen widens what is normal, a fault in known motion stands out as before.
+theta - theta_hat is one error at all samples, so that a window's mean of it follows from the window's mean of phi(k).
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from functools import cache
 
 import numpy as np
 
+from gtmbench.method.monitoring.spread import Spread
+from gtmbench.method.monitoring.statistics import Statistic
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
@@ -19,23 +22,6 @@ from gtmbench.record import FloatArray, Record
 HALF = 5  # samples to either side that `slow` takes
 _CUTOFF = 0.1  # of the sample rate
 _CHUNK = 4096
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Spread:
-    """By which a residual, as it is and whitened, is divided before it is judged; 1 where all is known.
-
-    Attributes
-    ----------
-    raw, white : shape (samples,)
-    """
-
-    raw: FloatArray = field(repr=False)
-    white: FloatArray = field(repr=False)
-
-    def between(self, rows: slice) -> Spread:
-        """Return some rows."""
-        return Spread(raw=self.raw[rows], white=self.white[rows])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +41,7 @@ class Doubt:
     raw: float
     white: float
 
-    def spread(self, operator: Transmissibility, record: Record, coefficients: FloatArray) -> Spread:
+    def spread(self, operator: Transmissibility, record: Record, coefficients: FloatArray, test: Statistic) -> Spread:
         """Return sqrt(1 + variance of the model's error over that of the noise) at every sample.
 
         Parameters
@@ -65,12 +51,18 @@ class Doubt:
             With the channels that the operator's inputs derive from.
         coefficients : shape (n + 1,)
             Of the whitening filter.
+        test : Statistic
+            Whose windows' means are judged.
         """
         motion = slow(derive(record, operator.inputs).matrix(operator.inputs) - operator.input_means)
         lags = operator.causal_order, operator.noncausal_order
+        white = whitened(motion, coefficients)
+        windows = test.rows(record.sample_period_s) if test.name == "glr" else []
+        before = round(test.baseline_s / record.sample_period_s)
         return Spread(
             raw=np.sqrt(1.0 + self.raw * leverage(motion, *lags, self.root)),
-            white=np.sqrt(1.0 + self.white * leverage(whitened(motion, coefficients), *lags, self.root)),
+            white=np.sqrt(1.0 + self.white * leverage(white, *lags, self.root)),
+            means={rows: self.white * leverage(shifts(white, rows, before), *lags, self.root) for rows in windows},
         )
 
 
@@ -93,6 +85,16 @@ def regressors(motion: FloatArray, lags: int) -> FloatArray:
     """Return phi(k), one row a complete window of `lags` samples: lag -d (the newest sample) to r, input by input."""
     windows = np.lib.stride_tricks.sliding_window_view(motion, lags, axis=0)  # (rows, inputs, lags)
     return windows[:, :, ::-1].transpose(0, 2, 1).reshape(len(windows), -1)
+
+
+def shifts(motion: FloatArray, rows: int, before: int) -> FloatArray:
+    """Return the mean of the last `rows` rows less that of up to `before` rows before them, row for row."""
+    sums = np.concatenate([np.zeros((1, motion.shape[1])), np.cumsum(motion, axis=0)])
+    end = np.arange(1, len(sums))
+    begin = np.maximum(end - rows, 0)
+    first = np.maximum(begin - before, 0)
+    recent = (sums[end] - sums[begin]) / (end - begin)[:, np.newaxis]
+    return np.asarray(recent - (sums[begin] - sums[first]) / np.maximum(begin - first, 1)[:, np.newaxis])
 
 
 def whitened(motion: FloatArray, coefficients: FloatArray) -> FloatArray:

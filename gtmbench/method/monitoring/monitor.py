@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.doubt import HALF, Doubt, Spread
+from gtmbench.method.monitoring.doubt import HALF, Doubt
+from gtmbench.method.monitoring.spread import Spread
 from gtmbench.method.monitoring.statistics import Series, Tolerance
 from gtmbench.method.monitoring.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
@@ -96,7 +97,10 @@ def bank_residuals(monitor: Monitor, record: Record, outputs: Iterable[str] | No
     found = residuals_of(monitor.bank, record, monitor.operators, outputs)
     spread = {
         output: monitor.doubts[output].spread(
-            monitor.operators[output], record.select(monitor.bank.channels), monitor.whiteners[output].coefficients
+            monitor.operators[output],
+            record.select(monitor.bank.channels),
+            monitor.whiteners[output].coefficients,
+            monitor.bank.statistic,
         )
         for output in found.raw
         if output in monitor.doubts
@@ -126,7 +130,6 @@ def all_series(monitor: Monitor, residuals: BankResiduals) -> dict[str, list[Ser
     test, found = monitor.bank.statistic, {}
     for output, raw in residuals.raw.items():
         white = monitor.whiteners[output].whiten(raw)
-        if output in residuals.spread:
-            raw, white = raw / residuals.spread[output].raw, white / residuals.spread[output].white
-        found[output] = test.series(raw, white, monitor.sample_period_s, monitor.tolerances[output])
+        spread = residuals.spread.get(output)
+        found[output] = test.series(raw, white, monitor.sample_period_s, monitor.tolerances[output], spread)
     return found

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmbench.method.monitoring.spread import Given, Spread
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 
 _LONG_S = 20.0
+_FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
 _MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
@@ -90,47 +92,62 @@ class Statistic:
     ratio: float = 2.0
     two_sided: bool = True
 
-    def series(self, raw: FloatArray, white: FloatArray, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
+    def series(
+        self,
+        raw: FloatArray,
+        white: FloatArray,
+        sample_period_s: float,
+        tolerance: Tolerance,
+        spread: Spread | None = None,
+    ) -> list[Series]:
         """Return the series of one residual, raw (in the output's unit) and whitened, row for row beside it."""
-        given = raw if self.name == "energy" else white
-        there = np.flatnonzero(np.isfinite(given))
+        plain = raw if self.name == "energy" else white
+        by = 1.0 if spread is None else spread.raw if self.name == "energy" else spread.white
+        there = np.flatnonzero(np.isfinite(plain))
         most = 1e150 if self.name == "energy" else _MOST
-        found = STATISTICS[self.name](self, np.clip(given[there], -most, most), sample_period_s, tolerance)
-        spread = []
+        given = Given(
+            values=np.clip((plain / by)[there], -most, most),
+            plain=np.clip(plain[there], -most, most),
+            means={} if spread is None else {rows: values[there] for rows, values in spread.means.items()},
+            doubtful=np.zeros(len(there)) if spread is None else (1.0 - 1.0 / np.square(spread.white))[there],
+        )
+        found = STATISTICS[self.name](self, given, sample_period_s, tolerance)
+        placed = []
         for series in found:
             values = np.full(len(raw), np.nan)
             values[there] = series.values
             reach = np.zeros(len(raw), dtype=int)
             began = np.maximum(np.arange(len(there)) - series.reach, 0)
             reach[there] = there - there[began]
-            spread.append(replace(series, values=values, reach=reach))
-        return spread
+            placed.append(replace(series, values=values, reach=reach))
+        return placed
 
     def rows(self, sample_period_s: float) -> list[int]:
         """Return the windows' lengths in samples, each once; the shortest has 4."""
         return sorted({max(round(window_s / sample_period_s), 4) for window_s in self.windows_s})
 
 
-def _energy(test: Statistic, e: FloatArray, sample_period_s: float, _: Tolerance) -> list[Series]:
+def _energy(test: Statistic, given: Given, sample_period_s: float, _: Tolerance) -> list[Series]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
     found = []
     for rows in test.rows(sample_period_s):
-        norm = np.sqrt(_trailing(np.square(e), rows + 1))
+        norm = np.sqrt(_trailing(np.square(given.values), rows + 1))
         found += _sides(test, f"energy {rows * sample_period_s:g} s", norm, -norm, rows)
     return found
 
 
-def _whitened_energy(test: Statistic, w: FloatArray, sample_period_s: float, _: Tolerance) -> list[Series]:
+def _whitened_energy(test: Statistic, given: Given, sample_period_s: float, _: Tolerance) -> list[Series]:
     """RMS of the whitened residual over a window; healthy: about 1."""
     found = []
     for rows in test.rows(sample_period_s):
-        rms = np.sqrt(_trailing(np.square(w), rows) / rows)
+        rms = np.sqrt(_trailing(np.square(given.values), rows) / rows)
         found += _sides(test, f"whitened energy {rows * sample_period_s:g} s", rms, -rms, rows)
     return found
 
 
-def _cusum(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
+def _cusum(test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
+    w = given.values
     base, _ = _baseline(_sums(w), test, sample_period_s, gap=1)  # a sample isn't compared with itself
     centred = w - base
     ready = np.isfinite(centred)
@@ -155,19 +172,22 @@ def _cusum(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: To
     return found
 
 
-def _glr(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
+def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
-    Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M)) beyond the tolerance t. Of another variance:
-    L/2 (s - 1 - log s), s the mean square about m0 over the nearest end of the tolerated range.
+    Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
+    the operator's error gives it. Of another variance: L/2 (s - 1 - log s), s the mean square about m0 over the
+    nearest end of the tolerated range, which is wider where the operator's error dominates.
     """
     found = []
     for rows in test.rows(sample_period_s):
-        shift, power, length = _windows(w, rows, test, sample_period_s)
+        _, power, _ = _windows(given.values, rows, test, sample_period_s)
+        shift, _, length = _windows(given.plain, rows, test, sample_period_s)
         beyond = np.maximum(np.abs(shift) - tolerance.mean, 0.0)
-        of_mean = np.square(beyond) / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1)))
+        of_mean = np.square(beyond) / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1) + given.means.get(rows, 0.0)))
         low = tolerance.low if test.two_sided else 0.0
-        ratio = power / np.clip(power, low, tolerance.high)
+        high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * _trailing(given.doubtful, rows) / rows)
+        ratio = power / np.clip(power, low, high)
         of_energy = 0.5 * rows * (ratio - 1.0 - np.log(ratio))
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
@@ -176,7 +196,7 @@ def _glr(test: Statistic, w: FloatArray, sample_period_s: float, tolerance: Tole
     return found
 
 
-STATISTICS: dict[str, Callable[[Statistic, FloatArray, float, Tolerance], list[Series]]] = {
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance], list[Series]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,

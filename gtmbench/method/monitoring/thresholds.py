@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from gtmbench.method.monitoring.spread import Spread
 from gtmbench.method.monitoring.statistics import Statistic, Tolerance
 from gtmbench.method.monitoring.tails import block_maxima, tail_threshold
 from gtmbench.record import FloatArray
 
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
-Seen = Mapping[str, list[tuple[FloatArray, FloatArray]]]  # of a residual (by output): raw and whitened, one a record
+Residual = tuple[FloatArray, FloatArray, Spread | None]  # raw and whitened
+Seen = Mapping[str, Sequence[Residual]]  # of an output: one a record
 
 
 def thresholds_of(
@@ -23,19 +25,19 @@ def thresholds_of(
     Parameters
     ----------
     test : Statistic
-    seen : mapping of output to list of (raw, whitened)
+    seen : mapping of output to list of (raw, whitened, spread)
         Healthy residuals.
     tolerances : mapping of output to Tolerance
     sample_period_s, rate : float
     """
-    hours = sum(len(raw) for raw, _ in next(iter(seen.values()))) * sample_period_s / 3600.0
+    hours = sum(len(raw) for raw, *_ in next(iter(seen.values()))) * sample_period_s / 3600.0
     rows = max(round(float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
     maxima: dict[tuple[str, str], list[FloatArray]] = {}
     greatest: dict[tuple[str, str], float] = {}
     least: dict[tuple[str, str], Callable[[float], float]] = {}
     for output, pairs in seen.items():
-        for raw, white in pairs:
-            for series in test.series(raw, white, sample_period_s, tolerances[output]):
+        for raw, white, spread in pairs:
+            for series in test.series(raw, white, sample_period_s, tolerances[output], spread):
                 key = output, series.label
                 maxima.setdefault(key, []).append(block_maxima(series.values, rows))
                 # also of blocks that aren't complete
