@@ -1,0 +1,192 @@
+"""What every script of `experiments/` does alike: ours beside the printed results, figures, an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files import check_folder, folder_aside
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Agreement = Literal["agrees", "DISAGREES", "not printed"]
+_DPI = 100
+RESULTS = "results.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One printed result or figure, and what came out.
+
+    Attributes
+    ----------
+    result : str
+        Where it stands and what it is: ``Ex. 3.1, rho_s``.
+    printed, ours : str
+        As a reader compares them.
+    agreement : str
+        "agrees", "DISAGREES", or "not printed" where the source has no figure.
+    note : str
+        What a reader must know: that the source has a misprint, what was assumed for a missing parameter.
+    seconds : float
+        Time since the row before.
+    values : object
+        Ours with every digit, as JSON has it.
+    """
+
+    result: str
+    printed: str
+    ours: str
+    agreement: Agreement
+    note: str
+    seconds: float
+    values: Any
+
+
+@dataclass(kw_only=True)
+class Reproduction:
+    """Collects the rows and the figures of one script; `reproduce` makes it.
+
+    Attributes
+    ----------
+    quick : bool
+        Whether seconds are to do: fewer realisations, the same claims.
+    folder : Path
+        Where figures go, through `draw`.
+    rows : list of Row
+    """
+
+    quick: bool
+    folder: Path
+    silent: bool = False
+    rows: list[Row] = field(default_factory=list)
+    figures: list[str] = field(default_factory=list)
+    _last: float = field(default_factory=time.perf_counter)
+
+    def number(self, result: str, printed: ArrayLike, ours: ArrayLike, *, tolerance: float, note: str = "") -> None:
+        """Hold a number, or an array of them, against the printed ones: nowhere further off than `tolerance`.
+
+        Half a unit of the last printed digit is what a print can promise.
+        """
+        theirs, mine = np.asarray(printed, dtype=float), np.asarray(ours, dtype=float)
+        agrees = theirs.shape == mine.shape and bool(np.all(np.abs(theirs - mine) <= tolerance))
+        self.claim(result, _written(theirs, "g"), _written(mine, ".7g"), agrees=agrees, note=note, values=mine.tolist())
+
+    def claim(
+        self, result: str, printed: str, ours: str, *, agrees: bool, note: str = "", values: object = None
+    ) -> None:
+        """Hold what a figure or a sentence says against ours; `values` are the figures behind it, with every digit."""
+        self._add(result, printed, ours, "agrees" if agrees else "DISAGREES", note, values)
+
+    def unprinted(self, result: str, ours: str, *, note: str = "", values: object = None) -> None:
+        """State a result that the source doesn't print."""
+        self._add(result, "", ours, "not printed", note, values)
+
+    def draw(self, name: str, figure: Figure) -> None:
+        """Save a figure as NAME.png."""
+        figure.savefig(self.folder / f"{name}.png", dpi=_DPI)
+        self.figures.append(f"{name}.png")
+
+    def _add(self, result: str, printed: str, ours: str, agreement: Agreement, note: str, values: object) -> None:
+        now = time.perf_counter()
+        row = Row(
+            result=result,
+            printed=printed,
+            ours=ours,
+            agreement=agreement,
+            note=note,
+            seconds=now - self._last,
+            values=_plain(values),
+        )
+        self._last = now
+        self.rows.append(row)
+        if not self.silent:
+            click.echo(f"{result:<44} {printed:>28} {ours:>32}   {agreement}{f' ({note})' if note else ''}")
+
+
+def reproduce(steps: Callable[[Reproduction], None], script: str, description: str | None) -> int:
+    """Run a script's steps with ``--quick``, ``--out`` and ``--json``; return 1 where a row disagrees, else 0.
+
+    Figures and ``results.json`` appear in the folder together, at the end. Bad input: one line, 2.
+    """
+    name = Path(script).stem
+    parser = argparse.ArgumentParser(
+        prog=f"{name}.py", description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="seconds: fewer realisations, the same claims")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/experiments") / name,
+        metavar="DIR",
+        help="folder of the figures and results.json, made if it isn't there (default: %(default)s)",
+    )
+    parser.add_argument("--json", action="store_true", help="print results.json instead of the rows")
+    given = parser.parse_args()
+    started = time.perf_counter()
+    try:
+        _make_parents(given.out)
+        check_folder(given.out, force=True)
+        with folder_aside(given.out) as folder:
+            page = Reproduction(quick=given.quick, folder=folder, silent=given.json)
+            steps(page)
+            results = {
+                "script": f"{name}.py",
+                "quick": page.quick,
+                "seconds": time.perf_counter() - started,
+                "figures": page.figures,
+                "rows": [asdict(row) for row in page.rows],
+            }
+            written = json.dumps(results, indent=1, allow_nan=False)
+            (folder / RESULTS).write_text(written + "\n", encoding="utf-8")
+    except GtmbenchError as error:
+        click.echo(f"{name}.py: {error}", err=True)
+        return 2
+    wrong = sum(row.agreement == "DISAGREES" for row in page.rows)
+    if given.json:
+        click.echo(written)
+    else:
+        held = sum(row.agreement != "not printed" for row in page.rows)
+        click.echo(f"{held - wrong} of {held} agree; {len(page.figures)} figures and {RESULTS} in {given.out}")
+    return 1 if wrong else 0
+
+
+def _make_parents(out: Path) -> None:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"can't make the folder {out.parent}: {error.strerror}; give another --out") from error
+
+
+def _written(values: np.ndarray[Any, Any], form: str) -> str:
+    flat = [f"{x:{form}}" for x in values.ravel()]
+    return " ".join(flat if len(flat) <= 8 else [*flat[:4], "...", *flat[-2:]])
+
+
+def _plain(value: object) -> Any:
+    """Return a value as JSON knows it; complex numbers as [real, imaginary]."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+__all__ = ["RESULTS", "Reproduction", "Row", "reproduce"]
