@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import scipy.signal
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Wedge
+from matplotlib.patches import Wedge
 from numpy.typing import ArrayLike
 
 import gtmbench as gb
@@ -43,7 +43,8 @@ EXAMPLES: Final[dict[str, StateSpace]] = {
 def polynomials(system: StateSpace) -> tuple[np.ndarray, np.ndarray]:
     """Return numerators, shape (outputs, inputs, n + 1), and the monic denominator, falling powers of z."""
     columns = [scipy.signal.ss2tf(system.A, system.B, system.C, system.D, input=i) for i in range(system.inputs)]
-    return np.stack([above for above, _ in columns], axis=1), np.atleast_1d(columns[0][1])
+    rows = [np.reshape(above, (system.outputs, -1)) for above, _ in columns]  # flat where there are no states
+    return np.stack(rows, axis=1), np.atleast_1d(columns[0][1])
 
 
 def part_row(page: Reproduction, result: str, part: StateSpace, numerator: ArrayLike, denominator: ArrayLike) -> None:
@@ -236,7 +237,8 @@ def annuli_figure(name: str, system: StateSpace) -> Figure:
         kind = "bounded" if 1.0 in annulus else "unbounded"
         axis.set(xlabel="lag i", ylabel="$L_i$", facecolor=shade)
         axis.set_title(f"{annulus.inner:g} < |z| < {annulus.outer:g}: {kind}".replace("inf", "∞"), fontsize="medium")
-    plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, ls="--", label="unit circle"))
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    plane.plot(np.cos(angle), np.sin(angle), "k--", lw=1.0, label="unit circle")
     plane.plot(system.poles.real, system.poles.imag, "kx", ms=9, mew=2, label="poles")
     plane.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal", xlabel="Re z", ylabel="Im z")
     plane.legend(loc="lower left", fontsize="small")

@@ -18,8 +18,7 @@ from gtmbench.theory.plants import example_3_2_2
 from gtmbench.theory.state_space import StateSpace
 from gtmbench.theory.transfer_matrix import transfer_matrix
 
-EPS = np.finfo(float).eps
-SHARP = 1e-12  # of the largest coefficient: what issue 6 asks for
+SHARP = 1e-12  # of the largest coefficient
 
 
 class Fractions:
@@ -39,13 +38,13 @@ class Fractions:
     def order(self):
         return sum(len(residues) * residues.shape[2] * (1 + (pole.imag != 0.0)) for pole, residues in self.terms)
 
-    def laurent(self, r, d, radius=1.0):
+    def laurent(self, r, d):
         """(z - p)^-k: C(i-1, k-1) p^(i-k) for i >= k inside; (-1)^k C(k-1-i, k-1) p^(i-k) for i <= 0 outside."""
         lags = np.arange(-d, r + 1)
         found = np.where((lags == 0)[:, None, None], self.D, 0.0)
         for pole, residues in self.terms:
             for k, residue in enumerate(residues, 1):
-                if abs(pole) < radius:
+                if abs(pole) < 1.0:
                     powers = np.array([pole ** (i - k) if i >= k else 0.0 for i in lags])
                     series = comb(lags - 1, k - 1) * powers
                 else:
