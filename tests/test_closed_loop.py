@@ -19,9 +19,9 @@ SNR = 10.0  # of c's power over v's
 
 def loops(plant, samples, count, seed=0):
     """Return records of c, u, y: white c, process noise v behind where u is measured."""
-    c, v = np.random.default_rng([seed, samples]).standard_normal((2, samples, 1, count))
+    c, v = np.moveaxis(np.random.default_rng([seed, samples]).standard_normal((2, samples, 1, count)), -1, 1)
     u, y = plant.closed_loop(c, plant.lqr(1.0), v / np.sqrt(SNR))
-    return [record(c=c[:, 0, i], u=u[:, 0, i], y=y[:, 0, i]) for i in range(count)]
+    return [record(c=c[i, :, 0], u=u[i, :, 0], y=y[i, :, 0]) for i in range(count)]
 
 
 def rms_error(records, estimator, truth, r, d):
@@ -72,10 +72,9 @@ def test_the_lags_of_3_55_are_nearly_useless_for_an_unstable_plant(examples):
 def spectra(plant, points=8192):
     """Return z and the transfer functions c to u, v to u, c to y, v to y of the small loop, on the unit circle."""
     z = np.exp(2j * np.pi * np.arange(points) / points)
-    K = plant.lqr(1.0)
-    state = np.array([np.linalg.solve(one * np.eye(len(plant.A)) - plant.A + plant.B @ K, plant.B) for one in z])
-    to_x = state[:, :, 0]
-    return z, 1.0 - to_x @ K[0], -to_x @ K[0], to_x @ plant.C[0], to_x @ plant.C[0]
+    K, A, B, C = plant.lqr(1.0), plant.system.A, plant.system.B, plant.system.C
+    to_x = np.array([np.linalg.solve(one * np.eye(len(A)) - A + B @ K, B) for one in z])[:, :, 0]
+    return z, 1.0 - to_x @ K[0], -to_x @ K[0], to_x @ C[0], to_x @ C[0]
 
 
 def covariance(z, one, other, lag):
