@@ -7,6 +7,9 @@ come close to 0 there.
 
 The samples start when the outputs are stationary (assumption 1). Identification removes their means: right where N_2
 has one (examples 4 and 5), and the realisation's mean of N_1 (examples 2 and 5) goes with it.
+
+Misprints: the exponent of (6.1) runs down, mu - i; (6.2) has H_0..H_mu, theta H_0..H_(mu-1), as here; (6.34) sums 201
+terms over 200. G_2/G_1 is biproper, so H_d, which normalises, is H_0.
 """
 
 from __future__ import annotations
@@ -77,7 +80,7 @@ def predicted(pair: Pair) -> tuple[float, FloatArray]:
 
 def linear_operator(page: Reproduction) -> None:
     """State H' exactly, and what the model's length costs."""
-    page.unprinted("(6.33), H'_0..H'_5", " ".join(f"{h:.6g}" for h in LINEAR[:6]), values=LINEAR[:6])
+    page.unprinted("(6.33), H'_0..H'_5", " ".join(f"{h:.7g}" for h in LINEAR[:6]), values=LINEAR[:6])
     normal = LINEAR / LINEAR[0]
     page.unprinted("(6.33), normalised H'_2..H'_5", " ".join(f"{h:.7g}" for h in normal[SHOWN]), values=normal[SHOWN])
     costs = {}
