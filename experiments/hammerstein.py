@@ -153,7 +153,7 @@ def figure(title: str, lengths: list[int], measured: FloatArray, expected: Float
         axis.loglog(lengths, theory, "-", color=f"C{i}", lw=1.0)
     axis.plot([], [], "k-", lw=1.0, label="theory, slope -1/2")
     axis.set_xlabel("length of the record (samples)")
-    axis.set_ylabel("mean relative error of the normalised Markov parameter")
+    axis.set_ylabel("mean relative error of $H_i/H_0$, (6.34)")
     axis.legend()
     drawn.suptitle(title)
     return drawn
