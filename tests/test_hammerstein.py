@@ -135,14 +135,17 @@ def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_
     np.testing.assert_allclose(found, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
 
 
-@pytest.mark.parametrize("name", ["6.5.2", "6.5.3", "6.5.4"])
+@pytest.mark.parametrize("name", ["6.5.1", "6.5.2", "6.5.4"])
 def test_simulated_estimates_scatter_as_the_covariance_says(name):
-    """G_2/G_1 = 1 + 0.5/z is FIR here; the sum of 400 normalised squares is chi-squared but for what 1/l leaves."""
-    pair, length, runs = PAIRS[name], 4000, 400
-    first, second = companion([1.0, 0.0], [1.0, -0.7]), companion([1.0, 0.5], [1.0, -0.7])
+    """G_2/G_1 = 1 + 0.5/z is FIR here; the normalised squares are chi-squared but for what 1/l leaves.
+
+    Not of 6.5.3: its fourth moments come of values so rare that 3000 samples miss most of them.
+    """
+    pair, length, runs = PAIRS[name], 3000, 1500
+    first, second = companion([1.0, 0.0], [1.0, -0.4]), companion([1.0, 0.5], [1.0, -0.4])
     inverse = np.linalg.inv(covariance(pair, first, second, 2) / length)
     u = pair.density.rvs((runs, length), random_state=np.random.default_rng(1))
-    y1, y2 = lfilter([1.0], [1.0, -0.7], pair.first(u)), lfilter([1.0, 0.5], [1.0, -0.7], pair.second(u))
+    y1, y2 = lfilter([1.0], [1.0, -0.4], pair.first(u)), lfilter([1.0, 0.5], [1.0, -0.4], pair.second(u))
     squares = 0.0
     for one in zip(y1[:, 60:], y2[:, 60:], strict=True):
         record = Record(np.column_stack(one), channels=["a", "b"], sample_period_s=1.0)
