@@ -144,7 +144,7 @@ def test_simulated_estimates_scatter_as_the_covariance_says(name):
     pair, length, runs = PAIRS[name], 3000, 1500
     first, second = companion([1.0, 0.0], [1.0, -0.4]), companion([1.0, 0.5], [1.0, -0.4])
     inverse = np.linalg.inv(covariance(pair, first, second, 2) / length)
-    u = pair.density.rvs((runs, length), random_state=np.random.default_rng(1))
+    u = pair.density.rvs((runs, length + 60), random_state=np.random.default_rng(1))
     y1, y2 = lfilter([1.0], [1.0, -0.4], pair.first(u)), lfilter([1.0, 0.5], [1.0, -0.4], pair.second(u))
     squares = 0.0
     for one in zip(y1[:, 60:], y2[:, 60:], strict=True):
