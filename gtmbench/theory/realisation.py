@@ -80,7 +80,10 @@ def era(markov: ArrayLike, order: int) -> StateSpace:
     left, singular, right = np.linalg.svd(before, full_matrices=False)
     rank = int(np.sum(singular > max(before.shape) * np.finfo(float).eps * singular[0]))
     if order > rank:
-        raise InputError(f"the Hankel matrix of these Markov parameters has rank {rank}, too low for order {order}; ask for {rank} at most")
+        raise InputError(
+            f"the Hankel matrix of these Markov parameters has rank {rank}, too low for order {order}; ask for {rank} "
+            "at most"
+        )
     root = np.sqrt(singular[:order])
     P, Q = left[:, :order], right[:order].T
     return StateSpace(
@@ -140,7 +143,7 @@ def _part(side: str, markov: FloatArray, order: int) -> StateSpace:
     growth = float(np.abs(found.poles).max(initial=0.0))
     if growth >= 1.0:
         raise InputError(
-            f"the {side} coefficients, with order {order}, grow by {growth:.4g} a lag, so they aren't those of a series "
-            "about the unit circle; lower that order"
+            f"the {side} coefficients, with order {order}, grow by {growth:.4g} a lag, so they aren't those of a "
+            "series about the unit circle; lower that order"
         )
     return found
