@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, frozen
-from gtmbench.theory.realisation import block_hankel, markov_parameters
+from gtmbench.theory.realisation import block_hankel, hankel_singular_values, markov_parameters
 
 _FLOOR: Final = 1e-6  # of the data's greatest singular value: the solver leaves 1e-8 of it
 _REACH: Final = 4.0
@@ -108,17 +108,13 @@ def nuclear_norm_path(markov: ArrayLike, gammas: ArrayLike) -> NuclearNormPath:
         if optimum.value is None:
             raise InputError(f"the solver found no optimum at gamma = {gamma:g} ({problem.status}); take another gamma")
         found[at, 1:] = size * optimum.value.reshape(given[1:].shape)
-    singular = np.array([_singular_values(one) for one in found])
+    singular = np.array([hankel_singular_values(one) for one in found])
     return NuclearNormPath(
         gammas=frozen(rising),
         markov=frozen(found),
         singular_values=frozen(singular),
-        floor=_FLOOR * float(_singular_values(given)[0]),
+        floor=_FLOOR * float(hankel_singular_values(given)[0]),
     )
-
-
-def _singular_values(markov: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.svd(block_hankel(markov), compute_uv=False))
 
 
 def _problem(shape: tuple[int, ...]) -> tuple[Any, Any, Any, Any]:

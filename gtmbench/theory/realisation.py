@@ -49,6 +49,15 @@ def block_hankel(markov: ArrayLike) -> FloatArray:
     return np.asarray(blocks[places].transpose(0, 2, 1, 3).reshape(n * outputs, n * inputs))
 
 
+def hankel_singular_values(markov: ArrayLike) -> FloatArray:
+    """Return the singular values of the matrix (3.2), falling; as many as the order aren't 0 where nothing is noisy.
+
+    >>> hankel_singular_values([0.0, 1.0, 0.5, 0.25]).round(9)
+    array([1.25, 0.  ])
+    """
+    return np.asarray(np.linalg.svd(block_hankel(markov), compute_uv=False))
+
+
 def era(markov: ArrayLike, order: int) -> StateSpace:
     """Realise H_0..H_(2n-1) by the eigensystem realisation algorithm: D = H_0, C A^(i-1) B near H_i.
 
