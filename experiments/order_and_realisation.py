@@ -1,8 +1,8 @@
 """Sections 3.2 and 3.8 of the dissertation: a plant's order, and the plant itself, from estimated Markov parameters.
 
 Block-Hankel matrices of least nuclear norm near the estimate show the order: of (3.1) from a causal FIR model in
-Fig. 3.4, of both parts of (3.98) from a noncausal one, identified in its loop, in Figs. 3.14 and 3.15. ERA realises both
-parts, which put together are the plant again. Singular values count that survive every gamma from the size of the
+Fig. 3.4, of both parts of (3.98) from a noncausal one, identified in its loop, in Figs. 3.14 and 3.15. ERA realises
+both, which put together are the plant again. Singular values count that survive every gamma from the size of the
 estimate's own error, which its scatter over the experiments tells, to four times that.
 
 Run ``python experiments/order_and_realisation.py [--quick] [--out DIR]``.
@@ -93,7 +93,7 @@ def survivors(
     steps = np.array([-1.0, 0.0, 0.5, 1.0, 2.0]) if page.quick else np.arange(-3.0, 3.1, 0.25)
     path = nuclear_norm_path(model.at(lags), size * 4.0**steps)
     order, true = path.order(size), hankel_singular_values(exact)
-    figure, [[axis]] = panels(1, 1, (7.5, 4.8))
+    figure, [[axis]] = panels(1, 1, (9.5, 4.8))
     for i, values in enumerate(path.singular_values.T):
         style = {"c": "C0", "lw": 1.5} if i < order else {"c": "0.6", "lw": 0.7}
         label = {0: f"{order} survive", order: "the others"}.get(i)
@@ -105,7 +105,7 @@ def survivors(
     axis.set_ylim(path.floor / 30.0, 3.0 * path.singular_values.max())
     axis.set_xlabel(r"$\gamma$ (unit of the Markov parameters)")
     axis.set_ylabel(r"singular values of $\mathcal{H}(\bar H(\gamma))$")
-    axis.legend(loc="lower left", fontsize="small")
+    figure.legend(loc="outside right upper", fontsize="small")
     figure.suptitle(f"{title} (Fig. {number})")
     page.draw(f"fig_{number.replace('.', '_')}", figure)
     plain = hankel_singular_values(model.at(lags))

@@ -99,15 +99,15 @@ def nuclear_norm_path(markov: ArrayLike, gammas: ArrayLike) -> NuclearNormPath:
     size = float(np.linalg.norm(given[1:]))
     if size == 0.0:
         raise InputError("all Markov parameters are 0; there is no order to look for")
-    problem, data, radius, optimum = _problem(given.shape)
+    problem, data, radius, step = _problem(given.shape)
     data.value = given[1:].ravel() / size
     found = np.repeat(given[np.newaxis], len(rising), axis=0)
     for at, gamma in enumerate(rising):
         radius.value = gamma / size
-        problem.solve(solver="CLARABEL")
-        if optimum.value is None:
+        problem.solve(solver="CLARABEL", warm_start=False)  # data updated in place would keep the first scaling
+        if step.value is None:
             raise InputError(f"the solver found no optimum at gamma = {gamma:g} ({problem.status}); take another gamma")
-        found[at, 1:] = size * optimum.value.reshape(given[1:].shape)
+        found[at, 1:] += gamma * step.value.reshape(given[1:].shape)
     singular = np.array([hankel_singular_values(one) for one in found])
     return NuclearNormPath(
         gammas=frozen(rising),
@@ -118,20 +118,23 @@ def nuclear_norm_path(markov: ArrayLike, gammas: ArrayLike) -> NuclearNormPath:
 
 
 def _problem(shape: tuple[int, ...]) -> tuple[Any, Any, Any, Any]:
-    """Return the problem, its parameters (data and radius of the ball) and its variable, all flat."""
+    """Return the problem, its parameters (data and radius of the ball) and its variable (Hbar - Hhat) / gamma, flat.
+
+    With the radius in the sum and not in the bound, small balls cost no digits.
+    """
     cp = _cvxpy()
     count = int(np.prod(shape)) - shape[1] * shape[2]
-    optimum, data, radius = cp.Variable(count), cp.Parameter(count), cp.Parameter(nonneg=True)
+    step, data, radius = cp.Variable(count), cp.Parameter(count), cp.Parameter(nonneg=True)
     # where each entry of the matrix stands in the flat H_1, ..., H_(2n-1)
     entries = block_hankel(np.arange(-shape[1] * shape[2], count).reshape(shape)).astype(int)
-    matrix = cp.reshape(optimum[entries.ravel(order="F")], entries.shape, order="F")
-    near = cp.norm(optimum - data, 2) <= radius
+    matrix = cp.reshape((data + radius * step)[entries.ravel(order="F")], entries.shape, order="F")
+    near = cp.norm(step, 2) <= 1.0
     if shape[1:] != (1, 1):
-        return cp.Problem(cp.Minimize(cp.normNuc(matrix)), [near]), data, radius, optimum
+        return cp.Problem(cp.Minimize(cp.normNuc(matrix)), [near]), data, radius, step
     # symmetric: the least tr(P) + tr(N) with P - N the matrix, which is solved five times as fast
     positive, negative = (cp.Variable(entries.shape, PSD=True) for _ in range(2))
     norm = cp.Minimize(cp.trace(positive) + cp.trace(negative))
-    return cp.Problem(norm, [near, positive - negative == matrix]), data, radius, optimum
+    return cp.Problem(norm, [near, positive - negative == matrix]), data, radius, step
 
 
 def _cvxpy() -> ModuleType:
