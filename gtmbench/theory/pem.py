@@ -12,9 +12,9 @@ from gtmbench.record import FloatArray, Record, frozen
 from gtmbench.theory.iir import Channels, IirModel, innovations, lagged, model_of, regressor, signals, solve
 
 _LONG = 30  # lags, at least, of the ARX model that the search starts from
-_FEW = 10  # iterations, after which the best of the starts is chosen
+_FEW = 10  # iterations, after which the better start is chosen
 _SETTLED = 1e-6  # a step that gains less of the criterion is the last; noise moves it by 1 / samples
-_EDGE = 0.999  # how near the circle C's roots may start
+_EDGE = 0.999  # how near to the circle C's roots may start
 _STUCK = 1e10  # damping at which no step goes down any more
 
 
@@ -22,9 +22,9 @@ def pem(record: Record, *, order: int, channels: Channels = ("u", "y"), most_ite
     """Return the model whose innovations, (3.66), have the least mean square over k = n..l, (3.88).
 
     A(q) y(k) = B(q) u(k) + C(q) e(k) + offset, C with all its roots inside the unit circle. A is free: the predictor
-    doesn't need it stable. Found by Levenberg and Marquardt's method from the best of three starts: least squares
-    (C = 1); least squares with the residual of a long ARX model for e (Hannan and Rissanen); the long model's predictor
-    reduced to n states.
+    doesn't need it stable. Found by Levenberg and Marquardt's method from the better of two starts: least squares
+    (C = 1), and least squares with the errors of a long ARX model for e (Hannan and Rissanen). Beyond the plant's order
+    there are many minima, which differ by less than noise does.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def pem(record: Record, *, order: int, channels: Channels = ("u", "y"), most_ite
     means = [float(values.mean()) for values in measured]  # without them the offset hardly depends on the rest
     u, y = (values - mean for values, mean in zip(measured, means, strict=True))
     least = model_of(solve(regressor(u, y, order), y[order:]), record, channels)
-    started = [_searched(start, u, y, _FEW) for start in (least, *_starts(least, u, y))]
+    started = [_searched(start, u, y, _FEW) for start in (least, _two_stage(least, u, y))]
     best = min(started, key=lambda model: _squares(model, u, y))
     found = best if best.converged else _searched(best, u, y, most_iterations)
     offset = found.offset + float(found.denominator.sum() * means[1] - found.numerator.sum() * means[0])
@@ -112,47 +112,24 @@ def _slope(model: IirModel, u: FloatArray, y: FloatArray) -> tuple[FloatArray, F
     return columns.T, errors
 
 
-def _starts(least: IirModel, u: FloatArray, y: FloatArray) -> tuple[IirModel, IirModel]:
-    """Return the two models that follow from a long ARX model, for whose errors the first takes e."""
+def _two_stage(least: IirModel, u: FloatArray, y: FloatArray) -> IirModel:
+    """Return the model of least squares with the errors of a long ARX model for e.
+
+    Roots of C are reflected into the circle, which leaves e as white as it was.
+    """
     n = least.order
-    length = min(max(_LONG, 2 * n + 2), len(y) // 4)
+    length = min(max(_LONG, 2 * n), len(y) // 4)
     columns = regressor(u, y, length)
-    long = solve(columns, y[length:])
-    errors = y[length:] - columns @ long
+    errors = y[length:] - columns @ solve(columns, y[length:])
     theta = solve(np.hstack([regressor(u[length:], y[length:], n), lagged(errors, n)]), y[length + n :])
     a, b, (offset, *c) = np.split(theta, [n, 2 * n])
-    return _started(least, a, b, np.array(c), offset), _started(least, *_reduced(long, n))
-
-
-def _started(model: IirModel, a: FloatArray, b: FloatArray, c: FloatArray, offset: float) -> IirModel:
-    """Return the model of such parameters; C's roots are reflected into the circle, which leaves e white."""
     roots = np.roots(np.concatenate([[1.0], c]))
     size = np.maximum(np.abs(roots), np.finfo(float).tiny)
     noise = np.poly(roots / size * np.minimum(np.minimum(size, 1.0 / size), _EDGE)).real
     return replace(
-        model,
+        least,
         denominator=frozen(np.concatenate([[1.0], a])),
         numerator=frozen(np.concatenate([[0.0], b])),
-        noise_numerator=frozen(np.pad(noise, (0, len(c) + 1 - len(noise)))),
+        noise_numerator=frozen(noise),
         offset=float(offset),
     )
-
-
-def _reduced(long: FloatArray, order: int) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return a, b, c and the offset of a long ARX model's predictor, realised with n states from its Hankel matrix.
-
-    y(k) - e(k) follows from u by B/C and from -y by (A - C)/C, and their Markov parameters are the b_i and a_i of the
-    long model.
-    """
-    length = len(long) // 2
-    steps = np.column_stack([long[length:-1], long[:length]])
-    rows = length // 2
-    hankel = np.array([steps[i : i + length - rows + 1].ravel() for i in range(rows)])
-    left, singular, right = np.linalg.svd(hankel)
-    observed = left[:, :order] * np.sqrt(singular[:order])
-    A = np.linalg.lstsq(observed[:-1], observed[1:], rcond=None)[0]
-    B = np.sqrt(singular[:order, np.newaxis]) * right[:order, :2]
-    c = np.asarray(np.poly(A).real, dtype=np.float64)
-    markov = [observed[0] @ np.linalg.matrix_power(A, i) @ B for i in range(order)]
-    b, a_less_c = (np.convolve(c, column)[:order] for column in np.transpose(markov))
-    return c[1:] + a_less_c, b, c[1:], float(long[-1] * c.sum())
