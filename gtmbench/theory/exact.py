@@ -12,7 +12,12 @@ import numpy as np
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
-from gtmbench.theory.rational import DifferentialEquation, PolynomialMatrix, RationalOperator
+from gtmbench.theory.rational import (
+    DifferentialEquation,
+    PolynomialMatrix,
+    RationalOperator,
+    adjugate_times,
+)
 
 Matrix = Any  # rows of ints, Fractions, floats or sympy expressions: lists, a numpy array, a sympy matrix
 
@@ -63,8 +68,7 @@ def operator_of_system(
 
     Gamma = C adj P(p) B + D det P(p): (2.20)-(2.22) with P = p I - A, (5.39) and (5.40) with P = p^2 M + K.
     """
-    adjugate, delta = P.adj_det()
-    reached = adjugate * B
+    reached, delta = adjugate_times(P, B)
     return RationalOperator(
         gamma_i=Ci * reached if Di is None else Ci * reached + Di * delta,
         gamma_o=Co * reached if Do is None else Co * reached + Do * delta,

@@ -76,7 +76,8 @@ class RationalOperator:
     @cached_property
     def theorem_1(self) -> DifferentialEquation:
         """Equation (2.32), det Gamma_i(p) y_o = Gamma_o(p) adj Gamma_i(p) y_i."""
-        adjugate, determinant = self.gamma_i.adj_det()
+        identity = self.gamma_i.eye(self.gamma_i.shape[0], self.gamma_i.domain)
+        adjugate, determinant = adjugate_times(self.gamma_i, identity)
         return DifferentialEquation(numerators=self.gamma_o * adjugate, denominator=determinant)
 
     @cached_property
@@ -152,6 +153,18 @@ class RationalOperator:
         factor = numerator.gcd(denominator)
         factor = factor.quo_ground(factor.LC)
         return numerator.exquo(factor), denominator.exquo(factor)
+
+
+def adjugate_times(matrix: PolynomialMatrix, right: PolynomialMatrix) -> tuple[PolynomialMatrix, Polynomial]:
+    """Return adj(matrix) right and det(matrix), which may be zero, by the theorem of Cayley and Hamilton.
+
+    `DomainMatrix.adj_det` of sympy 1.14 fails where a coefficient of the characteristic polynomial is zero.
+    """
+    found, sign = right * matrix.domain.zero, matrix.domain((-1) ** matrix.shape[0])
+    *upper, last = matrix.charpoly()
+    for coefficient in upper:
+        found = matrix * found + right * coefficient
+    return found * -sign, last * sign
 
 
 def coefficients(polynomial: Polynomial) -> Coefficients:
