@@ -18,13 +18,13 @@ from matplotlib.axes import Axes
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
-from gtmbench.report.polynomials import claim_polynomials, plain
+from gtmbench.report.polynomials import claim_polynomials, flat, plain
 from gtmbench.report.reproduction import Reproduction, reproduce
 from gtmbench.report.structure import draw_both_ways, draw_structure
-from gtmbench.theory.exact import holds_for_free_responses
+from gtmbench.theory.motions import holds_for_free_responses
 from gtmbench.theory.numeric import NumericOperator
 from gtmbench.theory.polynomials import write_polynomial
-from gtmbench.theory.rational import Coefficients, RationalOperator, coefficients, entries
+from gtmbench.theory.rational import RationalOperator, coefficients
 from gtmbench.theory.structures import Structure, displacement_driven, force_driven, mass_spring
 from gtmbench.theory.structures import unit_columns as columns
 from gtmbench.theory.structures import unit_rows as rows
@@ -235,11 +235,6 @@ def magnitude(axis: Axes, frequencies: FloatArray, driven: list[int], watched: l
         axis, frequencies, *(np.abs(NumericOperator(model=one).at(1j * frequencies)[:, o, i]) for one in models)
     )
     axis.set_xlabel("$\\omega$ (rad/s)")
-
-
-def flat(matrix: Any) -> list[Coefficients]:
-    """Return the coefficients of all entries, row by row."""
-    return [one for row in entries(matrix) for one in row]
 
 
 if __name__ == "__main__":

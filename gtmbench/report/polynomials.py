@@ -8,7 +8,7 @@ from typing import Any
 
 from gtmbench.report.reproduction import Reproduction
 from gtmbench.theory.polynomials import read_polynomial, write_polynomial
-from gtmbench.theory.rational import Coefficients
+from gtmbench.theory.rational import Coefficients, PolynomialMatrix, entries
 
 _SHOWN = 3  # polynomials in a cell; more are cut short, `values` has them all
 
@@ -30,6 +30,11 @@ def claim_polynomials(
     agrees = len(theirs) == len(ours) and all(_same(one, other) for one, other in zip(theirs, ours, strict=True))
     written = [write_polynomial(one) for one in ours]
     page.claim(result, _cell(printed), _cell(written), agrees=agrees, note=note, values=[plain(one) for one in ours])
+
+
+def flat(matrix: PolynomialMatrix) -> list[Coefficients]:
+    """Return the coefficients of all entries of a polynomial matrix, row by row."""
+    return [one for row in entries(matrix) for one in row]
 
 
 def plain(coefficients: Coefficients) -> list[int | float | str]:

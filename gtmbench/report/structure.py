@@ -26,8 +26,10 @@ def draw_structure(
         start, end = np.array(places[i], dtype=float), np.array(places[j], dtype=float)
         axis.plot(*_spring(start, end).T, color=COLOURS["healthy"], lw=1.4, zorder=1)
         along = (end - start) / np.linalg.norm(end - start)
+        x, y = (start + end) / 2 + 0.22 * np.array([-along[1], along[0]])
         axis.text(
-            *((start + end) / 2 + 0.22 * np.array([-along[1], along[0]])),
+            x,
+            y,
             f"$k_{{{i}{j}}}$",
             ha="center",
             va="center",

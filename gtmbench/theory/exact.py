@@ -1,4 +1,4 @@
-"""Exact transmissibility operators of state-space models, chapter 2 and appendix A of the dissertation."""
+"""Exact transmissibility operators of state-space models, chapter 2 of the dissertation."""
 
 from __future__ import annotations
 
@@ -12,12 +12,7 @@ import numpy as np
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
-from gtmbench.theory.rational import (
-    DifferentialEquation,
-    PolynomialMatrix,
-    RationalOperator,
-    adjugate_times,
-)
+from gtmbench.theory.rational import PolynomialMatrix, RationalOperator, adjugate_times
 
 Matrix = Any  # rows of ints, Fractions, floats or sympy expressions: lists, a numpy array, a sympy matrix
 
@@ -76,39 +71,6 @@ def operator_of_system(
     )
 
 
-def holds_for_free_responses(equation: DifferentialEquation, A: Matrix, Ci: Matrix, Co: Matrix) -> bool:
-    """Tell, exactly, whether Ci e^(At) x0 and Co e^(At) x0 satisfy an equation for all x0 and t, as in Lemma A.3.
-
-    Their k-th derivatives are Ci A^k e^(At) x0 and Co A^k e^(At) x0, so they do if and only if the sum over k of
-    N_k Ci A^k - d_k Co A^k is zero, N_k and d_k being the coefficients of p^k. An equation with the operator's transfer
-    function that holds for free responses holds with every input too, for motions add up.
-
-    Examples
-    --------
-    Signals that differ by a constant, as in Example 2.2.1: y_i = x1 with x1' = u, and y_o = x1 + x2 with x2' = 0.
-
-    >>> model = {"A": [[0, 0], [0, 0]], "Ci": [[1, 0]], "Co": [[1, 1]]}
-    >>> T = exact_operator(**model, B=[[1], [0]])
-    >>> holds_for_free_responses(T.theorem_1, **model), holds_for_free_responses(T.reduced, **model)
-    (True, False)
-    """
-    (outputs, m), n = equation.numerators.shape, len(rows("A", A))
-    read = read_exactly({"A": A, "Ci": Ci, "Co": Co}, {"A": (n, n), "Ci": (m, n), "Co": (outputs, n)})
-    numerators, A = equation.numerators.unify(read["A"])
-    ring = A.domain
-    inputs, output = (read[name].convert_to(ring) for name in ("Ci", "Co"))
-    denominator = ring.convert_from(equation.denominator, equation.numerators.domain)
-
-    def power(polynomial: Any, k: int) -> Any:
-        return ring.ring.ground_new(polynomial.get((k,), ring.domain.zero))
-
-    total = output * ring.zero
-    for k in range(1 + max(one.degree() for one in [denominator, *numerators.to_list_flat()])):
-        total += numerators.applyfunc(lambda one, k=k: power(one, k)) * inputs - output * power(denominator, k)
-        inputs, output = inputs * A, output * A
-    return bool(total.is_zero_matrix)
-
-
 def read_exactly(matrices: Mapping[str, Matrix], shapes: Mapping[str, tuple[int, int]]) -> dict[str, PolynomialMatrix]:
     """Return matrices over one ring K[p], K the rationals or the rational functions of the symbols in them."""
     try:
@@ -124,7 +86,7 @@ def read_exactly(matrices: Mapping[str, Matrix], shapes: Mapping[str, tuple[int,
         shape = len(found), len(found[0])
         if shape != shapes[name]:
             raise InputError(f"{name} has shape {shape}; beside the other matrices it has {shapes[name]}")
-        flat += [_exact(name, x) for row in found for x in row]
+        flat += [exact_entry(name, x) for row in found for x in row]
     operator = Symbol("p")
     field, values = construct_domain(flat, field=True)
     symbols = () if field.is_QQ else getattr(field, "symbols", (None,))
@@ -156,8 +118,8 @@ def rows(name: str, given: Matrix) -> list[list[Any]]:
     return found
 
 
-def _exact(name: str, value: Any) -> Any:
-    """Return an entry as sympy has it, every float as its shortest decimal."""
+def exact_entry(name: str, value: Any) -> Any:
+    """Return an entry of a matrix as sympy has it, every float as its shortest decimal."""
     from sympy import Expr, Float, Integer, Rational
 
     if isinstance(value, Integral) and not isinstance(value, bool):

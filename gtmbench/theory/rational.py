@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
@@ -47,7 +48,7 @@ class RationalOperator:
       adj S(p) times S(p) [x; u] = [0; y_i] gives [x; u], hence y_o, times det S(p).
     - `reduced`: what the entries still have in common is cancelled. Every motion satisfies it if (A, B) is
       controllable: the motions of (y_i, y_o) are then the image of a polynomial matrix M(p), and c(p) r(p) M(p) = 0
-      only where r(p) M(p) = 0. Uncontrollable modes may be excluded; `exact.holds_for_free_responses` tells.
+      only where r(p) M(p) = 0. Uncontrollable modes may be excluded; `motions.holds_for_free_responses` tells.
 
     Attributes
     ----------
@@ -134,12 +135,13 @@ class RationalOperator:
         least = self.relative_degree.min()
         return "improper" if least < 0 else "proper" if least == 0 else "strictly proper"
 
-    def __call__(self, p: complex) -> ComplexArray:
-        """Return T(p) at a complex number, shape (outputs, inputs), from the coprime entries in floating point."""
-        found = np.empty(self.gamma_o.shape, dtype=complex)
-        for o, i in np.ndindex(found.shape):
+    def at(self, p: ArrayLike) -> ComplexArray:
+        """Return T at some points, shape (*p.shape, outputs, inputs), from the coprime entries in floating point."""
+        points = np.asarray(p, dtype=complex)
+        found = np.empty((*points.shape, *self.gamma_o.shape), dtype=complex)
+        for o, i in np.ndindex(self.gamma_o.shape):
             numerator, denominator = self.floats(o, i)
-            found[o, i] = np.polyval(numerator, p) / np.polyval(denominator, p)
+            found[..., o, i] = np.polyval(numerator, points) / np.polyval(denominator, points)
         return found
 
     def equals(self, other: RationalOperator) -> bool:
