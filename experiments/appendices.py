@@ -130,7 +130,7 @@ def responses(page: Reproduction) -> None:
         axes[0][column].set_ylabel("free response")
         axes[0][column].legend(loc="best")
         axes[1][column].plot(TIME_S, off / np.finfo(float).eps, ".", color=COLOURS["healthy"])
-        axes[1][column].set_ylabel("residual over its terms (units of 2.2e-16)")
+        axes[1][column].set_ylabel("residual over terms / 2.2e-16")
         axes[1][column].set_xlabel("time (s)")
     figure.suptitle(
         r"Lemma A.3: $\Gamma_o(p)\, y_i = \Gamma_i(p)\, y_o$ for free responses from nonzero initial conditions"

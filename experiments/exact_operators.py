@@ -199,15 +199,17 @@ def figures(page: Reproduction) -> None:
     frequencies = np.linspace(0.01, 2.5, 1500)
     line = {0: (0.0, 0.0), 1: (1.1, 0.0), 2: (2.3, 0.0)}
     triangle = {0: (0.0, 0.0), 1: (1.1, 0.0), 2: (2.3, 0.7), 3: (2.3, -0.7)}
+    one = {(0, 1): "$k_1$", (1, 2): "$k_2$"}
+    other = {(i, j): f"$k_{{{i}{j}}}$" for i, j in ((0, 1), (1, 2), (1, 3), (2, 3))}
     for name, places, joined, pairs in (
-        ("2_1", line, ((0, 1), (1, 2)), [(2, 1)]),
-        ("2_2", triangle, ((0, 1), (1, 2), (1, 3), (2, 3)), [(2, 1), (3, 1), (3, 2)]),
+        ("2_1", line, one, [(2, 1)]),
+        ("2_2", triangle, other, [(2, 1), (3, 1), (3, 2)]),
     ):
         figure, axes = panels(1, 2, (11.0, 3.8))
         draw_structure(axes[0][0], places, joined, driven=[1])
         axes[0][0].set_title("the force f acts on $m_1$")
         n = len(places) - 1
-        structure = mass_spring([1, 2, 3][:n], {ends: 1 + k for k, ends in enumerate(joined)})
+        structure = mass_spring([1, 2, 1][:n], {ends: 1 + k for k, ends in enumerate(joined)})
         for (j, i), style in zip(pairs, ("-", "--", ":"), strict=False):
             T = force_driven(structure, unit_columns([1], n), unit_rows([i], n), unit_rows([j], n))
             axes[0][1].semilogy(
@@ -216,7 +218,7 @@ def figures(page: Reproduction) -> None:
         axes[0][1].set_xlabel("$\\omega$ (rad/s)")
         axes[0][1].set_ylabel("$|T(j\\omega)|$")
         axes[0][1].legend(loc="best")
-        axes[0][1].set_title(", ".join(f"$m_{k + 1}$ = {k + 1}" for k in range(n)) + " kg; springs 1, 2, ... N/m")
+        axes[0][1].set_title(f"masses {', '.join('121'[:n])} kg; springs {', '.join('1234'[: len(joined)])} N/m")
         figure.suptitle(f"Fig. {name.replace('_', '.')}, Example {'2.4.1' if name == '2_1' else '2.4.3'}")
         page.draw(f"fig_{name}", figure)
     misprint(page)

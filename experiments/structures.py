@@ -213,7 +213,7 @@ def figures(page: Reproduction) -> None:
     """Draw Fig. 5.1 and the operators of both examples."""
     frequencies = np.linspace(0.01, 2.8, 1400)
     figure, axes = panels(1, 2, (11.0, 4.2))
-    draw_structure(axes[0][0], PLACES, SPRINGS, driven=[2])
+    draw_structure(axes[0][0], PLACES, {(i, j): f"$k_{{{i}{j}}}$" for i, j in SPRINGS}, driven=[2])
     axes[0][0].set_title("force f or prescribed motion on $m_2$; all 1 kg, 1 N/m")
     magnitude(axes[0][1], frequencies, [2], [1, 6], 0, 0)
     axes[0][1].set_title("from $q_1$ to $q_6$, (5.103) and (5.104)")

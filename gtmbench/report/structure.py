@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +17,16 @@ _RADIUS = 0.2
 
 
 def draw_structure(
-    axis: Axes, places: Mapping[int, tuple[float, float]], springs: Iterable[tuple[int, int]], *, driven: Sequence[int]
+    axis: Axes,
+    places: Mapping[int, tuple[float, float]],
+    springs: Mapping[tuple[int, int], str],
+    *,
+    driven: Sequence[int],
 ) -> None:
-    """Draw the wall, 0, masses 1..n at their places about one apart, their springs, and arrows on driven masses."""
+    """Draw the wall, 0, masses 1..n at their places about one apart, springs by name, and arrows on driven masses."""
     from matplotlib.patches import Circle, Rectangle
 
-    for i, j in springs:
+    for (i, j), name in springs.items():
         start, end = np.array(places[i], dtype=float), np.array(places[j], dtype=float)
         axis.plot(*_spring(start, end).T, color=COLOURS["healthy"], lw=1.4, zorder=1)
         along = (end - start) / np.linalg.norm(end - start)
@@ -30,7 +34,7 @@ def draw_structure(
         axis.text(
             x,
             y,
-            f"$k_{{{i}{j}}}$",
+            name,
             ha="center",
             va="center",
             color="#444444",
