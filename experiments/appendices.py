@@ -161,15 +161,15 @@ def large_models(page: Reproduction) -> None:
         points = 3.0 * np.exp(1j * np.linspace(0.0, 3.0, 20))
         off.append(np.max(np.abs(numeric.at(points) / exact.at(points) - 1.0)))
         off.append(np.max(np.abs(numeric.poles - exact.poles) / np.abs(exact.poles)))
-    page.unprinted(
-        "T without polynomials, 5 states, beside the exact one", f"values and poles to {max(off):.1e}", values=off
-    )
+    page.unprinted("(2.49) without polynomials, 5 states", f"as the exact one to {max(off):.1e}", values=off)
     model = stacked(random_model(np.random.default_rng(9), m=3, outputs=2, n=40))
     T, points = NumericOperator(model=model), 1j * np.linspace(0.1, 10.0, 100)
     G = model.at(points)
     off = np.max(np.abs(T.at(points) @ G[:, :3] - G[:, 3:])) / np.max(np.abs(G))
     page.unprinted(
-        "T without polynomials, 40 states, 3 inputs", f"T Gi = Go to {off:.1e}; {len(T.poles)} poles", values=T.poles
+        "(2.49) without polynomials, 40 states, 3 inputs",
+        f"T Gi = Go to {off:.1e}; {len(T.poles)} poles",
+        values=T.poles,
     )
 
 

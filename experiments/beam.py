@@ -48,10 +48,6 @@ def main(page: Reproduction) -> None:
         f"T^D {'survives' if literal.equals(forced) else 'is another'}",
         note="misprint: -p^2 M_[r,.] e_r q_d is missing; here both are alike but for p^2 + omega_r^2",
     )
-    degrees = [one.degree() for one in parts(forced)]
-    page.claim(
-        "(5.115), degrees", "6 over 6", f"{degrees[0]} over {degrees[1]}", agrees=degrees == [6, 6], note=ASSUMED
-    )
     scaled = [in_seconds(coefficients(one)) for one in parts(forced)]
     scaled = [[c / scaled[0][0] for c in one] for one in scaled]
     page.unprinted(

@@ -49,7 +49,7 @@ class NumericOperator:
                 f"the model has {self.model.outputs} outputs and {self.model.inputs} inputs; the first "
                 f"{self.model.inputs} are pseudo inputs, so give more"
             )
-        self.poles  # noqa: B018  # refuses what Definition 1 excludes
+        _ = self.poles  # refuses what Definition 1 excludes
 
     def at(self, p: ArrayLike) -> ComplexArray:
         """Return T at some points, shape (*p.shape, outputs, pseudo inputs); poles of the model do no harm."""

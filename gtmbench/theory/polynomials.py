@@ -11,7 +11,7 @@ from gtmbench.checks import shown
 from gtmbench.errors import InputError
 
 _TERM = re.compile(
-    r"(?P<sign>[+-]?)(?P<number>\(\d+/\d+\)|\d+(?:\.\d+)?(?:e[+-]?\d+)?)?(?P<variable>[a-z](?:\^(?P<power>\d+))?)?"
+    r"(?P<sign>[+-]?)(?P<number>\(\d+/[1-9]\d*\)|\d+/[1-9]\d*(?![a-z\d])|\d+(?:\.\d+)?(?:e[+-]?\d+)?)?(?P<variable>[a-z](?:\^(?P<power>\d+))?)?"
 )
 _HIGHEST = 1000  # a power; a typing error shouldn't fill the memory
 
@@ -35,7 +35,7 @@ def read_polynomial(text: str) -> tuple[Fraction, ...]:
     """
     terms: dict[int, Fraction] = {}
     letters = set()
-    left = text.replace(" ", "")
+    left = re.sub(r"\s*([+-])\s*", r"\1", text.strip())
     while left or not terms:
         term = _TERM.match(left)
         if term is None or not (term["number"] or term["variable"]) or (terms and not term["sign"]):

@@ -22,7 +22,7 @@ class Structure:
 
     Attributes
     ----------
-    M, K : list of rows, each n x n
+    M, K : tuples of rows, each n x n
         Ints, Fractions, floats or sympy expressions; in kg and N/m, say.
     """
 
@@ -31,7 +31,7 @@ class Structure:
 
     def __post_init__(self) -> None:
         for name in ("M", "K"):
-            object.__setattr__(self, name, rows(name, getattr(self, name)))
+            object.__setattr__(self, name, tuple(tuple(row) for row in rows(name, getattr(self, name))))
         n = len(self.M)
         for name, found in (("M", self.M), ("K", self.K)):
             if (len(found), len(found[0])) != (n, n):
@@ -79,7 +79,7 @@ def mass_spring(masses: Sequence[Any], springs: Mapping[tuple[int, int], Any]) -
     """Return masses 1..n joined by springs (i, j); 0 is the wall.
 
     >>> mass_spring([1, 1], {(0, 1): 3, (1, 2): 1}).K
-    [[4, -1], [-1, 1]]
+    ((4, -1), (-1, 1))
     """
     n = len(masses)
     K: list[list[Any]] = [[0] * n for _ in range(n)]
@@ -123,7 +123,8 @@ def force_driven(structure: Structure, B: Matrix, Wi: Matrix, Wo: Matrix) -> Rat
     >>> T.reduced.numerators, T.reduced.denominator  # as Example 2.4.1
     (DomainMatrix([[1]], (1, 1), QQ[p]), p**2 + 1)
     """
-    read = _read(structure, Wi, Wo, B)
+    inputs = len(rows("B", B)[0])
+    read = _read(structure, inputs, {"Wi": Wi, "Wo": Wo, "B": B})
     return operator_of_system(read["P"], read["B"], read["Wi"], read["Wo"])
 
 
@@ -141,20 +142,18 @@ def displacement_driven(structure: Structure, driven: Sequence[int], Wi: Matrix,
         D, masses 1..n; as many as pseudo inputs, so at most n/2.
     Wi, Wo : shapes (d, n), (outputs, n)
     """
-    read = _read(structure, Wi, Wo)
-    P = read["P"]
     moved, free = structure._split(driven)
+    read = _read(structure, len(moved), {"Wi": Wi, "Wo": Wo})
+    P = read["P"]
     outputs = (read[name].extract(range(read[name].shape[0]), free) for name in ("Wi", "Wo"))
     return operator_of_system(P.extract(free, free), -P.extract(free, moved), *outputs)
 
 
-def _read(structure: Structure, Wi: Matrix, Wo: Matrix, B: Matrix | None = None) -> dict[str, PolynomialMatrix]:
+def _read(structure: Structure, inputs: int, given: dict[str, Matrix]) -> dict[str, PolynomialMatrix]:
     """Return P = p^2 M + K and the others over one ring."""
     n = structure.masses
-    given = {"M": structure.M, "K": structure.K, "Wi": Wi, "Wo": Wo} | ({} if B is None else {"B": B})
-    inputs = len(rows("Wi", Wi)) if B is None else len(rows("B", B)[0])
-    shapes = {"M": (n, n), "K": (n, n), "Wi": (inputs, n), "Wo": (len(rows("Wo", Wo)), n), "B": (n, inputs)}
-    read = read_exactly(given, shapes)
+    shapes = {"M": (n, n), "K": (n, n), "Wi": (inputs, n), "Wo": (len(rows("Wo", given["Wo"])), n), "B": (n, inputs)}
+    read = read_exactly({"M": structure.M, "K": structure.K} | given, shapes)
     ring = read["M"].domain
     return read | {"P": read["M"] * ring.gens[0] ** 2 + read["K"]}
 
