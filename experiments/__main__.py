@@ -22,7 +22,8 @@ HERE = Path(__file__).parent
 BEGIN, END = "<!-- make experiments writes this -->\n", "<!-- up to here -->"
 PARTS = {  # in the order of the dissertation
     "why_time_domain": "1, why time domain",
-    "exact_operators": "2 and the appendices, exact operators",
+    "exact_operators": "2, exact operators",
+    "appendices": "2, A, B, Theorem 1 and what it stands on",
     "orders_of_models": "3.2, why FIR models",
     "laurent_series": "3.3-3.5, Laurent series, and Fig. 3.12",
     "closed_loop": "3.6, 3.7, identification in closed loop",
@@ -32,8 +33,10 @@ PARTS = {  # in the order of the dissertation
     "plate": "4.5, a vibrating plate",
     "drum": "4.6, an acoustic drum",
     "structures": "5, structures driven by forces and by displacements",
+    "beam": "5, the beam of example 5.8.2",
     "hammerstein": "6, Hammerstein systems",
 }
+WIDEST = 200  # letters of a cell
 Results = dict[str, Any]
 
 
@@ -66,7 +69,7 @@ def section(name: str, title: str, results: Results) -> str:
     for row in results["rows"]:
         agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
         cells = [row["result"], row["printed"], row["ours"], agreement, _seconds(row["seconds"])]
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("| " + " | ".join(shortened(cell).replace("|", "\\|") for cell in cells) + " |")
     figures = [f"[{figure.removesuffix('.png')}](reports/{name}/{figure})" for figure in results["figures"]]
     return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
 
@@ -80,6 +83,11 @@ def overview(parts: dict[str, Results], seconds: float, jobs: int) -> str:
         f"{said.count('not printed')} rows have no printed counterpart; {figures} figures. All of it took "
         f"{seconds / 60:.0f} minutes, {jobs} scripts at a time; digits stand in `reports/NAME/results.json`.\n\n"
     )
+
+
+def shortened(cell: str) -> str:
+    """Return a cell without the middle of what no page is wide enough for; `results.json` has all of it."""
+    return cell if len(cell) <= WIDEST else f"{cell[: WIDEST - 40]} ... {cell[-35:]}"
 
 
 def _seconds(value: float) -> str:
