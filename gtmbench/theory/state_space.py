@@ -1,4 +1,4 @@
-"""Discrete-time linear systems, equations (3.10) and (3.11): what the dissertation's examples are made of."""
+"""Linear systems, equations (3.10) and (3.11): what the dissertation's examples are made of."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ ComplexArray = NDArray[np.complex128]
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class StateSpace:
     """x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k), equations (3.10) and (3.11).
+
+    The matrices serve x' = A x + B u as well, of structures and of exact operators; `simulate` and `markov` are those
+    of discrete time.
 
     Parameters
     ----------
