@@ -1,0 +1,190 @@
+"""Plate and drum: modes, exact sampling, and a fit in rational numbers, each held against another way to it."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gtmbench.errors import InputError
+from gtmbench.theory.exact_fit import exact_weights, left_over
+from gtmbench.theory.nested import count, nested_operators, norms
+from gtmbench.theory.plate import Plate
+from gtmbench.theory.state_space import StateSpace
+from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, modes_of, simulate, unforced
+
+FORCES = [(0.3, 0.3), (1.0, 1.0), (4.0, 0.25)]
+SENSORS = [(0.5, 0.1), (1.0, 0.5), (3.0, 0.75)]
+PLATE = Plate().modes(forces=FORCES, sensors=SENSORS, damping=0.05)
+WAVES = Sinusoids(amplitude=np.array([600.0, 500.0, 300.0]), omega=np.array([5.0, 10.0, 20.0]), samples=1500)
+NOTED_HZ = "0.340561 2.12627 3.38377 10.5836 11.1094 29.6881 66.9614 70.316 91.1428"
+
+
+def test_the_plates_frequencies_are_the_noted_ones_to_six_digits():
+    assert " ".join(f"{one:.6g}" for one in PLATE.frequency_hz) == NOTED_HZ
+
+
+def test_the_energies_are_those_of_gauss_quadrature_on_numerical_polynomials():
+    plate = Plate(a=2.0, b=0.7)
+    nodes, weights = np.polynomial.legendre.leggauss(8)  # exact to degree 15
+    x, y = plate.a * (nodes + 1) / 2, plate.b * (nodes + 1) / 2
+    area = np.outer(weights, weights) * plate.a * plate.b / 4
+    poly = np.polynomial.polynomial
+
+    def field(dx, dy):
+        along = [poly.polyval(x, poly.polyder(np.eye(5)[i], dx)) for i in (2, 3, 4)]
+        across = [poly.polyval(y, poly.polyder(np.eye(3)[j], dy)) for j in (0, 1, 2)]
+        return np.array([np.outer(u, v) for u in along for v in across])
+
+    def energy(left, right):
+        return np.einsum("mxy,nxy,xy->mn", left, right, area)
+
+    xx, yy, xy, nu = field(2, 0), field(0, 2), field(1, 1), plate.poisson
+    bending = energy(xx + yy, xx + yy) - (1 - nu) * (energy(xx, yy) + energy(yy, xx) - 2 * energy(xy, xy))
+    np.testing.assert_allclose(plate.stiffness(), plate.rigidity * bending, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(plate.mass(), plate.density * plate.h * energy(field(0, 0), field(0, 0)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("width", "digits"), [(1.0, 1e-10), (0.3, 1e-9), (0.01, 1e-5)])
+def test_without_poissons_ratio_bending_is_that_of_a_beam_of_the_same_polynomials(width, digits):
+    """w(x) alone then solves the plate at any width; a narrow one twists so fast that double precision loses digits.
+
+    The first polynomial frequency is near Euler and Bernoulli's 3.516.
+    """
+    power = np.array([2, 3, 4])
+    mass = 1.0 / (np.add.outer(power, power) + 1)
+    stiffness = np.outer(power * (power - 1), power * (power - 1)) / (np.add.outer(power, power) - 3)
+    beam = np.sqrt(scipy.linalg.eigh(stiffness, mass, eigvals_only=True))
+    plate = Plate(b=width, poisson=0.0)
+    found = plate.modes(forces=FORCES, sensors=SENSORS, damping=0.0).omega
+    unit = np.sqrt(plate.modulus * plate.h**2 / 12 / plate.density) / plate.a**2
+    for one in beam:
+        assert np.min(np.abs(found / unit / one - 1.0)) < digits
+    assert beam[0] == pytest.approx(3.51602, rel=1e-3)
+
+
+def integrated(modes, force, stiffness, times):
+    """Return the sensors by Runge and Kutta's way."""
+    n = len(modes.omega)
+
+    def slope(t, x):
+        push = modes.driven @ force(t) - 2 * modes.rate * x[n:] - stiffness(t) * modes.omega**2 * x[:n]
+        return np.concatenate([x[n:], push])
+
+    found = scipy.integrate.solve_ivp(
+        slope, (0, times[-1]), np.zeros(2 * n), t_eval=times, rtol=1e-10, atol=1e-14, method="DOP853", max_step=0.01
+    )
+    return found.y[:n].T @ modes.heard.T
+
+
+SLOW = Modes(omega=PLATE.omega[:4], damping=0.05, driven=PLATE.driven[:4], heard=PLATE.heard[:, :4])
+
+
+def test_sinusoids_are_sampled_without_error():
+    expected = integrated(
+        SLOW, lambda t: WAVES.amplitude * np.sin(WAVES.omega * t), lambda _: 1.0, 0.001 * np.arange(1500)
+    )
+    np.testing.assert_allclose(simulate(SLOW, WAVES, sample_period_s=0.001).values, expected, atol=1e-9)
+
+
+def test_held_forces_and_a_stiffness_that_steps_carry_the_state_over():
+    values = np.random.default_rng(1).standard_normal((40, 3)) * WAVES.amplitude
+    factor = np.where(np.arange(40) < 20, 1.0, 0.7)
+    record = simulate(SLOW, Held(values=values), sample_period_s=0.05, stiffness=factor[:, np.newaxis])
+    x = np.zeros(8)
+    for k in range(40):  # the matrix exponential of one mode matrix, force and all
+        np.testing.assert_allclose(record.values[k], SLOW.heard @ x[:4], atol=1e-12)
+        a = np.block([[np.zeros((4, 4)), np.eye(4)], [-np.diag(factor[k] * SLOW.omega**2), -np.diag(2 * SLOW.rate)]])
+        push = np.concatenate([np.zeros(4), SLOW.driven @ values[k]])
+        whole = scipy.linalg.expm(0.05 * np.block([[a, push[:, np.newaxis]], [np.zeros((1, 9))]]))
+        x = (whole @ np.append(x, 1.0))[:8]
+
+
+def test_sinusoids_under_a_changing_stiffness_are_those_of_an_integration():
+    factor = 1.0 - 0.2 * (np.arange(1500) >= 700)
+    expected = integrated(
+        SLOW,
+        lambda t: WAVES.amplitude * np.sin(WAVES.omega * t),
+        lambda t: 1.0 - 0.2 * (t >= 0.7),
+        0.001 * np.arange(1500),
+    )
+    found = simulate(SLOW, WAVES, sample_period_s=0.001, stiffness=factor[:, np.newaxis]).values
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@settings(max_examples=25, derandomize=True, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.1, 10.0))
+def test_forces_superpose_and_scale(seed, scale):
+    one, other = np.random.default_rng(seed).standard_normal((2, 30, 3))
+
+    def heard(values):
+        return simulate(PLATE, Held(values=values), sample_period_s=0.01).values
+
+    np.testing.assert_allclose(heard(one + scale * other), heard(one) + scale * heard(other), rtol=1e-9, atol=1e-12)
+
+
+def test_a_samples_noise_has_the_ratio_asked_for():
+    record = simulate(PLATE, WAVES, sample_period_s=0.01)
+    noise = measured(record, snr=20, seed=1).values - record.values
+    np.testing.assert_allclose(record.values.std(axis=0) / noise.std(axis=0), 20, rtol=0.1)
+
+
+def test_one_sensor_of_the_plate_gives_another_exactly_whatever_the_state():
+    system, start = unforced(PLATE, WAVES, sample_period_s=0.001)
+    expected = simulate(PLATE, WAVES, sample_period_s=0.001).values
+    np.testing.assert_allclose(system.simulate(np.zeros((1500, 0)), start), expected, atol=1e-11)
+    weights = exact_weights(system, seen=0, wanted=2)
+    assert (system.order, len(weights)) == (24, 24)
+    assert left_over(system, weights, seen=0, wanted=2) == 0
+    weights[5] *= 1 + Fraction(1, 10**30)  # what no double would see
+    assert left_over(system, weights, seen=0, wanted=2) > 0
+
+
+def test_exact_weights_predict_a_simulation():
+    rng = np.random.default_rng(3)
+    system = StateSpace(
+        rng.standard_normal((3, 3)) / 2, np.zeros((3, 0)), rng.standard_normal((2, 3)), np.zeros((2, 0))
+    )
+    weights = np.array([float(one) for one in exact_weights(system, seen=0, wanted=1)])
+    y = system.simulate(np.zeros((20, 0)), rng.standard_normal(3))
+    for k in range(15):
+        assert y[k + 2, 1] == pytest.approx(weights @ y[k : k + 5 : 2, 0], rel=1e-8, abs=1e-12)
+
+
+def test_nested_operators_fall_to_the_noise_with_as_many_inputs_as_excitations():
+    u = np.random.default_rng(1).standard_normal((3000, 2))
+    mixed = u @ np.random.default_rng(2).standard_normal((2, 4))
+    record = StateSpace(np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((4, 0)), np.eye(4)).simulate(mixed)
+    noisy = measured(simulate(PLATE, Held(values=u[:, [0, 1, 1]]), sample_period_s=1.0), snr=1e3, seed=1)
+    assert len(nested_operators(noisy, 2)) == len(SENSORS) - 1
+    sensors = type(noisy)(record, channels=["a", "b", "c", "d"], sample_period_s=1.0)
+    sensors = measured(sensors, snr=100, seed=2)
+    levels = [np.nanmedian(one.values) for one in norms(nested_operators(sensors, 2), sensors, window=100)]
+    assert levels[0] > 10 * levels[1]
+    assert levels[1] < 2 * levels[2]
+    assert count(sensors, 2) == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Plate(h=0.0), "h is 0.0; it must be a finite number greater than 0"),
+        (lambda: modes_of([[0.0]], [[1.0]], forces=[[1.0]], sensors=[[1.0]], damping=0.1), "no modes"),
+        (lambda: modes_of([[1.0]], [[-1.0]], forces=[[1.0]], sensors=[[1.0]], damping=0.1), "what isn't held"),
+        (lambda: simulate(PLATE, WAVES, sample_period_s=0.001, stiffness=0.001), "a mode doesn't oscillate"),
+        (lambda: simulate(PLATE, WAVES, sample_period_s=0.0), "sample_period_s is 0.0"),
+        (
+            lambda: exact_weights(
+                StateSpace(np.eye(2), np.zeros((2, 0)), np.eye(2), np.zeros((2, 0))), seen=0, wanted=1
+            ),
+            "output 0 doesn't see all 2 states",
+        ),
+    ],
+)
+def test_what_cant_vibrate_is_refused_in_one_line(call, message):
+    with np.errstate(all="ignore"), pytest.raises(InputError, match=message) as refused:
+        call()
+    assert "\n" not in str(refused.value)
