@@ -22,7 +22,7 @@ from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
 from gtmbench.report.reproduction import Reproduction, reproduce
-from gtmbench.theory.closed_loop import Noise, loop_records
+from gtmbench.theory.closed_loop import Noise, closed_loop, loop_records
 from gtmbench.theory.iir import IirModel, arx, iv4
 from gtmbench.theory.laurent import laurent
 from gtmbench.theory.pem import pem
@@ -46,6 +46,7 @@ IIR: dict[str, Callable[[gb.Record, int], IirModel]] = {
     "PEM": lambda record, order: pem(record, order=order),
     "IV from c": lambda record, order: iv4(record, order=order, instrument="c"),
 }
+MARKERS = {"LS": "o", "IV": "^", "XIV": "v", "PEM": "s"}
 COLOURS = {"LS": "tab:blue", "IV": "tab:orange", "XIV": "tab:purple", "PEM": "tab:green", "IV from c": "0.5"}
 SAMPLES = (2500, 10_000, 40_000)
 
@@ -119,22 +120,31 @@ def truncation(model: IirModel) -> FloatArray:
         return np.zeros_like(THETA)
 
 
+def moments(delay: int, past: int) -> FloatArray:
+    """Return E[u(k-i) c(k-delay-j)], i = -d..r, j = -d..r+past, of (3.55) without noise; exact, for white c."""
+    i, j = np.arange(-D, R + 1), np.arange(-D, R + past + 1)
+    heard = closed_loop(EXAMPLE.plant, EXAMPLE.gain).markov(R + D + past + delay + 1)[:, 0, 0]  # of c by u
+    lag = delay + j - i[:, np.newaxis]
+    return np.where(lag >= 0, heard[lag], 0.0)
+
+
 def same_lags(page: Reproduction, records: Records) -> None:
-    """Show what (3.55) is with instruments of the same lags as u, which A1) takes for regular."""
-    ways = {"same": {}, "3 later": {"delay": UNSTABLE_POLES}, "20 more": {"past": 20}}
-    condition, error = {}, {}
-    for name, way in ways.items():
-        estimator = gb.InstrumentalVariables(instruments=("c",), **way)
-        condition[name] = float(np.mean([operator(record, estimator).condition for record in records]))
-        error[name] = fir_error(records, estimator)
+    """Show what (3.55) is with instruments of the same lags as u, and with others."""
+    nil, condition, delta = {}, {}, {}
+    for name, delay, past in (("same", 0, 0), ("3 later", UNSTABLE_POLES, 0), ("20 more", 0, 20)):
+        singular = np.linalg.svd(moments(delay, past), compute_uv=False)
+        nil[name] = int(np.sum(singular < 1e-12 * singular[0]))
+        condition[name] = float(singular[0] / singular[-1])
+        delta[name] = fir_error(records, gb.InstrumentalVariables(instruments=("c",), delay=delay, past=past))
     page.claim(
         "(3.55), lags of c: same, 3 later, 20 more",
         "A1) regular",
-        "condition " + ", ".join(f"{one:.4g}" for one in condition.values()),
-        agrees=condition["same"] > 50 * max(condition["3 later"], condition["20 more"]),
-        note="nearly singular with the same lags, for 3 poles are unstable; delta of (3.100) "
-        + ", ".join(f"{one:.4f}" for one in error.values()),
-        values={"condition": condition, "delta": error},
+        f"{', '.join(map(str, nil.values()))} of {R + D + 1} singular values nil",
+        agrees=[*nil.values()] == [UNSTABLE_POLES, 0, 0]
+        and delta["same"] > 5.0 * max(delta["3 later"], delta["20 more"]),
+        note="A1) fails with the lags of (3.55), as often as poles are unstable; (3.100) is "
+        + ", ".join(f"{one:.4f}" for one in delta.values()),
+        values={"nil": nil, "condition": condition, "delta": delta},
     )
 
 
@@ -147,7 +157,7 @@ def figure_3_13(page: Reproduction, records: Records) -> None:
         found = [[truncation(estimator(record, order)) for record in records] for order in orders]
         iir[name] = [float(np.mean([off(one) for one in row])) for row in found]
         without[name] = sum(not np.any(one) for row in found for one in row)
-    figure, ((axis,),) = panels(1, 1, (7.5, 4.8))
+    figure, ((axis,),) = panels(1, 1, (8.5, 4.8))
     for name, delta in fir.items():
         nearest = orders[int(np.argmin(iir[name]))]
         page.claim(
@@ -158,8 +168,9 @@ def figure_3_13(page: Reproduction, records: Records) -> None:
             note=f"{len(records)} realisations",
             values={"FIR": delta, "orders": orders, "IIR": iir[name], "poles on the circle": without[name]},
         )
-        axis.semilogy(orders, iir[name], "o-", ms=4, color=COLOURS[name], label=f"IIR, {name}")
-        axis.axhline(delta, ls="--", color=COLOURS[name], label=f"FIR, r = d = {R}, {name}")
+        size, dash = (8, "-") if name == "LS" else (4, "--")  # LS lies below PEM
+        axis.semilogy(orders, iir[name], MARKERS[name] + "-", ms=size, color=COLOURS[name], label=f"IIR, {name}")
+        axis.axhline(delta, ls=dash, color=COLOURS[name], label=f"FIR, r = d = {R}, {name}")
     given_c = iir["IV from c"]
     better = [order for order, one in zip(orders, given_c, strict=True) if one < fir["IV"]]
     page.unprinted(
@@ -171,6 +182,7 @@ def figure_3_13(page: Reproduction, records: Records) -> None:
     axis.semilogy(orders, given_c, "x:", color=COLOURS["IV from c"], label="IIR, iv4 given c (not in the source)")
     axis.set(title="Fig. 3.13: errors of Laurent coefficients", xlabel="order $n_{mod}$ of IIR models")
     axis.set_ylabel(rf"$\delta_\ell$ of (3.100), $\|\theta\|$ = {np.linalg.norm(THETA):.3f} (y/u)")
+    axis.set_xticks(range(1, 21))
     figure.legend(*axis.get_legend_handles_labels(), loc="outside right upper", fontsize="small")
     page.draw("fig_3_13", figure)
 
@@ -200,13 +212,15 @@ def noise_places(page: Reproduction) -> None:
             values={"samples": SAMPLES, "delta": delta, "exponent": fall},
         )
         for name, one in delta.items():
-            style = "o:" if name in place.biased else "o-"
-            axis.loglog(SAMPLES, one, style, color=COLOURS[name], label=name)
+            style, size = ":" if name in place.biased else "-", 9 if name == "LS" else 5  # LS lies below PEM
+            axis.loglog(SAMPLES, one, MARKERS[name] + style, ms=size, color=COLOURS[name], label=name)
         start = delta["IV"][0]
         axis.loglog(
             SAMPLES, [start * (SAMPLES[0] / x) ** 0.5 for x in SAMPLES], "k--", lw=1.0, label=r"$1/\sqrt{\ell}$"
         )
         axis.set(title=f"noise {place.where}", xlabel=r"samples $\ell$")
+        axis.set_xticks(SAMPLES, [f"{one:,}" for one in SAMPLES])
+        axis.set_xticks([], minor=True)
     axes[0][0].set_ylabel(r"$\delta_\ell$ of (3.100) (y/u)")
     figure.suptitle(f"Errors of noncausal FIR models, {runs} realisations; dotted: biased")
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right center")

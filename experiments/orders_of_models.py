@@ -82,13 +82,12 @@ def fir_errors(own: Records, other: Records, orders: Sequence[tuple[int, int]]) 
 
 
 def iir_errors(own: Records, other: Records, orders: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Return the averaged errors on the other records, and on their own."""
-    found = np.empty((2, len(orders), len(own)))
+    """Return the errors on the other records, and those on their own, one row an order, one column a realisation."""
+    elsewhere, inside = np.empty((2, len(orders), len(own)))
     for i, order in enumerate(orders):
         for j, one in enumerate(own):
             model = pem(one, order=order)
-            found[:, i, j] = rms(model.innovations(other[j])), rms(model.innovations(one))
-    elsewhere, inside = found.mean(axis=2)
+            elsewhere[i, j], inside[i, j] = rms(model.innovations(other[j])), rms(model.innovations(one))
     return elsewhere, inside
 
 
@@ -101,7 +100,8 @@ def read_off(orders: Sequence[int], error: FloatArray) -> int:
 def orders_read_off(page: Reproduction, number: str, own: Records, other: Records, *, printed: int) -> None:
     """Figs. 3.1 and 3.7: which order the errors of IIR models suggest, and what higher ones cost."""
     orders = [*range(1, 9), 20] if page.quick else [*range(1, 21)]
-    error, inside = iir_errors(own, other, orders)
+    each, inside = iir_errors(own, other, orders)
+    error = each.mean(axis=1)
     read, least, seven = read_off(orders, error), orders[int(np.argmin(error))], orders.index(7)
     below = 1.0 - error.min() / error[orders.index(read)]
     page.claim(
@@ -109,14 +109,23 @@ def orders_read_off(page: Reproduction, number: str, own: Records, other: Record
         f"{printed}",
         f"{read}",
         agrees=read == printed,
-        note=f"{len(own)} realisations; order {least} is {below:.2%} below, which isn't significant",
-        values={"orders": orders, "error": error, "error on the own records": inside},
+        note=f"{len(own)} realisations; printed as the least error, which is order {least}'s here, by {below:.2%}",
+        values={"orders": orders, "error": error, "error on the own records": inside.mean(axis=1)},
     )
-    above = error[seven + 1 :] / error[seven] - 1.0
-    ours = f"by {above.max():.2%}, at 20 {above[-1]:.2%}"
-    page.claim(f"Fig. {number}, orders above 7", "error increases", ours, agrees=above[-1] > 0 and above.min() > -LEVEL)
-    curves = {"on another record": (orders, error, "o-"), "on the record identified from": (orders, inside, "k:")}
-    figure = drawn(f"Fig. {number}: IIR models by PEM, order 7 is the plant's", "order $n_{mod}$", curves)
+    mean, median = error[-1] / error[seven] - 1.0, np.median(each[-1] / each[seven]) - 1.0
+    page.claim(
+        f"Fig. {number}, orders above 7",
+        "error increases",
+        f"to 20 by {mean:.2%}, median {median:.2%}",
+        agrees=mean > 0 and median > 0 and error[seven:].min() > (1.0 - LEVEL) * error[seven],
+        note="a few, whose C has roots next to the unit circle, raise the mean",
+    )
+    curves = {
+        "on another record": (orders, error, "o-"),
+        "on the record identified from": (orders, inside.mean(axis=1), "k:"),
+    }
+    figure = drawn(f"Fig. {number}: IIR models by PEM; the plant has order 7", "order $n_{mod}$", curves)
+    figure.axes[0].set_xticks(range(1, 21))
     figure.axes[0].axvline(read, color="tab:red", ls="--", lw=1.0, label=f"order read off: {read}")
     finish(page, number, figure)
 
@@ -133,7 +142,11 @@ def falling(page: Reproduction, own: Records, other: Records) -> None:
         note=f"{len(own)} realisations",
         values={"mu": [*MU], "error": error},
     )
-    finish(page, "3.2", drawn("Fig. 3.2: FIR models", r"order $\mu$", {"on another record": (MU, error, "o-")}))
+    finish(
+        page,
+        "3.2",
+        drawn("Fig. 3.2: FIR models of a stable plant", r"order $\mu$", {"on another record": (MU, error, "o-")}),
+    )
 
 
 def noncausal(page: Reproduction, own: Records, other: Records) -> None:
