@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test lint bench clean
+.PHONY: run check test lint bench experiments clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -18,6 +18,9 @@ lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in experiments/README.md
+	$(BIN)/python experiments
 
 bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and README.md
 	$(BIN)/python -m tests.benchmarks

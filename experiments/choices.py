@@ -2,29 +2,22 @@
 
 Run ``python experiments/choices.py [--quick] [--out DIR]``. Sensors of random plants are driven by one, two and three
 broadband excitations, and as many must be counted; for a flight with multisine, turbulence and the T2's noise the
-orders are chosen on held-out data. It draws ``excitations.png`` and ``orders.png`` into DIR (not with ``--quick``) and
-ends with code 1 where a count is wrong.
+orders are chosen on held-out data. It draws ``excitations.png`` and ``orders.png`` into DIR and ends with code 1 where
+a count is wrong.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
 import scipy.signal
 
 import gtmbench as gb
+from gtmbench.report.reproduction import Reproduction, reproduce
 from gtmbench.report.selection import excitation_figure, order_figure
 
 SENSORS, SAMPLES, SNR, ORDER = 6, 4000, 100, 20
-
-
-def check(name: str, expected: str, ours: str, agrees: bool) -> bool:
-    """Print one row: what should come out, what came out."""
-    print(f"{name:<42} {expected:>24} {ours:>22}   {'agrees' if agrees else 'DISAGREES'}")
-    return agrees
 
 
 def driven(excitations: int, seed: int) -> gb.Record:
@@ -44,15 +37,23 @@ def driven(excitations: int, seed: int) -> gb.Record:
     return gb.Record(values, channels=[f"s{i}" for i in range(SENSORS)], sample_period_s=0.01)
 
 
-def count(excitations: int, seeds: range) -> tuple[bool, gb.ExcitationCount]:
+def count(page: Reproduction, excitations: int, seeds: range) -> gb.ExcitationCount:
     """Count the excitations of several plants, and return the last count."""
     found = [
         gb.count_excitations(record, channels=record.channels, causal_order=ORDER, noncausal_order=ORDER)
         for record in (driven(excitations, seed) for seed in seeds)
     ]
-    right = sum(one.excitations == excitations for one in found)
-    name = f"4.3, {excitations} excitation{'s' if excitations > 1 else ''}, {SENSORS} sensors"
-    return check(name, f"{excitations} in {len(seeds)} plants", f"in {right}", right == len(seeds)), found[-1]
+    counted = [one.excitations for one in found]
+    right = counted.count(excitations)
+    page.claim(
+        f"4.3, {excitations} excitation{'s' if excitations > 1 else ''}, {SENSORS} sensors",
+        f"{excitations}, from the outputs",
+        f"{excitations} in {right} of {len(seeds)} plants",
+        agrees=right == len(seeds),
+        note="the source counts those of the plate and the drum",
+        values=counted,
+    )
+    return found[-1]
 
 
 def orders() -> gb.OrderChoice:
@@ -64,24 +65,21 @@ def orders() -> gb.OrderChoice:
     )
 
 
-def main() -> int:
-    """Print every count and, with figures, the orders."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer plants, no figures")
-    parser.add_argument("--out", type=Path, default=Path("choices"), help="folder of the figures (default: choices)")
-    given = parser.parse_args()
-    seeds = range(3 if given.quick else 20)
-    rows, counts = zip(*(count(excitations, seeds) for excitations in (1, 2, 3)), strict=True)
+def main(page: Reproduction) -> None:
+    """Count, then choose the orders."""
+    seeds = range(3 if page.quick else 20)
+    counts = [count(page, excitations, seeds) for excitations in (1, 2, 3)]
     choice = orders()
-    print("orders:", choice.reason)
-    if not given.quick:
-        given.out.mkdir(parents=True, exist_ok=True)
-        excitation_figure(counts[1]).savefig(given.out / "excitations.png", dpi=130)
-        order_figure(choice).savefig(given.out / "orders.png", dpi=130)
-        print("figures:", given.out / "excitations.png,", given.out / "orders.png")
-    print(f"{sum(rows)} of {len(rows)} agree")
-    return 0 if all(rows) else 1
+    chosen = {"causal_order": choice.causal_order, "noncausal_order": choice.noncausal_order}
+    page.unprinted(
+        "4.3, r and d of [p q beta] -> r",
+        f"r = {choice.causal_order}, d = {choice.noncausal_order}",
+        note=choice.reason,
+        values=chosen,
+    )
+    page.draw("excitations", excitation_figure(counts[1]))
+    page.draw("orders", order_figure(choice))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(reproduce(main, __file__, __doc__))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -81,7 +82,8 @@ class Reproduction:
         """
         theirs, mine = np.asarray(printed, dtype=float), np.asarray(ours, dtype=float)
         agrees = theirs.shape == mine.shape and bool(np.all(np.abs(theirs - mine) <= tolerance))
-        self.claim(result, _written(theirs, "g"), _written(mine, ".7g"), agrees=agrees, note=note, values=mine.tolist())
+        wanted = f"{_written(theirs, 'g')} ± {tolerance:g}"
+        self.claim(result, wanted, _written(mine, ".7g"), agrees=agrees, note=note, values=mine)
 
     def claim(
         self, result: str, printed: str, ours: str, *, agrees: bool, note: str = "", values: object = None
@@ -184,9 +186,6 @@ def _plain(value: object) -> Any:
         return [_plain(one) for one in value]
     if isinstance(value, complex):
         return [value.real, value.imag]
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
         return value
-    return str(value)
-
-
-__all__ = ["RESULTS", "Reproduction", "Row", "reproduce"]
+    return str(value)  # JSON knows neither infinity nor NaN

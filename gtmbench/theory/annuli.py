@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.theory.state_space import ComplexArray, StateSpace
 
-_TOLERANCE = 1e-12
+_TOLERANCE = 1e-12  # of the norm of A, in `on_circle`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -67,7 +67,7 @@ def transfer_matrix(
     (array([1.]), np.float64(2.0))
     """
     above = _rows("numerators", numerators)
-    common = isinstance(denominators[0], Real)
+    common = isinstance(denominators, Real) or isinstance(denominators[0], Real)
     below = _rows("denominators", [[denominators] * len(row) for row in above] if common else denominators)
     if [len(row) for row in below] != [len(row) for row in above]:
         raise InputError("numerators and denominators differ in shape; give a denominator for every entry, or one")
@@ -96,7 +96,7 @@ def minimal(system: StateSpace) -> StateSpace:
 def _rows(what: str, given: Any) -> list[list[FloatArray]]:
     """Return rows of polynomials without leading zeros."""
     try:
-        rows = [[np.trim_zeros(np.asarray(one, dtype=np.float64), "f") for one in row] for row in given]
+        rows = [[np.trim_zeros(np.atleast_1d(np.asarray(one, dtype=np.float64)), "f") for one in row] for row in given]
     except (TypeError, ValueError):
         rows = []
     if not rows or not rows[0] or any(len(row) != len(rows[0]) or any(one.ndim != 1 for one in row) for row in rows):

@@ -1,0 +1,114 @@
+"""Run every script that reproduces a part of the dissertation, and write the table of `experiments/README.md` anew.
+
+Run ``python experiments [--quick] [--jobs N]``, or ``make experiments``. Figures and results go into
+``experiments/reports/NAME``; with ``--quick`` nothing is kept. Ends with code 1 where a result disagrees.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+BEGIN, END = "<!-- make experiments writes this -->\n", "<!-- up to here -->"
+PARTS = {  # in the order of the dissertation
+    "why_time_domain": "1, why time domain",
+    "exact_operators": "2 and the appendices, exact operators",
+    "laurent_series": "3.3-3.5, Laurent series",
+    "closed_loop": "3.2, 3.6, 3.7, identification in closed loop",
+    "order_and_realisation": "3.8, order and realisation",
+    "choices": "4.3, number of excitations",
+    "aircraft_gyros": "4.4, gyros of an aircraft",
+    "plate": "4.5, a vibrating plate",
+    "drum": "4.6, an acoustic drum",
+    "structures": "5, structures driven by forces and by displacements",
+    "hammerstein": "6, Hammerstein systems",
+}
+Results = dict[str, Any]
+
+
+def run(name: str, *, out: Path, quick: bool) -> Results:
+    """Run one script and return its results.json, with what it said where it failed."""
+    began = time.monotonic()
+    command = [sys.executable, str(HERE / f"{name}.py"), "--json", "--out", str(out / name), *["--quick"][: int(quick)]]
+    alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parent)}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=alone)
+    if done.returncode not in (0, 1) or not done.stdout:
+        raise SystemExit(f"{name}.py ended with code {done.returncode}:\n{done.stderr}")
+    results: Results = json.loads(done.stdout)
+    wrong = [row["result"] for row in results["rows"] if row["agreement"] == "DISAGREES"]
+    print(
+        f"{name:<24} {len(results['rows']):>4} rows {len(results['figures']):>3} figures "
+        f"{time.monotonic() - began:>5.0f} s   {'; '.join(wrong) and 'DISAGREES: ' + '; '.join(wrong)}",
+        flush=True,
+    )
+    return results
+
+
+def section(name: str, title: str, results: Results) -> str:
+    """Return a script's part of the table, its figures linked."""
+    lines = [
+        f"### {title}: `{name}.py`, {_seconds(results['seconds'])} s",
+        "",
+        "| result | printed | ours | agreement | s |",
+        "|---|---|---|---|---|",
+    ]
+    for row in results["rows"]:
+        agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
+        cells = [row["result"], row["printed"], row["ours"], agreement, _seconds(row["seconds"])]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    figures = [f"[{figure.removesuffix('.png')}](reports/{name}/{figure})" for figure in results["figures"]]
+    return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
+
+
+def overview(parts: dict[str, Results], seconds: float, jobs: int) -> str:
+    """Return how many results agree."""
+    said = [row["agreement"] for results in parts.values() for row in results["rows"]]
+    figures = sum(len(results["figures"]) for results in parts.values())
+    return (
+        f"{said.count('agrees')} printed results and figures agree, {said.count('DISAGREES')} disagree, "
+        f"{said.count('not printed')} rows have no printed counterpart; {figures} figures. All of it took "
+        f"{seconds / 60:.0f} minutes, {jobs} scripts at a time; digits stand in `reports/NAME/results.json`.\n\n"
+    )
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.0f}" if value >= 1.0 else "<1"
+
+
+def main() -> int:
+    """Run all parts, tell how each went, rewrite the table."""
+    parser = argparse.ArgumentParser(
+        prog="experiments", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="seconds each; the table stays as it is")
+    parser.add_argument("--jobs", type=int, default=2, help="scripts at a time (default: 2)")
+    given = parser.parse_args()
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as aside, ThreadPoolExecutor(max(given.jobs, 1)) as pool:
+        out = Path(aside) if given.quick else HERE / "reports"
+        parts = dict(zip(PARTS, pool.map(partial(run, out=out, quick=given.quick), PARTS), strict=True))
+    seconds = time.monotonic() - began
+    if not given.quick:
+        page = HERE / "README.md"
+        head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+        table = overview(parts, seconds, given.jobs) + "\n".join(
+            section(name, title, parts[name]) for name, title in PARTS.items()
+        )
+        page.write_text(f"{head}{BEGIN}{table}{END}{rest.partition(END)[2]}", encoding="utf-8")
+    wrong = any(row["agreement"] == "DISAGREES" for results in parts.values() for row in results["rows"])
+    print(f"{seconds:.0f} s" + ("" if given.quick else "; the table stands in experiments/README.md"))
+    return int(wrong)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
