@@ -119,6 +119,15 @@ def iv4(record: Record, *, order: int, instrument: str, reach: int = 50, channel
     ------
     InputError
         As `arx`.
+
+    Examples
+    --------
+    >>> from gtmbench.theory.closed_loop import loop_records
+    >>> from gtmbench.theory.plants import example_3_2
+    >>> loop = example_3_2()
+    >>> record = loop_records(loop.plant, loop.gain, samples=2000, snr=1e8)[0]
+    >>> iv4(record, order=7, instrument="c").plant.poles.real[-3:].round(2)
+    array([1.6, 1.7, 1.8])
     """
     u, y = signals(record, channels, order, 2 * reach + 7 * order + 1)
     data = np.vstack([u, y, *(_explained(record, name, instrument, reach) for name in channels)])[:, reach:]

@@ -1,0 +1,231 @@
+"""Sections 3.6 and 3.7 of the dissertation: an unstable plant in its loop, by IIR and by noncausal FIR models.
+
+Example 3.2: the errors (3.100) of LS, IV and PEM, Fig. 3.13; and who is biased by noise that enters here or there, for
+in Figs. 3.6 and 3.11 it enters in different places. Run ``python experiments/closed_loop.py [--quick] [--out DIR]``.
+
+In Fig. 3.13 it is process noise, behind the place where u is measured, as in Fig. 3.6. IIR models by IV have u for
+instrument, as those of Matlab's iv4(data) have; what c would do instead is a row of its own. FIR models have c for
+instrument: IV takes 20 past lags more than (3.55), the extended method (XIV) those of (3.55) 3 samples later, through a
+filter L(q) that isn't printed. An IIR model with a pole on the unit circle has no coefficients, and counts as 0.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import gtmbench as gb
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray
+from gtmbench.report.figures import panels
+from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.theory.closed_loop import Noise, closed_loop, loop_records
+from gtmbench.theory.iir import IirModel, arx, iv4
+from gtmbench.theory.laurent import laurent
+from gtmbench.theory.pem import pem
+from gtmbench.theory.plants import example_3_2
+
+SNR, R, D = 10.0, 50, 50
+UNSTABLE_POLES = 3
+EXAMPLE = example_3_2()
+THETA = laurent(EXAMPLE.plant, causal_order=R, noncausal_order=D).coefficients[:, 0, 0]
+
+Records = Sequence[gb.Record]
+FIR = {
+    "LS": gb.LeastSquares(),
+    "IV": gb.InstrumentalVariables(instruments=("c",), past=20),
+    "XIV": gb.InstrumentalVariables(instruments=("c",), delay=UNSTABLE_POLES, prefilter=([1.0, 0.5], [1.0, -0.4])),
+    "PEM": gb.PredictionError(noise_order=2, tolerance=1e-3),
+}
+IIR: dict[str, Callable[[gb.Record, int], IirModel]] = {
+    "LS": lambda record, order: arx(record, order=order),
+    "IV": lambda record, order: iv4(record, order=order, instrument="u"),
+    "PEM": lambda record, order: pem(record, order=order),
+    "IV from c": lambda record, order: iv4(record, order=order, instrument="c"),
+}
+MARKERS = {"LS": "o", "IV": "^", "XIV": "v", "PEM": "s"}
+COLOURS = {"LS": "tab:blue", "IV": "tab:orange", "XIV": "tab:purple", "PEM": "tab:green", "IV from c": "0.5"}
+SAMPLES = (2500, 10_000, 40_000)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where noise enters, who is biased by it, what section 3.6 says, and what has to be said about that."""
+
+    where: str
+    biased: tuple[str, ...]
+    printed: str
+    note: str
+
+
+PLACES: dict[Noise, Place] = {
+    "process": Place(
+        where="behind the measured u",
+        biased=("LS", "PEM"),
+        printed="LS biased; IV, XIV not",
+        note="so is PEM, against (3.94): (3.92) lacks the cross term of w0 and the u that it is fed back to",
+    ),
+    "measured": Place(
+        where="before the measured u", biased=(), printed="w = 0: LS consistent", note="(3.53); u and y are exact"
+    ),
+    "input": Place(
+        where="of u's sensor, (3.38)",
+        biased=("LS", "PEM"),
+        printed="LS biased; IV, XIV not",
+        note="so is PEM, against (3.94): (3.64) has no noise on u",
+    ),
+    "output": Place(
+        where="of y's sensor, (3.39)",
+        biased=(),
+        printed="IV, XIV, PEM consistent",
+        note="nor is LS biased: with K x fed back, not y, nothing of w is",
+    ),
+}
+
+
+def main(page: Reproduction) -> None:
+    """Hold Example 3.2 against the print, and show where noise does harm."""
+    K = [3.5197, -3.1272, -3.0739, 2.0825, 1.0096, 0.7134, 0.4997]
+    note = "of the companion form, which isn't stated"
+    page.number("Ex. 3.2, (3.99), K", K, EXAMPLE.gain[0], tolerance=5e-5, note=note)
+    records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=10_000, runs=2 if page.quick else 10, snr=SNR)
+    same_lags(page, records)
+    figure_3_13(page, records)
+    noise_places(page)
+
+
+def operator(record: gb.Record, estimator: object) -> gb.Transmissibility:
+    """Return the noncausal FIR model."""
+    return gb.identify(record, inputs=["u"], outputs=["y"], causal_order=R, noncausal_order=D, estimator=estimator)
+
+
+def off(coefficients: FloatArray) -> float:
+    """Return the norm in (3.100)."""
+    return float(np.linalg.norm(coefficients - THETA))
+
+
+def fir_error(records: Records, estimator: object) -> float:
+    """Return delta of (3.100)."""
+    return float(np.mean([off(operator(record, estimator).markov[:, 0, 0]) for record in records]))
+
+
+def truncation(model: IirModel) -> FloatArray:
+    """Return the coefficients (3.27); where a pole lies on the unit circle there are none: zeros."""
+    try:
+        return laurent(model.plant, causal_order=R, noncausal_order=D).coefficients[:, 0, 0]
+    except InputError:
+        return np.zeros_like(THETA)
+
+
+def moments(delay: int, past: int) -> FloatArray:
+    """Return E[u(k-i) c(k-delay-j)], i = -d..r, j = -d..r+past, of (3.55) without noise; exact, for white c."""
+    i, j = np.arange(-D, R + 1), np.arange(-D, R + past + 1)
+    heard = closed_loop(EXAMPLE.plant, EXAMPLE.gain).markov(R + D + past + delay + 1)[:, 0, 0]  # of c by u
+    lag = delay + j - i[:, np.newaxis]
+    return np.where(lag >= 0, heard[lag], 0.0)
+
+
+def same_lags(page: Reproduction, records: Records) -> None:
+    """Show what (3.55) is with instruments of the same lags as u, and with others."""
+    nil, condition, delta = {}, {}, {}
+    for name, delay, past in (("same", 0, 0), ("3 later", UNSTABLE_POLES, 0), ("20 more", 0, 20)):
+        singular = np.linalg.svd(moments(delay, past), compute_uv=False)
+        nil[name] = int(np.sum(singular < 1e-12 * singular[0]))
+        condition[name] = float(singular[0] / singular[-1])
+        delta[name] = fir_error(records, gb.InstrumentalVariables(instruments=("c",), delay=delay, past=past))
+    page.claim(
+        "(3.55), lags of c: same, 3 later, 20 more",
+        "A1) regular",
+        f"{', '.join(map(str, nil.values()))} of {R + D + 1} singular values nil",
+        agrees=[*nil.values()] == [UNSTABLE_POLES, 0, 0]
+        and delta["same"] > 5.0 * max(delta["3 later"], delta["20 more"]),
+        note="A1) fails with the lags of (3.55), as often as poles are unstable; (3.100) is "
+        + ", ".join(f"{one:.4f}" for one in delta.values()),
+        values={"nil": nil, "condition": condition, "delta": delta},
+    )
+
+
+def figure_3_13(page: Reproduction, records: Records) -> None:
+    """Fig. 3.13: errors of IIR models of every order, and of one FIR model."""
+    orders = [*range(1, 9), 20] if page.quick else [*range(1, 21)]
+    fir = {name: fir_error(records, FIR[name]) for name in ("LS", "IV", "PEM")}
+    iir, without = {}, {}
+    for name, estimator in IIR.items():
+        found = [[truncation(estimator(record, order)) for record in records] for order in orders]
+        iir[name] = [float(np.mean([off(one) for one in row])) for row in found]
+        without[name] = sum(not np.any(one) for row in found for one in row)
+    figure, ((axis,),) = panels(1, 1, (8.5, 4.8))
+    for name, delta in fir.items():
+        nearest = orders[int(np.argmin(iir[name]))]
+        page.claim(
+            f"Fig. 3.13, {name}",
+            "FIR < IIR, n_mod 1 to 20",
+            f"{delta:.5f} < {min(iir[name]):.5f} (n_mod {nearest})",
+            agrees=delta < min(iir[name]),
+            note=f"{len(records)} realisations",
+            values={"FIR": delta, "orders": orders, "IIR": iir[name], "poles on the circle": without[name]},
+        )
+        size, dash = (8, "-") if name == "LS" else (4, "--")  # LS lies below PEM
+        axis.semilogy(orders, iir[name], MARKERS[name] + "-", ms=size, color=COLOURS[name], label=f"IIR, {name}")
+        axis.axhline(delta, ls=dash, color=COLOURS[name], label=f"FIR, r = d = {R}, {name}")
+    given_c = iir["IV from c"]
+    better = [order for order, one in zip(orders, given_c, strict=True) if one < fir["IV"]]
+    page.unprinted(
+        "Fig. 3.13, iv4 with c for instrument",
+        f"IIR < FIR for n_mod {', '.join(map(str, better)) or 'none'}",
+        note="iv4(data) doesn't know c, which the FIR models' IV has for instrument",
+        values={"FIR": fir["IV"], "orders": orders, "IIR": given_c, "poles on the circle": without["IV from c"]},
+    )
+    axis.semilogy(orders, given_c, "x:", color=COLOURS["IV from c"], label="IIR, iv4 given c (not in the source)")
+    axis.set(title="Fig. 3.13: errors of Laurent coefficients", xlabel="order $n_{mod}$ of IIR models")
+    axis.set_ylabel(rf"$\delta_\ell$ of (3.100), $\|\theta\|$ = {np.linalg.norm(THETA):.3f} (y/u)")
+    axis.set_xticks(range(1, 21))
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside right upper", fontsize="small")
+    page.draw("fig_3_13", figure)
+
+
+def noise_places(page: Reproduction) -> None:
+    """Hold section 3.6 against errors that fall, or don't, with the length of the records."""
+    runs = 3 if page.quick else 10
+    figure, axes = panels(1, len(PLACES), (13.0, 4.2))
+    for (noise, place), axis in zip(PLACES.items(), axes[0], strict=True):
+        delta: dict[str, list[float]] = {name: [] for name in FIR}
+        for samples in SAMPLES:
+            records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=samples, runs=runs, snr=SNR, noise=noise)
+            for name, estimator in FIR.items():
+                delta[name].append(fir_error(records, estimator))
+        fall = {name: float(np.log(one[0] / one[-1]) / np.log(SAMPLES[-1] / SAMPLES[0])) for name, one in delta.items()}
+        left = ", ".join(f"{name} {one[-1]:.2g}" for name, one in delta.items())
+        if noise == "measured":
+            agrees = max(one[-1] for one in delta.values()) < 1e-5
+        else:
+            agrees = all(fall[name] < 0.2 if name in place.biased else 0.3 < fall[name] < 0.7 for name in FIR)
+        page.claim(
+            f"3.6, noise {place.where}",
+            place.printed,
+            left,
+            agrees=agrees,
+            note=place.note,
+            values={"samples": SAMPLES, "delta": delta, "exponent": fall},
+        )
+        for name, one in delta.items():
+            style, size = ":" if name in place.biased else "-", 9 if name == "LS" else 5  # LS lies below PEM
+            axis.loglog(SAMPLES, one, MARKERS[name] + style, ms=size, color=COLOURS[name], label=name)
+        start = delta["IV"][0]
+        axis.loglog(
+            SAMPLES, [start * (SAMPLES[0] / x) ** 0.5 for x in SAMPLES], "k--", lw=1.0, label=r"$1/\sqrt{\ell}$"
+        )
+        axis.set(title=f"noise {place.where}", xlabel=r"samples $\ell$")
+        axis.set_xticks(SAMPLES, [f"{one:,}" for one in SAMPLES])
+        axis.set_xticks([], minor=True)
+    axes[0][0].set_ylabel(r"$\delta_\ell$ of (3.100) (y/u)")
+    figure.suptitle(f"Errors of noncausal FIR models, {runs} realisations; dotted: biased")
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right center")
+    page.draw("noise_places", figure)
+
+
+if __name__ == "__main__":
+    sys.exit(reproduce(main, __file__, __doc__))
