@@ -91,7 +91,7 @@ def main(page: Reproduction) -> None:
     K = [3.5197, -3.1272, -3.0739, 2.0825, 1.0096, 0.7134, 0.4997]
     note = "of the companion form, which isn't stated"
     page.number("Ex. 3.2, (3.99), K", K, EXAMPLE.gain[0], tolerance=5e-5, note=note)
-    records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=10_000, runs=2 if page.quick else 10, snr=SNR)
+    records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=10_000, runs=2 if page.quick else 50, snr=SNR)
     same_lags(page, records)
     figure_3_13(page, records)
     noise_places(page)
