@@ -20,6 +20,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
+from gtmbench.report.blocks import blank, block, junction, wire
 from gtmbench.report.figures import panels
 from gtmbench.report.reproduction import Reproduction, reproduce
 from gtmbench.theory.closed_loop import Noise, closed_loop, loop_records
@@ -91,10 +92,46 @@ def main(page: Reproduction) -> None:
     K = [3.5197, -3.1272, -3.0739, 2.0825, 1.0096, 0.7134, 0.4997]
     note = "of the companion form, which isn't stated"
     page.number("Ex. 3.2, (3.99), K", K, EXAMPLE.gain[0], tolerance=5e-5, note=note)
+    draw_loop(page)
     records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=10_000, runs=2 if page.quick else 50, snr=SNR)
     same_lags(page, records)
     figure_3_13(page, records)
     noise_places(page)
+
+
+def draw_loop(page: Reproduction) -> None:
+    """Fig. 3.6, with the places of Fig. 3.11 where noise enters."""
+    figure, ((axis,),) = panels(1, 1, (10.0, 3.6))
+    block(axis, (6.9, 2.0), "x(k+1) = A x(k) + B u(k)", width=3.0)
+    block(axis, (9.7, 2.0), "C", width=0.8)
+    block(axis, (5.6, 0.6), "K", width=0.8)
+    for at in ((1.4, 2.0), (4.6, 2.0), (2.3, 3.4), (11.2, 3.4)):
+        junction(axis, at)
+    for corners, label in (
+        ([(0.3, 2.0), (1.24, 2.0)], "c"),
+        ([(1.6, 2.0), (4.44, 2.0)], "$u_0$"),
+        ([(4.7, 2.0), (5.4, 2.0)], ""),
+        ([(8.5, 2.0), (9.3, 2.0)], "x"),
+        ([(10.2, 2.0), (12.2, 2.0)], "$y_0$"),
+        ([(8.85, 2.0), (8.85, 0.6), (6.0, 0.6)], ""),
+        ([(5.2, 0.6), (1.4, 0.6), (1.4, 1.84)], ""),
+        ([(2.3, 2.0), (2.3, 3.24)], ""),
+        ([(2.46, 3.4), (3.2, 3.4)], ""),
+        ([(11.2, 2.0), (11.2, 3.24)], ""),
+        ([(11.36, 3.4), (12.1, 3.4)], ""),
+    ):
+        wire(axis, corners, label)
+    for corners, label in (
+        ([(4.6, 3.0), (4.6, 2.16)], "v, process"),
+        ([(1.3, 3.4), (2.14, 3.4)], "v, input"),
+        ([(10.2, 3.4), (11.04, 3.4)], "w, output"),
+    ):
+        wire(axis, corners, label, tint=COLOURS["IV"])
+    for at, text in (((3.25, 3.4), "u"), ((12.15, 3.4), "y"), ((1.1, 1.6), "\u2212")):
+        axis.text(*at, text, va="center")
+    blank(axis)
+    figure.suptitle('Fig. 3.6, and where noise may enter; "measured": u = $u_0$ + v of the process')
+    page.draw("fig_3_6", figure)
 
 
 def operator(record: gb.Record, estimator: object) -> gb.Transmissibility:

@@ -8,15 +8,17 @@ microphones in random places. Run ``python experiments/drum.py [--quick] [--out 
 from __future__ import annotations
 
 import sys
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
 from gtmbench.report.levels import level_panel
 from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.style import COLOURS
 from gtmbench.theory.nested import count, nested_operators, norms
 from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, simulate
 
@@ -63,6 +65,26 @@ def heard(modes: Modes, speakers: int, seed: int, samples: int = SAMPLES) -> gb.
 def learnt(record: gb.Record) -> gb.Record:
     """Return the first 10,000 samples."""
     return record.between(0.001, 10.0)
+
+
+def draw_drum(page: Reproduction) -> None:
+    """Fig. 4.9: the box that stands for the drum."""
+    figure = Figure(figsize=(5.5, 5.0), layout="constrained")
+    axis = figure.add_subplot(projection="3d")
+    corners = np.array(list(product((0.0, 1.0), repeat=3))) * BOX_M
+    for one, other in combinations(corners, 2):
+        if np.sum(one != other) == 1:  # an edge
+            axis.plot(*np.transpose([one, other]), color=COLOURS["healthy"], lw=1.0)
+    for spots, mark, tint, names in (
+        (SPEAKERS_M, "s", COLOURS["q"], ("$w_1$", "$w_2$")),
+        (MICROPHONES_M, "o", COLOURS["p"], ("mic$_1$", "mic$_2$", "mic$_3$", "mic$_4$")),
+    ):
+        axis.scatter(*spots.T, marker=mark, color=tint, s=45)
+        for spot, name in zip(spots, names, strict=True):
+            axis.text(spot[0], spot[1], spot[2] + 0.04, name, color=tint)
+    axis.set(xlabel="m", ylabel="m", zlabel="m", box_aspect=BOX_M)
+    figure.suptitle("Drum: a box with two speakers and four microphones (Fig. 4.9)")
+    page.draw("fig_4_9", figure)
 
 
 def sources(page: Reproduction, speakers: int) -> None:
@@ -241,6 +263,7 @@ def main(page: Reproduction) -> None:
     """Run the section."""
     frequency = cavity(SPEAKERS_M, MICROPHONES_M).frequency_hz
     page.unprinted("4.6, modes (Hz)", " ".join(f"{one:.7g}" for one in frequency), note=CAVITY, values=frequency)
+    draw_drum(page)
     sources(page, 2)
     sources(page, 1)
     removals(page)

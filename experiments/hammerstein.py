@@ -23,6 +23,7 @@ from scipy.stats import norm, uniform
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
+from gtmbench.report.blocks import blank, block, wire
 from gtmbench.report.figures import panels
 from gtmbench.report.reproduction import Reproduction, reproduce
 from gtmbench.theory.hammerstein import Pair, centred, covariance, without_nonlinearities
@@ -159,8 +160,29 @@ def figure(title: str, lengths: list[int], measured: FloatArray, expected: Float
     return drawn
 
 
+def draw_systems(page: Reproduction) -> None:
+    """Figs. 6.1 to 6.4: the system and its operator, and the one without nonlinearities."""
+    figure, axes = panels(1, 2, (11.0, 3.0))
+    for axis, mark, title in zip(axes[0], ("", "'"), ("Figs. 6.1, 6.2", "Figs. 6.3, 6.4"), strict=True):
+        for i, y in ((1, 2.0), (2, 0.0)):
+            wire(axis, [(0.0, 1.0), (0.6, 1.0), (0.6, y), (3.3 if mark else 1.2, y)], "u")
+            if not mark:
+                block(axis, (1.8, y), f"$N_{i}$", width=1.2)
+                wire(axis, [(2.4, y), (3.3, y)])
+            block(axis, (3.9, y), f"$G_{i}$", width=1.2)
+            wire(axis, [(4.5, y), (6.3, y)])
+            axis.text(6.4, y, f"$y_{i}{mark}$", va="center")
+        block(axis, (5.4, 1.0), f"$\\mathcal{{G}}{mark}$", width=0.9)
+        wire(axis, [(5.4, 2.0), (5.4, 1.35)], style="--")
+        wire(axis, [(5.4, 0.65), (5.4, 0.05)], style="--")
+        axis.set_title(title)
+        blank(axis)
+    page.draw("fig_6_1", figure)
+
+
 def main(page: Reproduction) -> None:
     """Print every row and draw every figure."""
+    draw_systems(page)
     linear_operator(page)
     example_6_4_1(page)
     for number, (name, pair) in enumerate(EXAMPLES.items(), 1):

@@ -17,6 +17,7 @@ import gtmbench as gb
 from gtmbench.report.figures import panels
 from gtmbench.report.levels import level_panel
 from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact_fit import exact_weights, left_over
 from gtmbench.theory.nested import count, nested_operators, norms
 from gtmbench.theory.plate import Plate
@@ -53,6 +54,27 @@ def learnt(record: gb.Record) -> gb.Record:
 def clean_count(chosen: tuple[int, ...] = ALL, period_s: float = PERIOD_S) -> int:
     """Return the count from the first data points without noise."""
     return count(learnt(simulate(PLATE, waves(chosen, LEARNT + 1), sample_period_s=period_s)), ORDER)
+
+
+def draw_plate(page: Reproduction) -> None:
+    """Fig. 4.5: where forces and sensors stand, and the nine modes."""
+    figure, axes = panels(2, 5, (15.0, 4.4))
+    x, y = np.meshgrid(np.linspace(0.0, Plate.a, 101), np.linspace(0.0, Plate.b, 41))
+    grid = np.stack([x, y], axis=-1).reshape(-1, 2)
+    shapes = Plate().modes(forces=FORCES, sensors=grid, damping=DAMPING).heard
+    layout, *others = [axis for row in axes for axis in row]
+    layout.plot(*np.transpose(FORCES), "v", color=COLOURS["q"], ms=9, label="forces", clip_on=False)
+    layout.plot(*np.transpose(SENSORS), "o", color=COLOURS["p"], label="sensors")
+    layout.axvline(0.0, color="k", lw=5.0)
+    layout.set(title="clamped at x = 0", xlabel="x (m)", ylabel="y (m)", xlim=(0.0, Plate.a), ylim=(0.0, Plate.b))
+    layout.legend(fontsize="small", loc="lower center")
+    for axis, shape, frequency_hz in zip(others, shapes.T, PLATE.frequency_hz, strict=True):
+        w = shape.reshape(x.shape) / np.abs(shape).max()
+        axis.contourf(x, y, w, levels=np.linspace(-1.0, 1.0, 21), cmap="RdBu_r")
+        axis.contour(x, y, w, levels=[0.0], colors="k", linewidths=0.8)
+        axis.set_title(f"{frequency_hz:.4g} Hz")
+    figure.suptitle("Plate: forces, sensors, and modes with their nodes (Fig. 4.5)")
+    page.draw("fig_4_5", figure)
 
 
 def noise_free(page: Reproduction, record: gb.Record) -> None:
@@ -240,6 +262,7 @@ def watched(record: gb.Record) -> tuple[tuple[gb.WindowedNorm, ...], list[float]
 
 def main(page: Reproduction) -> None:
     """Run the section."""
+    draw_plate(page)
     record = simulate(PLATE, waves(), sample_period_s=PERIOD_S)
     noise_free(page, record)
     noisy(page, record)
