@@ -18,8 +18,15 @@ def closed_loop(plant: StateSpace, gain: FloatArray) -> StateSpace:
     """Return the loop u0 = c - K x of Fig. 3.6, as a system from (c, v) to (u0, y0).
 
     v is process noise: the plant is driven by u0 + v.
+
+    Raises
+    ------
+    InputError
+        Where the gain has another shape than (inputs, states).
     """
     A, B, C, D = plant.A, plant.B, plant.C, plant.D
+    if np.shape(gain) != B.T.shape:
+        raise InputError(f"the gain has shape {np.shape(gain)}; for {plant} it has {B.T.shape}")
     return StateSpace(
         A=A - B @ gain,
         B=np.hstack([B, B]),
@@ -62,6 +69,11 @@ def loop_records(
     tuple of Record
         Channels c, u, y (c0, c1, u0, ... where there are several), sample period 1 s.
 
+    Raises
+    ------
+    InputError
+        For another noise, a gain of another shape, a loop that isn't stable.
+
     Examples
     --------
     >>> from gtmbench.theory.plants import example_3_1
@@ -72,6 +84,12 @@ def loop_records(
     if noise not in get_args(Noise):
         raise InputError(f"noise is {noise!r}; it enters as one of {', '.join(get_args(Noise))}")
     whole("samples", samples, 1)
+    loop = closed_loop(plant, gain)
+    radius = float(np.abs(loop.poles).max(initial=0.0))
+    if radius >= 1.0:
+        raise InputError(
+            f"the loop has a pole of magnitude {radius:.6g}, so its signals grow; give a gain that stabilises it"
+        )
     m = plant.inputs
     draws = np.array(
         [
@@ -82,7 +100,7 @@ def loop_records(
     c, v, w = draws[..., :m], draws[..., m : 2 * m], draws[..., 2 * m :]
     std = 0.0 if snr is None else number("snr", snr, 0.0, above=True) ** -0.5
     enters = std * v if noise in ("process", "measured") else np.zeros_like(v)
-    measured = closed_loop(plant, gain).simulate(np.concatenate([c, enters], axis=-1))
+    measured = loop.simulate(np.concatenate([c, enters], axis=-1))
     u, y = measured[..., :m], measured[..., m:]
     if noise == "measured":
         u = u + enters
