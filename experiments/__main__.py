@@ -1,7 +1,8 @@
 """Run every script that reproduces a part of the dissertation, and write the table of `experiments/README.md` anew.
 
-Run ``python experiments [--quick] [--jobs N]``, or ``make experiments``. Figures and results go into
-``experiments/reports/NAME``; with ``--quick`` nothing is kept. Ends with code 1 where a result disagrees.
+Run ``python experiments [NAME ...] [--quick] [--jobs N]``, or ``make experiments``. Figures and results go into
+``experiments/reports/NAME``, where the table has those of parts that aren't run; with ``--quick`` nothing is kept. Ends
+with code 1 where a result disagrees.
 """
 
 from __future__ import annotations
@@ -74,14 +75,15 @@ def section(name: str, title: str, results: Results) -> str:
     return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
 
 
-def overview(parts: dict[str, Results], seconds: float, jobs: int) -> str:
+def overview(parts: dict[str, Results]) -> str:
     """Return how many results agree."""
     said = [row["agreement"] for results in parts.values() for row in results["rows"]]
     figures = sum(len(results["figures"]) for results in parts.values())
+    minutes = sum(results["seconds"] for results in parts.values()) / 60.0
     return (
         f"{said.count('agrees')} printed results and figures agree, {said.count('DISAGREES')} disagree, "
-        f"{said.count('not printed')} rows have no printed counterpart; {figures} figures. All of it took "
-        f"{seconds / 60:.0f} minutes, {jobs} scripts at a time; digits stand in `reports/NAME/results.json`.\n\n"
+        f"{said.count('not printed')} rows have no printed counterpart; {figures} figures. The scripts took "
+        f"{minutes:.0f} minutes one after another; all digits stand in `reports/NAME/results.json`.\n\n"
     )
 
 
@@ -94,28 +96,39 @@ def _seconds(value: float) -> str:
     return f"{value:.0f}" if value >= 1.0 else "<1"
 
 
+def kept(name: str) -> Results:
+    """Return what a part gave when it was run last."""
+    results: Results = json.loads((HERE / "reports" / name / "results.json").read_text(encoding="utf-8"))
+    return results
+
+
+def write_table(parts: dict[str, Results]) -> None:
+    """Write the table into `experiments/README.md`."""
+    page = HERE / "README.md"
+    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    table = overview(parts) + "\n".join(section(name, title, parts[name]) for name, title in PARTS.items())
+    page.write_text(f"{head}{BEGIN}{table}{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
 def main() -> int:
-    """Run all parts, tell how each went, rewrite the table."""
+    """Run the parts, tell how each went, rewrite the table."""
     parser = argparse.ArgumentParser(
         prog="experiments", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"parts to run (default: all): {', '.join(PARTS)}")
     parser.add_argument("--quick", action="store_true", help="seconds each; the table stays as it is")
     parser.add_argument("--jobs", type=int, default=2, help="scripts at a time (default: 2)")
     given = parser.parse_args()
-    began = time.monotonic()
+    if unknown := set(given.names) - set(PARTS):
+        parser.error(f"{', '.join(sorted(unknown))}: no part of the dissertation; give some of {', '.join(PARTS)}")
+    began, chosen = time.monotonic(), given.names or list(PARTS)
     with tempfile.TemporaryDirectory() as aside, ThreadPoolExecutor(max(given.jobs, 1)) as pool:
         out = Path(aside) if given.quick else HERE / "reports"
-        parts = dict(zip(PARTS, pool.map(partial(run, out=out, quick=given.quick), PARTS), strict=True))
-    seconds = time.monotonic() - began
+        ran = dict(zip(chosen, pool.map(partial(run, out=out, quick=given.quick), chosen), strict=True))
     if not given.quick:
-        page = HERE / "README.md"
-        head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        table = overview(parts, seconds, given.jobs) + "\n".join(
-            section(name, title, parts[name]) for name, title in PARTS.items()
-        )
-        page.write_text(f"{head}{BEGIN}{table}{END}{rest.partition(END)[2]}", encoding="utf-8")
-    wrong = any(row["agreement"] == "DISAGREES" for results in parts.values() for row in results["rows"])
-    print(f"{seconds:.0f} s" + ("" if given.quick else "; the table stands in experiments/README.md"))
+        write_table({name: ran.get(name) or kept(name) for name in PARTS})
+    wrong = any(row["agreement"] == "DISAGREES" for results in ran.values() for row in results["rows"])
+    print(f"{time.monotonic() - began:.0f} s" + ("" if given.quick else "; the table stands in experiments/README.md"))
     return int(wrong)
 
 

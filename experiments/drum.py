@@ -82,7 +82,7 @@ def draw_drum(page: Reproduction) -> None:
         axis.scatter(*spots.T, marker=mark, color=tint, s=45)
         for spot, name in zip(spots, names, strict=True):
             axis.text(spot[0], spot[1], spot[2] + 0.04, name, color=tint)
-    axis.set(xlabel="m", ylabel="m", zlabel="m", box_aspect=BOX_M)
+    axis.set(xlabel="m", ylabel="m", zlabel="m", box_aspect=tuple(BOX_M))  # matplotlib scales an array in place
     figure.suptitle("Drum: a box with two speakers and four microphones (Fig. 4.9)")
     page.draw("fig_4_9", figure)
 

@@ -72,6 +72,22 @@ def test_the_table_names_every_part_and_links_its_figures():
     assert all((EXPERIMENTS / name).is_file() for name in linked)
 
 
+def test_make_experiments_runs_parts_and_keeps_nothing_of_quick_ones():
+    before = (EXPERIMENTS / "README.md").read_bytes()
+    done = subprocess.run(
+        [sys.executable, EXPERIMENTS, "beam", "exact_operators", "--quick"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[:-1]] in (
+        ["beam", "exact_operators"],
+        ["exact_operators", "beam"],
+    )
+    assert (EXPERIMENTS / "README.md").read_bytes() == before
+    wrong = subprocess.run([sys.executable, EXPERIMENTS, "bean"], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 2
+    assert "bean: no part of the dissertation" in wrong.stderr
+
+
 def called(steps, *options, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["part.py", *map(str, options)])
     return reproduce(steps, "part.py", "A part.")
