@@ -70,7 +70,7 @@ def section(name: str, title: str, results: Results) -> str:
     for row in results["rows"]:
         agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
         cells = [row["result"], row["printed"], row["ours"], agreement, _seconds(row["seconds"])]
-        lines.append("| " + " | ".join(shortened(cell).replace("|", "\\|") for cell in cells) + " |")
+        lines.append("| " + " | ".join(plain(cell) for cell in cells) + " |")
     figures = [f"[{figure.removesuffix('.png')}](reports/{name}/{figure})" for figure in results["figures"]]
     return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
 
@@ -87,9 +87,10 @@ def overview(parts: dict[str, Results]) -> str:
     )
 
 
-def shortened(cell: str) -> str:
-    """Return a cell without the middle of what no page is wide enough for; `results.json` has all of it."""
-    return cell if len(cell) <= WIDEST else f"{cell[: WIDEST - 40]} ... {cell[-35:]}"
+def plain(cell: str) -> str:
+    """Return a cell as Markdown that shows it, without the middle of what no page is wide enough for."""
+    short = cell if len(cell) <= WIDEST else f"{cell[: WIDEST - 40]} ... {cell[-35:]}"
+    return short.replace("|", "\\|").replace("*", "\\*")
 
 
 def _seconds(value: float) -> str:
