@@ -65,7 +65,7 @@ def test_every_file_that_is_named_exists():
     named = re.findall(r"`((?:gtmbench|aircraft|experiments|faults|tests)/[\w./]+)`", text)
     pictures = re.findall(r"\]\((experiments/[^)]+)\)", text)
     assert len(named) > 10
-    assert len(pictures) == 8
+    assert len(pictures) == 9
     for name in named + pictures:
         if "NAME" not in name:
             assert (ROOT / name).exists(), name
