@@ -12,6 +12,7 @@ import numpy as np
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
+from gtmbench.theory.extra import extra
 from gtmbench.theory.rational import PolynomialMatrix, RationalOperator, adjugate_times
 
 Matrix = Any  # rows of ints, Fractions, floats or sympy expressions: lists, a numpy array, a sympy matrix
@@ -73,12 +74,10 @@ def operator_of_system(
 
 def read_exactly(matrices: Mapping[str, Matrix], shapes: Mapping[str, tuple[int, int]]) -> dict[str, PolynomialMatrix]:
     """Return matrices over one ring K[p], K the rationals or the rational functions of the symbols in them."""
-    try:
-        from sympy import Symbol
-        from sympy.polys.constructor import construct_domain
-        from sympy.polys.matrices import DomainMatrix
-    except ImportError as error:
-        raise InputError("exact operators need the package sympy; pip install 'gtmbench[theory]'") from error
+    extra("sympy", "exact operators")
+    from sympy import Symbol
+    from sympy.polys.constructor import construct_domain
+    from sympy.polys.matrices import DomainMatrix
 
     flat: list[Any] = []
     for name, given in matrices.items():

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
+from gtmbench.theory.extra import extra
 from gtmbench.theory.state_space import StateSpace
 
 Rationals = list[Fraction]
@@ -39,12 +40,11 @@ def exact_weights(system: StateSpace, *, seen: int, wanted: int) -> Rationals:
     >>> exact_weights(ring, seen=0, wanted=1)  # x_1(k+1) = x_0(k+2)
     [Fraction(0, 1), Fraction(1, 1)]
     """
-    try:
-        from sympy import QQ
-        from sympy.polys.matrices import DomainMatrix
-        from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
-    except ModuleNotFoundError as error:
-        raise InputError("exact weights need the package sympy; pip install 'gtmbench[theory]'") from error
+    extra("sympy", "exact weights")
+    from sympy import QQ
+    from sympy.polys.matrices import DomainMatrix
+    from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
+
     n = system.order
     columns = _observed(system, seen, 2 * n - 1)[::2]
     rows = [[QQ(one[i].numerator, one[i].denominator) for one in columns] for i in range(n)]

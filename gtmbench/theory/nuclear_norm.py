@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, frozen
+from gtmbench.theory.extra import extra
 from gtmbench.theory.realisation import block_hankel, hankel_singular_values, markov_parameters
 
 _FLOOR: Final = 1e-6  # of the data's greatest singular value: the solver leaves 1e-8 of it
@@ -122,7 +122,7 @@ def _problem(shape: tuple[int, ...]) -> tuple[Any, Any, Any, Any]:
 
     With the radius in the sum and not in the bound, small balls cost no digits.
     """
-    cp = _cvxpy()
+    cp = extra("cvxpy", "nuclear norms")
     count = int(np.prod(shape)) - shape[1] * shape[2]
     step, data, radius = cp.Variable(count), cp.Parameter(count), cp.Parameter(nonneg=True)
     # where each entry of the matrix stands in the flat H_1, ..., H_(2n-1)
@@ -135,11 +135,3 @@ def _problem(shape: tuple[int, ...]) -> tuple[Any, Any, Any, Any]:
     positive, negative = (cp.Variable(entries.shape, PSD=True) for _ in range(2))
     norm = cp.Minimize(cp.trace(positive) + cp.trace(negative))
     return cp.Problem(norm, [near, positive - negative == matrix]), data, radius, step
-
-
-def _cvxpy() -> ModuleType:
-    try:
-        import cvxpy
-    except ImportError as error:
-        raise InputError("nuclear norms need the package cvxpy; pip install 'gtmbench[theory]'") from error
-    return cvxpy
