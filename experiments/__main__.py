@@ -44,7 +44,8 @@ Results = dict[str, Any]
 def run(name: str, *, out: Path, quick: bool) -> Results:
     """Run one script and return its results.json, with what it said where it failed."""
     began = time.monotonic()
-    command = [sys.executable, str(HERE / f"{name}.py"), "--json", "--out", str(out / name), *["--quick"][: int(quick)]]
+    command = [sys.executable, str(HERE / f"{name}.py"), "--json", "--out", str(out / name)]
+    command += ["--quick"] if quick else []
     alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parent)}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=alone)
     if done.returncode not in (0, 1) or not done.stdout:

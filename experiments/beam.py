@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.structure import draw_both_ways
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.numeric import NumericOperator
@@ -38,9 +38,7 @@ def main(page: Reproduction) -> None:
     forced = force_driven(structure, force, inputs, outputs)
     moved = displacement_driven(structure, [MODES], inputs, outputs)
     omega = frequencies()
-    page.unprinted(
-        "Ex. 5.8.2, omega_1..omega_4 (rad/s)", " ".join(f"{x:.7g}" for x in omega), note=ASSUMED, values=omega
-    )
+    page.unprinted("Ex. 5.8.2, omega_1..omega_4 (rad/s)", listed(omega), note=ASSUMED, values=omega)
     page.claim("Ex. 5.8.2, T^F and T^D", "equal", "equal, exactly", agrees=forced.equals(moved))
     literal = displacement_driven(without_coupling(structure), [MODES], inputs, outputs)
     page.unprinted(
@@ -78,7 +76,7 @@ def invariants(page: Reproduction, forced: RationalOperator) -> None:
         ours = [float(numerator[k] / denominator[k]) for k in (-1, 0)]
         page.unprinted(
             f"(5.115), T(0) and T(inf), {name}",
-            " ".join(f"{x:.7g}" for x in ours),
+            listed(ours),
             note=f"(5.115) has {theirs[0]:.4g} and {theirs[1]:.4g}; neither depends on density, E, I or L",
             values=ours,
         )

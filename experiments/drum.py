@@ -17,7 +17,7 @@ import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
 from gtmbench.report.levels import level_panel
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.nested import count, nested_operators, norms
 from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, simulate
@@ -91,10 +91,8 @@ def sources(page: Reproduction, speakers: int) -> None:
     """Figs. 4.10 to 4.12."""
     figure_name, printed = ("Fig. 4.10", "T_2 << T_1, T_3 no benefit") if speakers == 2 else ("Fig. 4.12", "as 4.10")
     records = [heard(cavity(SPEAKERS_M, MICROPHONES_M), speakers, seed) for seed in range(1 if page.quick else 6)]
-    runs = []
-    for record in records:
-        operators = nested_operators(learnt(record), ORDER)
-        runs.append(norms(operators, record, window=WINDOW))
+    identified = [nested_operators(learnt(record), ORDER) for record in records]
+    runs = [norms(operators, record, window=WINDOW) for operators, record in zip(identified, records, strict=True)]
     levels = np.array([[np.nanmedian(one.values[10_001:]) for one in run] for run in runs])
     gains = levels[:, :-1] / levels[:, 1:]
     note = "text: T_3 slightly lower, caption: no benefit; ours sides with the caption" if speakers == 1 else ""
@@ -120,12 +118,11 @@ def sources(page: Reproduction, speakers: int) -> None:
     figure.suptitle(f"Drum, {speakers} speaker{'s' * (speakers > 1)} with white noise: E(k) ({figure_name})")
     page.draw(f"fig_4_{10 if speakers == 2 else 12}", figure)
     if speakers == 2:
-        prediction(page, records[0])
+        prediction(page, records[0], identified[0][-1])
 
 
-def prediction(page: Reproduction, record: gb.Record) -> None:
+def prediction(page: Reproduction, record: gb.Record, operator: gb.Transmissibility) -> None:
     """Fig. 4.11: y4 and what T_3 predicts."""
-    operator = nested_operators(learnt(record), ORDER)[-1]
     shown = slice(15_000, 15_301)
     predicted, measured_y = operator.predict(record)[shown, 0], record["y4"][shown]
     off = float(np.std(predicted - measured_y) / np.std(measured_y))
@@ -262,7 +259,7 @@ def elsewhere(page: Reproduction) -> None:
 def main(page: Reproduction) -> None:
     """Run the section."""
     frequency = cavity(SPEAKERS_M, MICROPHONES_M).frequency_hz
-    page.unprinted("4.6, modes (Hz)", " ".join(f"{one:.7g}" for one in frequency), note=CAVITY, values=frequency)
+    page.unprinted("4.6, modes (Hz)", listed(frequency), note=CAVITY, values=frequency)
     draw_drum(page)
     sources(page, 2)
     sources(page, 1)

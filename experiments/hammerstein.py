@@ -25,7 +25,7 @@ import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.blocks import blank, block, wire
 from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.theory.hammerstein import Pair, centred, covariance, without_nonlinearities
 from gtmbench.theory.state_space import companion
 
@@ -81,9 +81,9 @@ def predicted(pair: Pair) -> tuple[float, FloatArray]:
 
 def linear_operator(page: Reproduction) -> None:
     """State H' exactly, and what the model's length costs."""
-    page.unprinted("(6.33), H'_0..H'_5", " ".join(f"{h:.7g}" for h in LINEAR[:6]), values=LINEAR[:6])
+    page.unprinted("(6.33), H'_0..H'_5", listed(LINEAR[:6]), values=LINEAR[:6])
     normal = LINEAR / LINEAR[0]
-    page.unprinted("(6.33), normalised H'_2..H'_5", " ".join(f"{h:.7g}" for h in normal[SHOWN]), values=normal[SHOWN])
+    page.unprinted("(6.33), normalised H'_2..H'_5", listed(normal[SHOWN]), values=normal[SHOWN])
     costs = {}
     for mu in (6, 10, 20, 30):
         limit = without_nonlinearities(G1, G2, mu)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 import gtmbench as gb
 from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.theory import plants
 from gtmbench.theory.annuli import annuli, inner_spectral_radius, spectral_radius
 from gtmbench.theory.closed_loop import loop_records
@@ -60,7 +60,7 @@ def series_row(page: Reproduction, name: str, series: LaurentSeries) -> None:
     entry = "" if series.coefficients[0].size == 1 else " of G_1,1"
     middle = series.coefficients[series.noncausal_order - 1 : series.noncausal_order + 2, 0, 0]
     values = {"lags": series.lags, "L": series.coefficients}
-    page.unprinted(f"{name}, L_-1 L_0 L_1{entry}", " ".join(f"{one:.7g}" for one in middle), values=values)
+    page.unprinted(f"{name}, L_-1 L_0 L_1{entry}", listed(middle), values=values)
 
 
 def examples_3_4(page: Reproduction) -> None:

@@ -20,7 +20,7 @@ import scipy.signal
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.theory.closed_loop import loop_records
 from gtmbench.theory.laurent import laurent, reflected, split
 from gtmbench.theory.nuclear_norm import nuclear_norm_path
@@ -214,11 +214,6 @@ def distance(one: StateSpace, other: StateSpace) -> float:
 def written(given: tuple[Sequence[float] | FloatArray, Sequence[float] | FloatArray]) -> str:
     """Return numerator / denominator."""
     return " / ".join(listed(part) for part in given)
-
-
-def listed(values: Sequence[float] | FloatArray) -> str:
-    """Return numbers with 7 digits."""
-    return " ".join(f"{x:.7g}" for x in values)
 
 
 def response(given: Average | StateSpace) -> FloatArray:

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.theory.closed_loop import loop_records
 from gtmbench.theory.pem import pem
 from gtmbench.theory.plants import Example, example_3_2_1, example_3_2_2, example_3_2_2_as_printed
@@ -216,8 +216,7 @@ def realisation(page: Reproduction) -> None:
     page.number("(3.7), C", [0, 0, 1, 0, 0.07, 0, -0.0144], printed.plant.C[0], tolerance=5e-5)
     page.number("(3.8), K", K, printed.gain[0], tolerance=5e-5, note="that of (3.6)")
     row, gain = meant.plant.A[0], meant.gain[0]
-    ours = " ".join(f"{x:.7g}" for x in gain)
-    page.unprinted("(3.5), its own K", ours, note="the loop of the figures", values={"A": row, "K": gain})
+    page.unprinted("(3.5), its own K", listed(gain), note="the loop of the figures", values={"A": row, "K": gain})
 
 
 def drawn(title: str, label: str, curves: dict[str, tuple[Sequence[float], FloatArray, str]]) -> Figure:

@@ -16,7 +16,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.report.figures import panels
 from gtmbench.report.levels import level_panel
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact_fit import exact_weights, left_over
 from gtmbench.theory.nested import count, nested_operators, norms
@@ -32,6 +32,7 @@ SNRS = np.array([1, 2, 3, 5, 7, 10, 20, 30, 50, 70, 100])
 ALL = (0, 1, 2)
 SUBSETS = [chosen for count in (1, 2, 3) for chosen in combinations(ALL, count)]
 MATERIAL = "E, nu, density, damping, Ts missing: 70 GPa, 0.33, 2700 kg/m3, 5 % of critical, 1 ms"
+Operators = tuple[gb.Transmissibility, ...]
 PLATE = Plate().modes(forces=FORCES, sensors=SENSORS, damping=DAMPING)
 
 
@@ -77,11 +78,10 @@ def draw_plate(page: Reproduction) -> None:
     page.draw("fig_4_5", figure)
 
 
-def noise_free(page: Reproduction, record: gb.Record) -> None:
+def noise_free(page: Reproduction, record: gb.Record, operators: Operators) -> None:
     """Fig. 4.6, and why it isn't evidence."""
-    said = " ".join(f"{one:.7g}" for one in PLATE.frequency_hz)
+    said = listed(PLATE.frequency_hz)
     page.unprinted("4.5, natural frequencies (Hz)", said, note=MATERIAL, values=PLATE.frequency_hz)
-    operators = nested_operators(learnt(record), ORDER)
     levels = norms(operators, record, window=WINDOW)
     median = np.array([np.nanmedian(one.values[LEARNT:]) for one in levels])
     ranks = [one.rank for one in operators]
@@ -218,11 +218,10 @@ def some_forces(page: Reproduction) -> None:
     )
 
 
-def softening(page: Reproduction, healthy: gb.Record) -> None:
+def softening(page: Reproduction, healthy: gb.Record, operators: Operators) -> None:
     """Fig. 4.8: Young's modulus falls from t = 5 s on."""
     left = 1.0 - SOFTENING * np.clip(healthy.time_s - 5.0, 0.0, None)
     softer = simulate(PLATE, waves(), sample_period_s=PERIOD_S, stiffness=left[:, np.newaxis])
-    operators = nested_operators(learnt(healthy), ORDER)
     levels, quiet = (norms(operators, record, window=WINDOW) for record in (softer, healthy))
     rise = [np.nanmedian((one.values / other.values)[5000:]) for one, other in zip(levels, quiet, strict=True)]
     page.claim(
@@ -264,10 +263,11 @@ def main(page: Reproduction) -> None:
     """Run the section."""
     draw_plate(page)
     record = simulate(PLATE, waves(), sample_period_s=PERIOD_S)
-    noise_free(page, record)
+    operators = nested_operators(learnt(record), ORDER)
+    noise_free(page, record, operators)
     noisy(page, record)
     some_forces(page)
-    softening(page, record)
+    softening(page, record, operators)
 
 
 if __name__ == "__main__":

@@ -164,6 +164,15 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
     return 1 if wrong else 0
 
 
+def listed(values: ArrayLike) -> str:
+    """Return numbers as a cell has them, with 7 digits.
+
+    >>> listed([0.5, 1.0 / 3.0])
+    '0.5 0.3333333'
+    """
+    return " ".join(f"{x:.7g}" for x in np.ravel(values))
+
+
 def _make_parents(out: Path) -> None:
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
