@@ -33,7 +33,7 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import lagged
-from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
+from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
 from gtmbench.report.figures import panels
 from gtmbench.report.style import COLOURS
 

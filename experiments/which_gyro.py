@@ -33,10 +33,10 @@ from scipy.stats import binomtest
 import gtmbench as gb
 from gtmbench.bench.faults import FAULTS
 from gtmbench.bench.imperfections import drawn
-from gtmbench.method.monitoring.levels import bank_alarms, crossings, levels
-from gtmbench.method.monitoring.monitor import bank_residuals
-from gtmbench.method.monitoring.statistics import Statistic
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.bank.levels import bank_alarms, crossings, levels
+from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank.statistics import Statistic
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.figures import panels
 from gtmbench.study.severity import parse_severity, resolve
 
@@ -74,7 +74,7 @@ TESTS = {
 }
 
 Row = dict[str, object]
-MONITORS: dict[str, gb.Monitor] = {}  # of a worker process
+MONITORS: dict[str, gb.BankMonitor] = {}  # of a worker process
 
 
 # ---- records ----
@@ -184,7 +184,7 @@ def _driven(broken: gb.Record, flight: gb.Record, fault: gb.Fault, time_constant
     raise gb.InputError(f"the attitude filter tumbles within 40 s of {fault}")
 
 
-def judged(monitor: gb.Monitor, broken: gb.Record, fault: gb.Fault) -> Row:
+def judged(monitor: gb.BankMonitor, broken: gb.Record, fault: gb.Fault) -> Row:
     """Hold a monitor's alarms and diagnoses against the fault that was injected."""
     row = alarmed(monitor, broken, fault)
     if not row["detected"] or row["false_alarms"]:
@@ -202,7 +202,7 @@ def judged(monitor: gb.Monitor, broken: gb.Record, fault: gb.Fault) -> Row:
     }
 
 
-def alarmed(monitor: gb.Monitor, broken: gb.Record, fault: gb.Fault) -> Row:
+def alarmed(monitor: gb.BankMonitor, broken: gb.Record, fault: gb.Fault) -> Row:
     """Say only when the alarm came."""
     times_s = [one.time_s for one in bank_alarms(monitor, broken)]
     early = [t for t in times_s if t < fault.onset_s - 1e-9]
@@ -216,7 +216,7 @@ def alarmed(monitor: gb.Monitor, broken: gb.Record, fault: gb.Fault) -> Row:
     }
 
 
-def _begin(monitors: dict[str, gb.Monitor]) -> None:
+def _begin(monitors: dict[str, gb.BankMonitor]) -> None:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     MONITORS.update(monitors)
 
@@ -224,7 +224,7 @@ def _begin(monitors: dict[str, gb.Monitor]) -> None:
 def spread(
     task: Callable[[int], list[Row] | gb.Record],
     seeds: Iterable[int],
-    monitors: dict[str, gb.Monitor],
+    monitors: dict[str, gb.BankMonitor],
     jobs: int,
     step: str,
 ) -> list:
@@ -280,7 +280,7 @@ class Size:
         self.magnitudes = {"drift": dict(list(MAGNITUDES["drift"].items())[-1:])} if quick else MAGNITUDES
 
 
-def calibrated(size: Size, jobs: int) -> dict[str, gb.Monitor]:
+def calibrated(size: Size, jobs: int) -> dict[str, gb.BankMonitor]:
     """Calibrate the banks on rich excitation, and the dissertation's operator on its own sinusoids, too."""
     seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
     rich = spread(calibration_record, seeds, {}, jobs, "calibration flights")
@@ -291,7 +291,7 @@ def calibrated(size: Size, jobs: int) -> dict[str, gb.Monitor]:
     return found | {"paper, as printed": gb.calibrate(own, bank=gb.load_bank("paper"))}
 
 
-def banks(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def banks(monitors: dict[str, gb.BankMonitor], size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Fly healthy and with faults of the gyros, watched by every bank."""
     names = list(monitors)
     healthy = spread(
@@ -311,7 +311,7 @@ def banks(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> tuple[pd.Da
     return flat(healthy), flat(broken)
 
 
-def attitude(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> pd.DataFrame:
+def attitude(monitors: dict[str, gb.BankMonitor], size: Size, jobs: int) -> pd.DataFrame:
     """Break the attitude sensors, watched by bank C."""
     seeds = range(FAULT_SEED + 1000, FAULT_SEED + 1000 + size.angles)
     task = partial(fault_rows, watching=["C"], channels=size.broken_angles, faults=size.angle_faults)

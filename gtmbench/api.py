@@ -9,6 +9,12 @@ from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.bank.bank import Bank, load_bank
+from gtmbench.detectors.bank.detector import BankMonitor, calibrate
+from gtmbench.detectors.bank.files import load_monitor, save_monitor
+from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.protocol import Watch, watch
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
@@ -20,13 +26,6 @@ from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
-from gtmbench.method.monitoring.bank import Bank, load_bank
-from gtmbench.method.monitoring.calibration import calibrate
-from gtmbench.method.monitoring.files import load_monitor, save_monitor
-from gtmbench.method.monitoring.findings import Finding, Judgement
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.signatures import Signatures, signatures
-from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
@@ -73,7 +72,7 @@ __all__ = [
     "LeastSquares",
     "LogColumn",
     "Mode",
-    "Monitor",
+    "BankMonitor",
     "MonitorVerdict",
     "MonitoredStudy",
     "MonitoredTrial",

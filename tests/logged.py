@@ -8,7 +8,7 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.method.monitoring.bank import bank_of
+from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.watched_log import WatchedLog
 from tests.monitors import monitor, record
 

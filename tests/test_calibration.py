@@ -6,12 +6,12 @@ from scipy import stats
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import bank_of
-from gtmbench.method.monitoring.calibration import calibrate
-from gtmbench.method.monitoring.levels import crossings, levels
-from gtmbench.method.monitoring.monitor import bank_residuals
-from gtmbench.method.monitoring.statistics import STATISTICS
-from gtmbench.method.monitoring.watch import watch
+from gtmbench.detectors.bank.bank import bank_of
+from gtmbench.detectors.bank.detector import calibrate
+from gtmbench.detectors.bank.levels import crossings, levels
+from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank.statistics import STATISTICS
+from gtmbench.detectors.protocol import watch
 from gtmbench.record import Record
 
 SENSORS = ("inlet", "outlet", "wall")

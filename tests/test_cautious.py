@@ -6,9 +6,9 @@ from scipy.signal import butter, sosfiltfilt
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import ResidualSpec
-from gtmbench.method.monitoring.cautious import identify_cautiously
-from gtmbench.method.monitoring.doubt import slow
+from gtmbench.detectors.bank.bank import ResidualSpec
+from gtmbench.detectors.bank.cautious import identify_cautiously
+from gtmbench.detectors.bank.doubt import slow
 
 PERIOD_S = 0.04
 

@@ -8,8 +8,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
-from gtmbench.method.monitoring.levels import bank_alarms
+from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
+from gtmbench.detectors.bank.levels import bank_alarms
 from gtmbench.study.log_watch import bank_between
 from tests.airliner import MANOEUVRES, airliner
 from tests.monitors import record

@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.levels import Level, crossings, over
+from gtmbench.detectors.bank.levels import Level, crossings, over
 from gtmbench.record import Record
 
 GYROS = ("p", "q", "r")

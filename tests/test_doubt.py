@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.method.monitoring.doubt import HALF, Doubt, leverage, regressors, shifts, slow, whitened
-from gtmbench.method.monitoring.statistics import Statistic, Tolerance
+from gtmbench.detectors.bank.doubt import HALF, Doubt, leverage, regressors, shifts, slow, whitened
+from gtmbench.detectors.bank.statistics import Statistic, Tolerance
 from gtmbench.method.transmissibility import Transmissibility
 
 ORDERS = [(0, 0), (3, 0), (0, 2), (4, 3)]

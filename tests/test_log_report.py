@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.log_figure import thinned, write_log_figure
 from gtmbench.report.log_recording import write_log_recording
 from gtmbench.report.log_results import log_results

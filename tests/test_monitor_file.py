@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.files import shipped_banks
-from gtmbench.method.monitoring import files as module
+from gtmbench.detectors.bank import files as module
 from tests.monitors import monitor, record
 
 ROOT = Path(__file__).parent.parent

@@ -47,7 +47,7 @@ def cli(capsys, tmp_path, monkeypatch):
 @pytest.fixture
 def stored(tmp_path, monkeypatch):
     """A monitor's file, and a reader in place of the package's."""
-    files = ModuleType("gtmbench.method.monitoring.files")
+    files = ModuleType("gtmbench.detectors.bank.files")
     files.load_monitor = lambda path: monitor() if path.read_text() == "C" else None
     monkeypatch.setitem(sys.modules, files.__name__, files)
     (tmp_path / "mine.json").write_text("C")
@@ -226,7 +226,7 @@ BAD = {
 def test_a_bad_monitor_is_one_line_exit_code_2_and_nothing_written(cli, name, tmp_path, monkeypatch):
     from dataclasses import replace
 
-    files = ModuleType("gtmbench.method.monitoring.files")
+    files = ModuleType("gtmbench.detectors.bank.files")
     odd = replace(monitor().bank, name="strange", residuals=(replace(monitor().bank.residuals[0], output="strain"),))
     made = {"slow": replace(monitor(), sample_period_s=0.02), "strange": replace(monitor(), bank=odd)}
     files.load_monitor = lambda path: made[path.stem]

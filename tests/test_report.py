@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.figures import write_figures
 from gtmbench.report.lines import trial_paths
 from gtmbench.report.recording import write_recording

@@ -5,9 +5,9 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.files import shipped_banks
-from gtmbench.method.monitoring.bank import bank_of
-from gtmbench.method.monitoring.monitor import bank_residuals
-from gtmbench.method.monitoring.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.bank import bank_of
+from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
 from tests.monitors import monitor, record
 
 BANKS = tuple(shipped_banks())

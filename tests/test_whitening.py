@@ -8,7 +8,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
+from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
 
 AR2 = [1.0, -1.6, 0.8]  # poles at 0.8 +- 0.4i
 SAMPLES = 40_000

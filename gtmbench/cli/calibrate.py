@@ -11,13 +11,12 @@ import click
 from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
+from gtmbench.detectors.bank.detector import BankMonitor, calibrate
+from gtmbench.detectors.bank.files import load_monitor, save_monitor
+from gtmbench.detectors.bank.signatures import Signatures, signatures
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_banks
-from gtmbench.method.monitoring.bank import Bank, bank_table, load_bank
-from gtmbench.method.monitoring.calibration import calibrate
-from gtmbench.method.monitoring.files import load_monitor, save_monitor
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.signatures import Signatures, signatures
 from gtmbench.record import Record
 from gtmbench.report.monitor import facts, facts_text, residual_rows
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
@@ -103,7 +102,7 @@ def calibrate_command(
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
 
-def _print_monitor(monitor: Monitor) -> None:
+def _print_monitor(monitor: BankMonitor) -> None:
     columns, rows, right = residual_rows(monitor)
     print_table(f"bank {monitor.bank.name}: {monitor.bank.title}", columns, rows, right=right)
     for line in facts_text(monitor):

@@ -16,10 +16,10 @@ from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.logs import check_log_path, write_log
-from gtmbench.method.monitoring.bank import load_bank
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.scenario import load_scenario
 

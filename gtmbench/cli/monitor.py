@@ -11,16 +11,16 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, is_file, shipped_banks, written_aside
-from gtmbench.method.monitoring.bank import load_bank
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.record import Span
 
 if TYPE_CHECKING:
+    from gtmbench.detectors.bank.bank import Bank
+    from gtmbench.detectors.bank.detector import BankMonitor
     from gtmbench.intake.open import LogColumn
-    from gtmbench.method.monitoring.bank import Bank
-    from gtmbench.method.monitoring.monitor import Monitor
     from gtmbench.study.watched_log import WatchedLog
 
 
@@ -124,7 +124,7 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
     check_file(path, force=force, option=option)
 
 
-def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: float) -> Monitor | Bank | None:
+def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: float) -> BankMonitor | Bank | None:
     """Return what watches: a monitor, a bank, or None where nothing was said."""
     if source is not None and (inputs or outputs):
         raise InputError("both --monitor and --inputs/--outputs are given; a bank has its own, so leave one out")
@@ -223,7 +223,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         with written_aside(record) as aside:
             write_log_recording(watched, aside)
     if save is not None:
-        from gtmbench.method.monitoring.files import save_monitor
+        from gtmbench.detectors.bank.files import save_monitor
 
         save_monitor(watched.monitor, save)
 

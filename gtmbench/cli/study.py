@@ -91,7 +91,7 @@ def _write(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
 
 
 def _print_study(study: Study, out: Path) -> None:
-    from gtmbench.method.monitoring.tails import rate_bound
+    from gtmbench.detectors.bank.tails import rate_bound
     from gtmbench.report.text import trial_rows
 
     columns, rows, right = trial_rows(study)

@@ -29,7 +29,7 @@ import rerun.blueprint as rrb
 
 from gtmbench.bench.fault import Fault
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.watch import Watch
+from gtmbench.detectors.protocol import Watch
 from gtmbench.method.residual import Residual
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.lines import Event, lighter, log_events, log_lines, log_mark, log_threshold

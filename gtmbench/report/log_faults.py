@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gtmbench.method.monitoring.findings import Finding
-from gtmbench.method.monitoring.watch import Watch
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Watch
 from gtmbench.record import Span
 from gtmbench.report.style import colour
 from gtmbench.study.watched_log import WatchedLog

@@ -27,7 +27,7 @@ import rerun as rr
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
-from gtmbench.method.monitoring.findings import Finding
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.report.lines import Event, across, log_events, log_lines, log_mark, log_verdict, rgb
 from gtmbench.report.log_blueprint import entity, log_blueprint, sensor_entity
 from gtmbench.report.log_faults import began_s, signals_of, tints_of, whole_of

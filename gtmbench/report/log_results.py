@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.method.monitoring.findings import Finding, Judgement
-from gtmbench.method.monitoring.watch import Watch
 from gtmbench.report.log_faults import began_s, given_up_by
 from gtmbench.report.log_spans import stretches
 from gtmbench.report.log_text import alarm_bound, deviation, outcome_text, passed_alarms, rms

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.method.monitoring.watch import Watch
+from gtmbench.detectors.protocol import Watch
 from gtmbench.record import Record, Span
 from gtmbench.study.watched_log import WatchedLog
 

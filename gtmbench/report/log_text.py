@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.tails import rate_bound
+from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.method.monitoring.findings import Finding
-from gtmbench.method.monitoring.tails import rate_bound
-from gtmbench.method.monitoring.watch import Watch
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.log_faults import began_s, faults_of, given_up_by
 from gtmbench.report.log_spans import State, stretches

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
 from gtmbench.report.text import duration_text
 
 
-def facts(monitor: Monitor) -> dict[str, Any]:
+def facts(monitor: BankMonitor) -> dict[str, Any]:
     """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
     return {
         "bank": monitor.bank.name,
@@ -23,13 +23,13 @@ def facts(monitor: Monitor) -> dict[str, Any]:
     }
 
 
-def _residual(monitor: Monitor, output: str) -> dict[str, Any]:
+def _residual(monitor: BankMonitor, output: str) -> dict[str, Any]:
     operator, tolerance = monitor.operators[output], monitor.tolerances[output]
     return {
         "inputs": list(operator.inputs),
         "unit": unit_of(output),
         "rms_residual": float(operator.rms_residual[0]),
-        "look_ahead_s": monitor.look_ahead_s(output),
+        "look_ahead_s": monitor.look_ahead_of(output),
         "tolerated_shift": _finite(tolerated_shift(monitor, output)),
         "tolerated_energy": [tolerance.low, tolerance.high],
         "slowest_drift_per_s": _finite(slowest_drift(monitor, output)),
@@ -40,7 +40,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def residual_rows(monitor: Monitor) -> tuple[list[str], list[list[str]], list[str]]:
+def residual_rows(monitor: BankMonitor) -> tuple[list[str], list[list[str]], list[str]]:
     """Return a table of the residuals: its columns, rows, and the columns to align to the right."""
     columns = ["residual", "unit", "RMS", "ahead (s)", "shift", "energy", "drift per s", "predicted from"]
     rows = []
@@ -65,7 +65,7 @@ def _figure(value: float | None) -> str:
     return "-" if value is None else f"{value:.2g}"
 
 
-def facts_text(monitor: Monitor) -> list[str]:
+def facts_text(monitor: BankMonitor) -> list[str]:
     """Return what a monitor stands on, line by line; a line is left out where the monitor doesn't know."""
     return [
         "shift, energy: what the healthy residual's mean and mean square (1: noise) may do; drift: slower ones pass",
@@ -73,7 +73,7 @@ def facts_text(monitor: Monitor) -> list[str]:
     ]
 
 
-def origin_text(monitor: Monitor) -> list[str]:
+def origin_text(monitor: BankMonitor) -> list[str]:
     """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
     known = monitor.provenance
     lines = [f"calibrated on: {_origin(known)}"]
@@ -92,7 +92,7 @@ def origin_text(monitor: Monitor) -> list[str]:
     return lines
 
 
-def _thresholds_from(monitor: Monitor, hours: Any) -> str:
+def _thresholds_from(monitor: BankMonitor, hours: Any) -> str:
     if monitor.doubts:
         return "thresholds from the same, each stretch judged by operators that hadn't seen it"
     return f"thresholds from {duration_text(hours)} of other records"

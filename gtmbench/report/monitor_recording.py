@@ -31,8 +31,8 @@ import numpy as np
 import rerun as rr
 
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.findings import Finding
-from gtmbench.method.monitoring.watch import Watch
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Watch
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.lines import (
     Event,

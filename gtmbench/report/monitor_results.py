@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.results import SCHEMA, named, versions, write_tables
 from gtmbench.study.monitored import MonitoredStudy
 
@@ -40,7 +40,7 @@ def monitored_results(study: MonitoredStudy) -> dict[str, Any]:
     return dict(plain(found))
 
 
-def monitor_summary(monitor: Monitor) -> dict[str, Any]:
+def monitor_summary(monitor: BankMonitor) -> dict[str, Any]:
     """Say what a monitor is: its bank, its residuals with what they look back on and ahead, where it comes from."""
     return {
         "bank": monitor.bank.name,
@@ -51,8 +51,8 @@ def monitor_summary(monitor: Monitor) -> dict[str, Any]:
             {
                 "output": spec.output,
                 "inputs": list(spec.inputs),
-                "look_ahead_s": monitor.look_ahead_s(spec.output),
-                "history_s": monitor.history_s(spec.output),
+                "look_ahead_s": monitor.look_ahead_of(spec.output),
+                "history_s": monitor.history_of(spec.output),
             }
             for spec in monitor.bank.residuals
         ],

@@ -8,9 +8,9 @@ from itertools import groupby
 
 from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.findings import Judgement
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.text import per_second, severity_text
 from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial
 
@@ -112,9 +112,9 @@ def summary_lines(study: MonitoredStudy) -> list[str]:
     ]
 
 
-def monitor_line(monitor: Monitor) -> str:
+def monitor_line(monitor: BankMonitor) -> str:
     """Say in a line what a monitor is."""
-    ahead = sorted((monitor.look_ahead_s(spec.output), spec.output) for spec in monitor.bank.residuals)
+    ahead = sorted((monitor.look_ahead_of(spec.output), spec.output) for spec in monitor.bank.residuals)
     looks = ", ".join(
         f"{'/'.join(output for _, output in group)} {look_s:g} s"
         for look_s, group in groupby(ahead, lambda one: one[0])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.channels import unit_of
-from gtmbench.method.monitoring.tails import rate_bound
+from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.study.trial import Study
 from gtmbench.version import __version__

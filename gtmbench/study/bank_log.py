@@ -6,10 +6,10 @@ import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
+from gtmbench.detectors.bank.bank import Bank
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import LogColumn, log_columns, open_log
-from gtmbench.method.monitoring.bank import Bank
 
 
 def open_for_bank(

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gtmbench.bench.flight import fly
-from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.calibration import calibrate
-from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.detector import BankMonitor, calibrate
 from gtmbench.record import Record
 from gtmbench.study.flown import Flown
 
@@ -17,7 +16,7 @@ _LONGEST_S = 300.0
 _SEEDS = 1_000_000_000  # calibration's seeds begin so far from the study's own
 
 
-def calibrated(bank: Bank, flown: Flown, tell: Callable[[str], None], *, flights: int = FLIGHTS) -> Monitor:
+def calibrated(bank: Bank, flown: Flown, tell: Callable[[str], None], *, flights: int = FLIGHTS) -> BankMonitor:
     """Calibrate a bank on healthy flights that the study doesn't use.
 
     Multisine and turbulence shake them, whatever excites the study. The sensors are the study's: each of its channels'

@@ -24,8 +24,8 @@ from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.clock import same_period
+from gtmbench.detectors.bank.bank import Bank
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.method.monitoring.bank import Bank
 from gtmbench.record import Record
 from gtmbench.study.bank_log import open_for_bank
 from gtmbench.version import __version__
@@ -60,7 +60,7 @@ class CalibrationFlights:
 
     Examples
     --------
-    >>> from gtmbench.method.monitoring.bank import load_bank
+    >>> from gtmbench.detectors.bank.bank import load_bank
     >>> flights = CalibrationFlights(flights=2, duration_s=1.0)
     >>> [record.channels for record in flights.records(load_bank("paper"))]
     [('r', 'beta', 'p', 'q'), ('r', 'beta', 'p', 'q')]

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.checks import number
+from gtmbench.detectors.bank.bank import Bank, bank_of
+from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.protocol import Watch, watch
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.method.monitoring.bank import Bank, bank_of
-from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Span
@@ -60,7 +60,7 @@ def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float
 
 def watch_log(
     path: str | Path,
-    monitor: Monitor | Bank,
+    monitor: BankMonitor | Bank,
     *,
     healthy: Sequence[Span | str | Path] = (),
     mapping: Sequence[str] = (),
@@ -77,7 +77,7 @@ def watch_log(
     ----------
     path : str or Path
         As `open_log` takes it.
-    monitor : Monitor or Bank
+    monitor : BankMonitor or Bank
     healthy : sequence of (start, end), str or Path
         For a bank: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
         first 40 % of this log, 300 s at most.
@@ -109,8 +109,8 @@ def watch_log(
     >>> seen.outcome, seen.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
-    bank = monitor.bank if isinstance(monitor, Monitor) else monitor
-    if isinstance(monitor, Monitor):
+    bank = monitor.bank if isinstance(monitor, BankMonitor) else monitor
+    if isinstance(monitor, BankMonitor):
         if healthy:
             raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
         if rate_hz is not None:
@@ -169,7 +169,7 @@ def _other(path: str | Path, log: FlightLog) -> Path:
 
 
 def _watched(
-    log: FlightLog, monitor: Monitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
+    log: FlightLog, monitor: BankMonitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
 ) -> WatchedLog:
     """Watch every segment of a log but the spans that the monitor was identified on."""
     parts = without(log, identified_s)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from gtmbench.bench.trim import Trim
+from gtmbench.detectors.bank.bank import Bank, load_bank
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.protocol import Watch, watch
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, shipped_banks
-from gtmbench.method.monitoring.bank import Bank, load_bank
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.record import Record
 from gtmbench.study.calibrated import FLIGHTS, calibrated
 from gtmbench.study.flown import Flown, Progress, common_setup, counted, fly_setup
@@ -30,7 +30,7 @@ class MonitoredBaseline:
         What was flown; `flight` is truth.
     healthy : Record
         The measurements that are broken in the trials; the same as without a monitor.
-    monitor : Monitor
+    monitor : BankMonitor
     watched : Watch
         Of `healthy`, from `setup.alarm.watch_from_s` on.
     false_alarms : int
@@ -42,7 +42,7 @@ class MonitoredBaseline:
     trim: Trim
     flight: Record = field(repr=False)
     healthy: Record = field(repr=False)
-    monitor: Monitor
+    monitor: BankMonitor
     watched: Watch = field(repr=False)
     false_alarms: int
     healthy_hours: float
@@ -86,7 +86,7 @@ class MonitoredStudy:
     trials: tuple[MonitoredTrial, ...]
 
 
-def find_monitor(source: str | Path) -> Monitor | Bank:
+def find_monitor(source: str | Path) -> BankMonitor | Bank:
     """Return a calibrated monitor from its file (.json), or a bank, by name or TOML file, that is yet to calibrate.
 
     Raises
@@ -107,14 +107,14 @@ def find_monitor(source: str | Path) -> Monitor | Bank:
             f"{path}: no such monitor; `gtmbench calibrate --out {path.name}` writes one, or give a bank: "
             f"{', '.join(shipped_banks())}"
         )
-    from gtmbench.method.monitoring.files import load_monitor
+    from gtmbench.detectors.bank.files import load_monitor
 
     return load_monitor(path)
 
 
 def run_monitored(
     scenarios: Sequence[Scenario],
-    monitor: Monitor | Bank,
+    monitor: BankMonitor | Bank,
     *,
     seed: int | None = None,
     progress: Progress = lambda _step, _done, _of: None,
@@ -127,7 +127,7 @@ def run_monitored(
     Parameters
     ----------
     scenarios : sequence of Scenario
-    monitor : Monitor or Bank
+    monitor : BankMonitor or Bank
         A bank is calibrated first, on flights of its own with the scenarios' sensors.
     seed : int, optional
         Instead of the scenarios'.
@@ -170,7 +170,7 @@ def _without_detector(scenario: Scenario) -> Scenario:
     return replace(scenario, setup=setup if scenario.states_noise else replace(setup, snr=None, noise="t2"))
 
 
-def _baseline(flown: Flown, monitor: Monitor, healthy: Record, watches: list[Watch]) -> MonitoredBaseline:
+def _baseline(flown: Flown, monitor: BankMonitor, healthy: Record, watches: list[Watch]) -> MonitoredBaseline:
     return MonitoredBaseline(
         setup=flown.setup,
         trim=flown.trim,
@@ -183,7 +183,7 @@ def _baseline(flown: Flown, monitor: Monitor, healthy: Record, watches: list[Wat
     )
 
 
-def _watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+def _watched(monitor: BankMonitor, record: Record, setup: Setup) -> Watch:
     """Watch a record; the series behind the levels are let go: they are most of the memory."""
     seen = watch(monitor, record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
     return replace(seen, levels={output: replace(level, series=()) for output, level in seen.levels.items()})

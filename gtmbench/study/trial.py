@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.trim import Trim
-from gtmbench.method.alarms import Alarms
-from gtmbench.method.residual import Residual, WindowedNorm
-from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.record import Record
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
@@ -16,36 +14,33 @@ from gtmbench.study.score import Verdict
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Baseline:
-    """What the trials of a study share: a flight, its healthy measurements, operator and threshold.
+    """What the trials of one detector share.
 
     Attributes
     ----------
+    detector : str
+        Its name; no other detector of the study has it.
     setup, trim, flight
         What was flown; `flight` is truth.
-    operator : Transmissibility
-        Identified on measurements with the first noise seed.
-    threshold : float
-        From measurements with the second noise seed, in the output's unit.
     healthy : Record
-        Measurements with the third noise seed: those that are broken in the trials.
-    residual, norm
-        Of `healthy`.
-    armed_s : float or None
-        When the norm of `healthy` first came down to the threshold: alarms are possible from then on.
+        The measurements that are broken in the trials.
+    monitor : Monitor
+        The detector, calibrated.
+    watch : Watch
+        Of `healthy`, from `setup.alarm.watch_from_s` on.
     false_alarms : int
     healthy_hours : float
-        Alarms on healthy records that neither operator nor threshold has seen, and the hours watched, armed.
+        False alarms on healthy records that calibration hasn't seen, and the hours watched, as `gtmbench.study.score`
+        defines them.
     """
 
+    detector: str
     setup: Setup
     trim: Trim
-    flight: Record
-    healthy: Record
-    operator: Transmissibility
-    threshold: float
-    residual: Residual = field(repr=False)
-    norm: WindowedNorm = field(repr=False)
-    armed_s: float | None
+    flight: Record = field(repr=False)
+    healthy: Record = field(repr=False)
+    monitor: Monitor
+    watch: Watch = field(repr=False)
     false_alarms: int
     healthy_hours: float
 
@@ -78,30 +73,33 @@ class Injection:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial(Injection, Verdict):
-    """One fault, tried: the verdict and what it was reached on.
+    """One fault, watched by one detector: the verdict and what it was reached on.
 
     Attributes
     ----------
-    residual, norm, alarms
-        What the method made of the broken measurements.
+    detector : str
+        The detector's name.
+    watch : Watch
+        Of the broken record, from `setup.alarm.watch_from_s` on.
     baseline : Baseline
-        Shared by the trials of a study.
+        Shared by the trials of this detector.
     """
 
-    residual: Residual = field(repr=False)
-    norm: WindowedNorm = field(repr=False)
-    alarms: Alarms = field(repr=False)
+    detector: str
+    watch: Watch = field(repr=False)
     baseline: Baseline = field(repr=False)
 
     def row(self) -> dict[str, object]:
         """Return the trial as one row of the results: plain values, units in the names."""
         verdict = {item.name: getattr(self, item.name) for item in fields(Verdict)}
         return {
+            "detector": self.detector,
             "scenario": self.scenario,
             "fault": self.fault,
             "channel": self.channel,
             **verdict,
-            "threshold": self.baseline.threshold,
+            "candidates": list(self.candidates),
+            "parameters": [asdict(estimate) for estimate in self.parameters],
             "severity": self.severity,
             "unit": self.unit,
         }
@@ -109,7 +107,24 @@ class Trial(Injection, Verdict):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Scenarios of one setup, run: what they share, and every trial."""
+    """Scenarios of one flight, watched by one detector or several.
 
-    baseline: Baseline
+    Attributes
+    ----------
+    baselines : tuple of Baseline
+        One a detector, in the order in which they were given.
+    trials : tuple of Trial
+        Detector by detector, each in the order of the scenarios.
+    """
+
+    baselines: tuple[Baseline, ...]
     trials: tuple[Trial, ...]
+
+    @property
+    def baseline(self) -> Baseline:
+        """The first detector's."""
+        return self.baselines[0]
+
+    def trials_of(self, detector: str) -> tuple[Trial, ...]:
+        """Return the trials of one detector."""
+        return tuple(trial for trial in self.trials if trial.detector == detector)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.method.monitoring.findings import Finding
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.watch import Watch
 from gtmbench.record import Span
 
 
@@ -27,7 +27,7 @@ class WatchedLog:
     Attributes
     ----------
     log : FlightLog
-    monitor : Monitor
+    monitor : BankMonitor
     identified_s : tuple of (start, end)
         The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
     watches : tuple of Watch
@@ -37,7 +37,7 @@ class WatchedLog:
     """
 
     log: FlightLog
-    monitor: Monitor
+    monitor: BankMonitor
     identified_s: tuple[Span, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import inject
 from gtmbench.checks import number, shown
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.bank.files import load_monitor
+from gtmbench.detectors.protocol import Watch, watch
 from gtmbench.errors import InputError
 from gtmbench.kept import kept
-from gtmbench.method.monitoring.files import load_monitor
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.watch import Watch, watch
 from gtmbench.record import Record, is_record
 from gtmbench.report.text import fault_text
 from gtmbench.study.monitor_score import score_watch
@@ -25,7 +25,7 @@ from gtmbench.study.score import altered_share
 from gtmbench.study.shared_flights import standard_record
 
 _TIE = 1e-9  # seconds
-Detector = Monitor | str | Path | Callable[[Record], ArrayLike]
+Detector = BankMonitor | str | Path | Callable[[Record], ArrayLike]
 
 
 def assert_detects(
@@ -35,7 +35,7 @@ def assert_detects(
 
     Parameters
     ----------
-    monitor : Monitor, path of a monitor's file, or callable
+    monitor : BankMonitor, path of a monitor's file, or callable
         Or a function of your own, from a record to the times in seconds at which its alarms could be raised.
     fault : Fault
         Injected into the record, which has to last until an alarm is due.
@@ -87,7 +87,7 @@ def assert_quiet(monitor: Detector, record: Record | None = None) -> None:
 
     Parameters
     ----------
-    monitor : Monitor, path of a monitor's file, or callable
+    monitor : BankMonitor, path of a monitor's file, or callable
         As for `assert_detects`.
     record : Record, optional
         A healthy one; what the T2's sensors read on the standard flight (200 s) unless told.
@@ -124,11 +124,11 @@ class _Seen:
 
 def _watched(monitor: Detector, record: Record) -> _Seen:
     given = load_monitor(monitor) if isinstance(monitor, str | Path) else monitor
-    if isinstance(given, Monitor):
+    if isinstance(given, BankMonitor):
         seen = watch(given, record)
         return _Seen(record=record, alarms_s=tuple(one.alarm_s for one in seen.findings), watch=seen)
     if not callable(given):
-        raise InputError(f"a {type(given).__name__} is no monitor; give a Monitor, its file, or a function of a record")
+        raise InputError(f"a {type(given).__name__} is no monitor; give a BankMonitor, its file, or a function of a record")
     return _Seen(record=record, alarms_s=_times(given(record)), watch=None)
 
 
@@ -157,7 +157,7 @@ def _untimely(seen: _Seen, fault: Fault, within_s: float) -> Iterator[str]:
 def _misnamed(seen: _Seen, fault: Fault, healthy: Record, named: bool) -> Iterator[str]:
     if seen.watch is None:
         if named:
-            raise InputError("a function's alarms name no sensor; leave named=True out, or give a Monitor")
+            raise InputError("a function's alarms name no sensor; leave named=True out, or give a BankMonitor")
         return
     verdict = score_watch(seen.watch, fault=fault, healthy=healthy, broken=seen.record)
     if not verdict.detected:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gtmbench.method.monitoring.spread import Spread
-from gtmbench.method.monitoring.statistics import Statistic, Tolerance
-from gtmbench.method.monitoring.tails import block_maxima, tail_threshold
+from gtmbench.detectors.bank.spread import Spread
+from gtmbench.detectors.bank.statistics import Statistic, Tolerance
+from gtmbench.detectors.bank.tails import block_maxima, tail_threshold
 from gtmbench.record import FloatArray
 
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.detectors.bank.bank import bank_table
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.bank.parsing import FORMAT, NEVER, OPERATOR_KEYS, VERSION, parse_monitor
 from gtmbench.errors import InputError
 from gtmbench.files import check_size, is_file, written_aside
-from gtmbench.method.monitoring.bank import bank_table
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.parsing import FORMAT, NEVER, OPERATOR_KEYS, VERSION, parse_monitor
 from gtmbench.version import __version__
 
 _LARGEST_FILE_BYTES = 50_000_000
@@ -21,7 +21,7 @@ _MOST_DIGITS = 18  # of a whole number
 _MOST_WORDS = 400  # characters of a message: a broken file may hold anything
 
 
-def save_monitor(monitor: Monitor, path: str | Path) -> None:
+def save_monitor(monitor: BankMonitor, path: str | Path) -> None:
     """Write a monitor; `load_monitor` returns one that judges alike, on any machine.
 
     Of the operators, what watching and describing need is kept; their covariances aren't. Saving what was loaded
@@ -29,7 +29,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
 
     Parameters
     ----------
-    monitor : Monitor
+    monitor : CalibratedBank
     path : str or Path
         The file; replaced when the new one is complete.
 
@@ -41,8 +41,8 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     Examples
     --------
     >>> import tempfile
-    >>> from gtmbench.method.monitoring.bank import load_bank
-    >>> from gtmbench.method.monitoring.calibration import calibrate
+    >>> from gtmbench.detectors.bank.bank import load_bank
+    >>> from gtmbench.detectors.bank.detector import calibrate
     >>> from gtmbench.record import Record
     >>> noise = np.random.default_rng(1).standard_normal((9000, 4))
     >>> record = Record(noise, channels=["p", "q", "r", "beta"], sample_period_s=0.1)
@@ -62,7 +62,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
         aside.write_text(text, encoding="utf-8", newline="\n")
 
 
-def load_monitor(path: str | Path) -> Monitor:
+def load_monitor(path: str | Path) -> BankMonitor:
     """Read a monitor that `save_monitor` or ``gtmbench calibrate`` wrote.
 
     Raises
@@ -75,12 +75,12 @@ def load_monitor(path: str | Path) -> Monitor:
         if not is_file(path):
             raise InputError("no such file; `gtmbench calibrate` writes one")
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
-        return parse_monitor(_parsed(path.read_text(encoding="utf-8")))
+        return BankMonitor(**vars(parse_monitor(_parsed(path.read_text(encoding="utf-8")))))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: {_short(error)}") from error
 
 
-def _document(monitor: Monitor) -> dict[str, Any]:
+def _document(monitor: BankMonitor) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -93,7 +93,7 @@ def _document(monitor: Monitor) -> dict[str, Any]:
     }
 
 
-def _residual_table(monitor: Monitor, output: str) -> dict[str, Any]:
+def _residual_table(monitor: BankMonitor, output: str) -> dict[str, Any]:
     operator, whitener = monitor.operators[output], monitor.whiteners[output]
     tolerance, thresholds = monitor.tolerances[output], monitor.thresholds[output]
     doubt = monitor.doubts.get(output)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.method.monitoring.kinds import KINDS, Fit, Stretch
-from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, residuals_of
-from gtmbench.method.monitoring.virtual import integrable, integrated_angle
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
+from gtmbench.detectors.bank.kinds import KINDS, Fit, Stretch
+from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.record import FloatArray, Record
 
 _MOST = 20.0  # deviations that one sample may count for
@@ -49,7 +49,7 @@ class Case:
         Means of the residuals before the fault (biases), in the outputs' units.
     """
 
-    monitor: Monitor
+    monitor: CalibratedBank
     record: Record
     residuals: BankResiduals = field(repr=False)
     start: int
@@ -73,7 +73,7 @@ class Case:
         Only rows that are known at their end; none counts for more than `_MOST` deviations.
         """
         whitener = self.monitor.whiteners[output]
-        ahead = round(self.monitor.corrected_look_ahead_s(output) / self.record.sample_period_s)
+        ahead = round(self.monitor.corrected_look_ahead_of(output) / self.record.sample_period_s)
         begin = max(self.sure - whitener.order, 0)
         white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])[self.sure - begin :]
         if output in self.residuals.spread:
@@ -82,13 +82,13 @@ class Case:
 
 
 def open_case(
-    monitor: Monitor, record: Record, residuals: BankResiduals, *, onset_row: int, sure_row: int, stop_row: int
+    monitor: CalibratedBank, record: Record, residuals: BankResiduals, *, onset_row: int, sure_row: int, stop_row: int
 ) -> Case:
     """Cut out of a record what a diagnosis needs."""
     period_s = record.sample_period_s
     margin, baseline = (round(span_s / period_s) for span_s in (_MARGIN_S, monitor.bank.statistic.baseline_s))
     start = max(onset_row - margin, 0)
-    history = max(round(monitor.history_s(output) / period_s) for output in residuals.raw)
+    history = max(round(monitor.history_of(output) / period_s) for output in residuals.raw)
     first = max(start - history - margin - 2, 0)
     base = slice(max(start - baseline, 0), start)
     shift = {
@@ -102,7 +102,7 @@ def open_case(
         residuals=BankResiduals(
             raw={name: values[part] for name, values in residuals.raw.items()},
             predicted={
-                name: _known(values[part], round(monitor.look_ahead_s(name) / period_s))
+                name: _known(values[part], round(monitor.look_ahead_of(name) / period_s))
                 for name, values in residuals.predicted.items()
             },
             spread={name: spread.between(part) for name, spread in residuals.spread.items()},

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.method.monitoring.explain import (
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.bank.explain import (
     Case,
     Explanation,
     corrected,
@@ -18,11 +20,9 @@ from gtmbench.method.monitoring.explain import (
     virtual_sensor,
     within_reach,
 )
-from gtmbench.method.monitoring.findings import Finding, Judgement
-from gtmbench.method.monitoring.kinds import KINDS
-from gtmbench.method.monitoring.levels import Crossing
-from gtmbench.method.monitoring.monitor import BankResiduals, Monitor
-from gtmbench.method.monitoring.virtual import ANGLES, integrable
+from gtmbench.detectors.bank.kinds import KINDS
+from gtmbench.detectors.bank.levels import Crossing
+from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.record import Record
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
@@ -33,12 +33,12 @@ _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
 
 
-def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossing: Crossing) -> Finding:
+def diagnose(monitor: CalibratedBank, record: Record, residuals: BankResiduals, crossing: Crossing) -> Alarm:
     """Judge an alarm at growing horizons, as far as the record goes.
 
     Parameters
     ----------
-    monitor : Monitor
+    monitor : CalibratedBank
     record : Record
     residuals : BankResiduals
         Of the record; missing values where a residual is no longer watched.
@@ -69,14 +69,15 @@ def diagnose(monitor: Monitor, record: Record, residuals: BankResiduals, crossin
                 held = next(one for one in ranking if one.channel == judgements[-1].sensor)
         if stop >= len(record):
             break
-    return Finding(
-        alarm_s=crossing.time_s,
+    return Alarm(
+        number=0,
+        time_s=crossing.time_s,
         onset_s=float(record.time_s[crossing.onset_row]),
-        residual=crossing.output,
-        series=crossing.series,
+        source=crossing.output,
+        test=crossing.series,
         judgements=tuple(judgements),
         ended_s=ended_s,
-        resumed_s=resumed_s,
+        end_known_s=resumed_s,
     )
 
 
@@ -91,7 +92,7 @@ def _end_s(case: Case) -> float:
     return round(float(case.record.time_s[case.stop - 1]), 9)
 
 
-def _suspects(monitor: Monitor, residuals: BankResiduals) -> tuple[str, ...]:
+def _suspects(monitor: CalibratedBank, residuals: BankResiduals) -> tuple[str, ...]:
     """Return the suspects whose residuals are all still watched."""
     return tuple(name for name in monitor.bank.suspects if set(monitor.bank.disturbs(name)) <= set(residuals.raw))
 
@@ -139,7 +140,7 @@ def _undecided(time_s: float, candidates: tuple[str, ...]) -> Judgement:
     )
 
 
-def _by_signature(monitor: Monitor, residuals: BankResiduals, crossing: Crossing) -> Judgement:
+def _by_signature(monitor: CalibratedBank, residuals: BankResiduals, crossing: Crossing) -> Judgement:
     """Return what can be said with the alarm: the suspects whose faults enter the residual that rose."""
     able = [name for name in _suspects(monitor, residuals) if crossing.output in monitor.bank.disturbs(name)]
     alone = able[0] if len(able) == 1 else None

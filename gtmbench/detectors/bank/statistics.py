@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.method.monitoring.spread import Given, Spread
+from gtmbench.detectors.bank.spread import Given, Spread
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import number, shown, text
+from gtmbench.detectors.bank.statistics import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml, shipped_banks
-from gtmbench.method.monitoring.statistics import STATISTICS, Statistic
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
 
 _MOST_RESIDUALS = 50

@@ -7,17 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gtmbench.channels import SENSORS, unit_of
-from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.sizes import slowest_drift
-from gtmbench.method.monitoring.statistics import Statistic, Tolerance
-from gtmbench.method.monitoring.virtual import integrable
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.sizes import slowest_drift
+from gtmbench.detectors.bank.statistics import Statistic, Tolerance
+from gtmbench.detectors.virtual import integrable
 
 LEVEL, SLOPE, NOTHING = "level", "slope", ""
 Pattern = Mapping[str, tuple[str, ...]]
 
 
-def blind_spots(bank: Bank, pattern: Pattern, monitor: Monitor | None = None) -> list[str]:
+def blind_spots(bank: Bank, pattern: Pattern, monitor: CalibratedBank | None = None) -> list[str]:
     """Return them as sentences.
 
     Parameters
@@ -25,12 +25,12 @@ def blind_spots(bank: Bank, pattern: Pattern, monitor: Monitor | None = None) ->
     bank : Bank
     pattern : mapping of channel to tuple of str
         Of `Signatures`.
-    monitor : Monitor, optional
+    monitor : CalibratedBank, optional
         Adds figures: the slowest drift that its thresholds see, and windows that it can't judge.
 
     Examples
     --------
-    >>> from gtmbench.method.monitoring.bank import load_bank
+    >>> from gtmbench.detectors.bank.bank import load_bank
     >>> for line in blind_spots(load_bank("paper"), {name: ("level",) for name in ("r", "beta", "p", "q")})[:2]:
     ...     print(line)
     r, beta, p and q enter the same residual (r): which of them failed can't be told from which residuals rise.
@@ -106,7 +106,7 @@ def _driven(bank: Bank) -> list[str]:
     return ["The gyros drive the attitude: after the first finding nothing can be trusted, so nothing is watched."]
 
 
-def _tests(bank: Bank, monitor: Monitor | None) -> list[str]:
+def _tests(bank: Bank, monitor: CalibratedBank | None) -> list[str]:
     test = bank.statistic
     if not _ignores_offsets(test):
         return [] if test.two_sided else ["Too little energy raises no alarm: a jam of what hardly moves isn't seen."]
@@ -134,7 +134,7 @@ def _ignores_offsets(test: Statistic) -> bool:
     )
 
 
-def _unjudged(monitor: Monitor) -> list[str]:
+def _unjudged(monitor: CalibratedBank) -> list[str]:
     never: dict[str, list[str]] = {}
     for output, thresholds in monitor.thresholds.items():
         for label, value in thresholds.items():

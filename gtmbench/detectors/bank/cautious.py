@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.detectors.bank.bank import ResidualSpec
+from gtmbench.detectors.bank.doubt import regressors, slow
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import ResidualSpec
-from gtmbench.method.monitoring.doubt import regressors, slow
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen

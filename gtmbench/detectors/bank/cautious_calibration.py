@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.detectors.bank.bank import Bank, ResidualSpec
+from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
+from gtmbench.detectors.bank.cautious import identify_cautiously
+from gtmbench.detectors.bank.doubt import Doubt
+from gtmbench.detectors.bank.spread import Spread
+from gtmbench.detectors.bank.statistics import tolerance_of
+from gtmbench.detectors.bank.tails import rate_bound
+from gtmbench.detectors.bank.thresholds import thresholds_of
+from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import Bank, ResidualSpec
-from gtmbench.method.monitoring.cautious import identify_cautiously
-from gtmbench.method.monitoring.doubt import Doubt
-from gtmbench.method.monitoring.monitor import Monitor, residuals_of
-from gtmbench.method.monitoring.spread import Spread
-from gtmbench.method.monitoring.statistics import tolerance_of
-from gtmbench.method.monitoring.tails import rate_bound
-from gtmbench.method.monitoring.thresholds import thresholds_of
-from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen
 
@@ -46,7 +46,7 @@ def calibrate_cautiously(
     false_alarms_per_hour: float,
     provenance: Mapping[str, Any] | None = None,
     progress: Callable[[str, int, int], None] = lambda _step, _done, _of: None,
-) -> Monitor:
+) -> CalibratedBank:
     """Identify a bank on short healthy records and set its thresholds on stretches that identification hadn't seen.
 
     Too little energy doesn't alarm, means are compared with those of the last fifth of a record, and the noise may be
@@ -91,7 +91,7 @@ def calibrate_cautiously(
         thresholds = {output: {label: _MARGIN * of for label, of in own.items()} for output, own in thresholds.items()}
     hours = sum(map(len, records)) * period_s / 3600.0
     progress("done", len(bank.residuals) + 1, len(bank.residuals) + 1)
-    return Monitor(
+    return CalibratedBank(
         bank=bank,
         operators={output: one.operator for output, one in learnt.items()},
         whiteners={output: one.whitener for output, one in learnt.items()},

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.method.monitoring.monitor import Monitor
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 
 
-def tolerated_shift(monitor: Monitor, output: str) -> float:
+def tolerated_shift(monitor: CalibratedBank, output: str) -> float:
     """Return the tolerated change of a residual's mean in the output's unit; inf where whitening removes means."""
     gain = _gain(monitor, output)
     return monitor.tolerances[output].mean / gain if gain else float("inf")
 
 
-def slowest_drift(monitor: Monitor, output: str) -> float:
+def slowest_drift(monitor: CalibratedBank, output: str) -> float:
     """Return the slope, in the output's unit per second, below which the tests of the mean never see a drift of it.
 
     A drift of slope b that has lasted shifts a window of L samples against the M of the baseline before it by
@@ -37,7 +37,7 @@ def slowest_drift(monitor: Monitor, output: str) -> float:
     return float(min(least, default=np.nan))
 
 
-def _gain(monitor: Monitor, output: str) -> float:
+def _gain(monitor: CalibratedBank, output: str) -> float:
     """Return what a constant residual of 1 becomes, whitened: deviations over unit."""
     whitener = monitor.whiteners[output]
     return abs(float(np.sum(whitener.coefficients))) / whitener.deviation

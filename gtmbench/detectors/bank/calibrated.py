@@ -1,4 +1,4 @@
-"""The monitor: a bank of identified operators with their whitening filters and thresholds, and what it sees."""
+"""A calibrated bank: identified operators with their whitening filters and thresholds, and the residuals they leave."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.doubt import HALF, Doubt
-from gtmbench.method.monitoring.spread import Spread
-from gtmbench.method.monitoring.statistics import Series, Tolerance
-from gtmbench.method.monitoring.whitening import Whitener
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.doubt import HALF, Doubt
+from gtmbench.detectors.bank.spread import Spread
+from gtmbench.detectors.bank.statistics import Series, Tolerance
+from gtmbench.detectors.bank.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen, is_record
@@ -20,7 +20,7 @@ Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Monitor:
+class CalibratedBank:
     """Everything that watching needs: load it in any process, on any machine, and it judges alike.
 
     Attributes
@@ -46,19 +46,19 @@ class Monitor:
     provenance: Mapping[str, Any]
     doubts: Mapping[str, Doubt] = field(default_factory=dict)
 
-    def look_ahead_s(self, output: str) -> float:
+    def look_ahead_of(self, output: str) -> float:
         """How long after a sample its residual is judged: d Ts, one sample for derivatives, and what doubt looks at."""
         operator = self.operators[output]
         more = any(name in PSEUDO_INPUTS for name in operator.inputs) + (HALF if output in self.doubts else 0)
         return round(operator.look_ahead_s + more * self.sample_period_s, 9)
 
-    def corrected_look_ahead_s(self, output: str) -> float:
+    def corrected_look_ahead_of(self, output: str) -> float:
         """How long after a sample its residual exists with virtual sensors in place of channels that it stands on."""
         spec = next(spec for spec in self.bank.residuals if spec.output == output)
-        virtual = [self.look_ahead_s(name) for name in self.bank.sources(spec) if name in self.operators]
-        return round(self.look_ahead_s(output) + max(virtual, default=0.0), 9)
+        virtual = [self.look_ahead_of(name) for name in self.bank.sources(spec) if name in self.operators]
+        return round(self.look_ahead_of(output) + max(virtual, default=0.0), 9)
 
-    def history_s(self, output: str) -> float:
+    def history_of(self, output: str) -> float:
         """How long before a sample its whitened residual looks back."""
         return round((self.operators[output].causal_order + self.whiteners[output].order + 1) * self.sample_period_s, 9)
 
@@ -80,12 +80,12 @@ class BankResiduals:
     spread: Mapping[str, Spread] = field(default_factory=dict, repr=False)
 
 
-def bank_residuals(monitor: Monitor, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
+def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
     """Return the residuals of a bank, each by its own operator.
 
     Parameters
     ----------
-    monitor : Monitor
+    monitor : CalibratedBank
     record : Record
         With the bank's channels.
     outputs : iterable of str, optional
@@ -125,7 +125,7 @@ def residuals_of(
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))
 
 
-def all_series(monitor: Monitor, residuals: BankResiduals) -> dict[str, list[Series]]:
+def all_series(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, list[Series]]:
     """Return every residual's test statistics."""
     test, found = monitor.bank.statistic, {}
     for output, raw in residuals.raw.items():

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.method.monitoring.monitor import BankResiduals, Monitor, all_series, bank_residuals
-from gtmbench.method.monitoring.statistics import Series
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, all_series, bank_residuals
+from gtmbench.detectors.bank.statistics import Series
 from gtmbench.record import FloatArray, Record, frozen
 
 
@@ -55,7 +55,7 @@ class Level:
     series: tuple[Series, ...] = field(repr=False)
 
 
-def levels(monitor: Monitor, record: Record, residuals: BankResiduals) -> dict[str, Level]:
+def levels(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, Level]:
     """Return every residual's level on a record."""
     found = {}
     for output, series in all_series(monitor, residuals).items():
@@ -68,7 +68,7 @@ def levels(monitor: Monitor, record: Record, residuals: BankResiduals) -> dict[s
             values[higher] = level[higher]
             leading[higher] = i
         values[np.isneginf(values)] = np.nan
-        known_s = np.round(record.time_s + monitor.look_ahead_s(output), 9)
+        known_s = np.round(record.time_s + monitor.look_ahead_of(output), 9)
         found[output] = Level(values=frozen(values), known_s=frozen(known_s), leading=leading, series=tuple(series))
     return found
 
@@ -101,6 +101,6 @@ def crossings(level: Mapping[str, Level], *, from_row: int = 0) -> list[Crossing
     return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
 
 
-def bank_alarms(monitor: Monitor, record: Record) -> list[Crossing]:
+def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
     """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
     return crossings(levels(monitor, record, bank_residuals(monitor, record)))

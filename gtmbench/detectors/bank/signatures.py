@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gtmbench.detectors.bank.bank import Bank, ResidualSpec
+from gtmbench.detectors.bank.blind_spots import LEVEL, NOTHING, SLOPE, blind_spots
+from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import Bank, ResidualSpec
-from gtmbench.method.monitoring.blind_spots import LEVEL, NOTHING, SLOPE, blind_spots
-from gtmbench.method.monitoring.monitor import Monitor, bank_residuals
 from gtmbench.method.pseudo_inputs import derive, raw_needs
 from gtmbench.record import FloatArray, Record, frozen, is_record
 
@@ -57,12 +57,12 @@ class Signatures:
         return frame
 
 
-def signatures(source: Bank | Monitor, record: Record | None = None) -> Signatures:
+def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> Signatures:
     """Work out the signatures of a bank or a monitor.
 
     Parameters
     ----------
-    source : Bank or Monitor
+    source : Bank or CalibratedBank
         A bank tells the pattern; a monitor also what its tolerances and thresholds let pass.
     record : Record, optional
         Healthy, with the bank's channels: strengths are measured on it. Needs a monitor.
@@ -74,17 +74,17 @@ def signatures(source: Bank | Monitor, record: Record | None = None) -> Signatur
 
     Examples
     --------
-    >>> from gtmbench.method.monitoring.bank import load_bank
+    >>> from gtmbench.detectors.bank.bank import load_bank
     >>> found = signatures(load_bank("C"))
     >>> found.pattern["p"], found.pattern["phi"]
     (('level', '', ''), ('slope', 'level', 'level'))
     >>> found.table().loc["psi"].tolist()
     ['slope', 'slope', 'slope']
     """
-    monitor = source if isinstance(source, Monitor) else None
+    monitor = source if isinstance(source, CalibratedBank) else None
     bank = monitor.bank if monitor is not None else source
     if not isinstance(bank, Bank):
-        raise InputError(f"a {type(source).__name__} has no signatures; give a Bank or a Monitor")
+        raise InputError(f"a {type(source).__name__} has no signatures; give a Bank or a CalibratedBank")
     if record is not None and monitor is None:
         raise InputError("strengths are measured with a monitor; give one of `calibrate` or `load_monitor`")
     pattern = {channel: tuple(_entry(bank, spec, channel) for spec in bank.residuals) for channel in bank.channels}
@@ -116,7 +116,7 @@ def _offset_enters(spec: ResidualSpec, channel: str) -> bool:
     return not np.allclose(before, after, rtol=1e-9, atol=1e-9, equal_nan=True)
 
 
-def _strength(monitor: Monitor, record: Record) -> FloatArray:
+def _strength(monitor: CalibratedBank, record: Record) -> FloatArray:
     is_record(record)
     outputs = [spec.output for spec in monitor.bank.residuals]
     healthy = _rms(monitor, record, outputs)
@@ -142,7 +142,7 @@ def _jammed(record: Record, channel: str) -> Record:
     return record.replace(channel, values)
 
 
-def _rms(monitor: Monitor, record: Record, outputs: list[str] | tuple[str, ...]) -> dict[str, float]:
+def _rms(monitor: CalibratedBank, record: Record, outputs: list[str] | tuple[str, ...]) -> dict[str, float]:
     """Return the RMS of whitened residuals over the second half of a record; NaN where there is nothing."""
     raw = bank_residuals(monitor, record, outputs).raw
     found = {}

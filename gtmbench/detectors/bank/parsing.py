@@ -10,12 +10,12 @@ import numpy as np
 
 from gtmbench.checks import number, shown, text, whole
 from gtmbench.clock import same_period
+from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.doubt import Doubt
+from gtmbench.detectors.bank.statistics import Tolerance
+from gtmbench.detectors.bank.whitening import Whitener
 from gtmbench.errors import InputError
-from gtmbench.method.monitoring.bank import Bank, ResidualSpec, bank_of
-from gtmbench.method.monitoring.doubt import Doubt
-from gtmbench.method.monitoring.monitor import Monitor
-from gtmbench.method.monitoring.statistics import Tolerance
-from gtmbench.method.monitoring.whitening import Whitener
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, frozen
 from gtmbench.version import __version__
@@ -46,7 +46,7 @@ _LONGEST_WHITENER = 100_000
 _PERIODS_S = (1e-9, 86400.0)
 
 
-def parse_monitor(document: Any) -> Monitor:
+def parse_monitor(document: Any) -> CalibratedBank:
     """Return the monitor of a parsed file.
 
     Parameters
@@ -94,7 +94,7 @@ def parse_monitor(document: Any) -> Monitor:
                 f"residuals.{output}.doubt.root has {len(doubt.root)} rows; the operator has "
                 f"{operators[output].markov.size} Markov parameters, and they must be one"
             )
-    return Monitor(
+    return CalibratedBank(
         bank=bank,
         operators=operators,
         whiteners=each("whitener", _whitener),

@@ -13,8 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from gtmbench.method.monitoring.spread import Spread
-from gtmbench.method.monitoring.statistics import Statistic
+from gtmbench.detectors.bank.spread import Spread
+from gtmbench.detectors.bank.statistics import Statistic
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record

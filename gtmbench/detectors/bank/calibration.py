@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from gtmbench.checks import number
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
+from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
+from gtmbench.detectors.bank.statistics import tolerance_of
+from gtmbench.detectors.bank.tails import rate_bound
+from gtmbench.detectors.bank.thresholds import Residual, thresholds_of
+from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
-from gtmbench.method.monitoring.bank import Bank
-from gtmbench.method.monitoring.cautious_calibration import calibrate_cautiously
-from gtmbench.method.monitoring.monitor import Monitor, residuals_of
-from gtmbench.method.monitoring.statistics import tolerance_of
-from gtmbench.method.monitoring.tails import rate_bound
-from gtmbench.method.monitoring.thresholds import Residual, thresholds_of
-from gtmbench.method.monitoring.whitening import Whitener, fit_whitener
-from gtmbench.method.pose import Records, as_records
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
@@ -26,14 +25,14 @@ _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 Progress = Callable[[str, int, int], None]
 
 
-def calibrate(
-    records: Records,
-    *,
+def calibrate_bank(
+    records: Sequence[Record],
     bank: Bank,
-    false_alarms_per_hour: float = 0.002,
+    *,
+    false_alarms_per_hour: float,
     provenance: Mapping[str, Any] | None = None,
     progress: Progress = lambda _step, _done, _of: None,
-) -> Monitor:
+) -> CalibratedBank:
     """Identify a bank on healthy records and set its thresholds on others.
 
     With several records every third identifies and the rest set thresholds; one record is cut in two (the first 40 %
@@ -42,7 +41,7 @@ def calibrate(
 
     Parameters
     ----------
-    records : Record or sequence of Record
+    records : sequence of Record
         Healthy measurements with the bank's channels, all of one sample period.
     bank : Bank
     false_alarms_per_hour : float
@@ -57,7 +56,7 @@ def calibrate(
     InputError
         Where channels are missing, or the records too short.
     """
-    found = as_records(records)
+    found = tuple(records)
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
     for record in found:
         bank.check_channels(record.channels)
@@ -81,7 +80,7 @@ def calibrate(
     }
     found_thresholds, block_s = thresholds_of(test, seen, tolerances, period_s, rate)
     progress("done", total, total)
-    return Monitor(
+    return CalibratedBank(
         bank=bank,
         operators=operators,
         whiteners=whiteners,

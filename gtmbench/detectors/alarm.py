@@ -1,0 +1,140 @@
+"""What a detector says: an alarm, and the judgements of it as time goes on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gtmbench.detectors.virtual import ANGLES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What an alarm looked like at one time. A judgement stands on nothing after `time_s`.
+
+    Attributes
+    ----------
+    time_s : float
+        When it could be said.
+    sensor : str or None
+        The one suspect whose fault explains the alarm decisively better than any other's; None while undecided.
+    candidates : tuple of str
+        Whose fault may explain it, the likeliest first; empty where nothing is left to explain.
+    kind : str or None
+        The kind of fault that explains it, of `sensor` or the likeliest candidate; None where none does.
+    parameters, errors : dict
+        Its parameters and their standard errors, in the channel's unit (per second for slopes).
+    kind_margin : float
+        By how much BIC the next kind of the same sensor is worse.
+    """
+
+    time_s: float
+    sensor: str | None
+    candidates: tuple[str, ...]
+    kind: str | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+    errors: dict[str, float] = field(default_factory=dict)
+    kind_margin: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alarm:
+    """A score that rose above its threshold, and what became of it.
+
+    That it was raised, and when, depends on nothing after `time_s`. What is said of it later is added to it: a stream
+    gives the same alarm, by its `number`, again.
+
+    Attributes
+    ----------
+    number : int
+        Which alarm of its record, from 0, in the order in which they could be raised.
+    time_s : float
+        When it could be raised: look-ahead and windows counted.
+    onset_s : float
+        When the change began, as far as the test tells; `time_s` where it doesn't.
+    source : str
+        The name of the score that rose.
+    test : str
+        Which test of it; empty where there is one only.
+    judgements : tuple of Judgement
+        In time; empty for a detector that names no sensor, and while the alarm counts to another one's fault.
+    fault : int
+        The number of the alarm that first told of the same fault, as far as is known; its own otherwise.
+    ended_s : float or None
+        When the fault had gone; None while it lasts, or where that isn't told.
+    end_known_s : float or None
+        When that was known, so that watching goes on; None while it isn't.
+    """
+
+    number: int
+    time_s: float
+    onset_s: float
+    source: str
+    test: str = ""
+    judgements: tuple[Judgement, ...] = field(default=(), repr=False)
+    fault: int = -1
+    ended_s: float | None = None
+    end_known_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.fault < 0:
+            object.__setattr__(self, "fault", self.number)
+
+    @property
+    def is_first(self) -> bool:
+        """Whether no alarm before it told of the same fault."""
+        return self.fault == self.number
+
+    @property
+    def last(self) -> Judgement | None:
+        """What is known at the end; of a fault that ended, what was decided while it lasted. None without judgements."""
+        decided = [judged for judged in self.judgements if judged.sensor is not None]
+        if decided and self.ended_s is not None:
+            return decided[-1]
+        return self.judgements[-1] if self.judgements else None
+
+    @property
+    def sensor(self) -> str | None:
+        """The sensor that failed, or None while undecided."""
+        return None if self.last is None else self.last.sensor
+
+    @property
+    def candidates(self) -> tuple[str, ...]:
+        """The sensors whose fault may explain it; empty where nothing is left to explain, or nothing was judged."""
+        return () if self.last is None else self.last.candidates
+
+    @property
+    def has_passed(self) -> bool:
+        """Whether it was judged, and nothing is left to explain."""
+        return self.last is not None and not self.last.candidates
+
+    @property
+    def isolated_s(self) -> float | None:
+        """When the decision on the sensor was possible that the end confirms; None while undecided."""
+        if self.last is None or self.last.sensor is None:
+            return None
+        time_s = self.last.time_s
+        for judgement in reversed([judged for judged in self.judgements if judged.time_s <= time_s]):
+            if judgement.sensor != self.last.sensor:
+                break
+            time_s = judgement.time_s
+        return time_s
+
+    def at(self, after_alarm_s: float) -> Judgement | None:
+        """Return the last judgement up to so many seconds after the alarm; the first, if there is none by then."""
+        due_s = self.time_s + after_alarm_s + 1e-6
+        by_then = [judged for judged in self.judgements if judged.time_s <= due_s] or list(self.judgements[:1])
+        return by_then[-1] if by_then else None
+
+    @property
+    def verdict(self) -> str:
+        """Say it in words: ``p failed``, ``reference attitude failed (psi)``, ``undecided: p or phi``, ``alarm``."""
+        if self.last is None:
+            return "alarm"
+        if self.last.sensor is not None:
+            named = self.last.sensor
+            return f"reference attitude failed ({named})" if named in ANGLES else f"{named} failed"
+        if not self.last.candidates:
+            return "passed: nothing is left to explain"
+        if set(self.last.candidates) <= set(ANGLES):
+            return f"reference attitude failed ({' or '.join(self.last.candidates)})"
+        return f"undecided: {' or '.join(self.last.candidates)}"

@@ -1,0 +1,91 @@
+"""A plain function as a detector: from a record to the times at which its alarms could be raised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtmbench.checks import shown
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.errors import InputError
+from gtmbench.record import Record, is_record
+
+Function = Callable[[Record], ArrayLike]
+
+
+@dataclass(frozen=True)
+class FunctionDetector:
+    """A function of a record, adapted: it has nothing to calibrate.
+
+    Parameters
+    ----------
+    function : callable
+        From a `Record` to the times of its alarms in seconds, each standing on nothing after it.
+    name : str, optional
+        The function's own, unless told.
+    channels : tuple of str
+        That it needs; empty: it is asked to say so itself.
+    memory_s : float
+        How far before its time an alarm looks back.
+    """
+
+    function: Function
+    name: str = ""
+    channels: tuple[str, ...] = ()
+    memory_s: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", getattr(self.function, "__name__", type(self.function).__name__))
+
+    def calibrate(
+        self, records: Sequence[Record] = (), false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+    ) -> FunctionMonitor:
+        """Return the function as a monitor; the records aren't needed."""
+        if false_alarms_per_hour is not None:
+            raise InputError(
+                f"'{self.name}' is a plain function, which can't promise {false_alarms_per_hour:g} false alarms an "
+                "hour; leave the rate out"
+            )
+        return FunctionMonitor(
+            function=self.function, name=self.name, channels=self.channels, memory_s=self.memory_s
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionMonitor:
+    """A function of a record at work; it shows no score and names no sensor."""
+
+    function: Function
+    name: str
+    channels: tuple[str, ...] = ()
+    memory_s: float = float("inf")
+    suspects: tuple[str, ...] = ()
+    sample_period_s: float | None = None
+    look_ahead_s: float = 0.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def watch(self, record: Record) -> Watch:
+        """Return the alarms that the function gives, in time."""
+        is_record(record)
+        record.columns(self.channels)
+        alarms = [
+            Alarm(number=i, time_s=time_s, onset_s=time_s, source=self.name)
+            for i, time_s in enumerate(_times(self.name, self.function(record)))
+        ]
+        return Watch(monitor=self, record=record, alarms=tuple(alarms))
+
+
+def _times(name: str, given: ArrayLike) -> list[float]:
+    try:
+        times = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        times = np.array([np.nan])
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError(f"'{name}' returned {shown(given)}; return the times of its alarms in seconds, or none")
+    return sorted(times.tolist())

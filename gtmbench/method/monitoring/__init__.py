@@ -1,1 +1,0 @@
-"""Monitoring: a bank of operators, alarms that are calibrated, and which sensor failed, how and since when."""
