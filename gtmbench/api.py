@@ -12,7 +12,7 @@ from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detector import BankMonitor, calibrate
-from gtmbench.detectors.bank.files import load_monitor, save_monitor
+from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.bank.signatures import Signatures, signatures
 from gtmbench.detectors.protocol import Watch, watch
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
@@ -38,8 +38,6 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 from gtmbench.report.read_recording import read_recording
 from gtmbench.study.log_watch import bank_between, watch_log
-from gtmbench.study.monitor_score import MonitorVerdict, score_watch
-from gtmbench.study.monitored import MonitoredStudy, MonitoredTrial, run_monitored
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score

@@ -1,23 +1,140 @@
-"""A monitor for a study that was only given a bank: calibrated on other flights, with the study's sensors."""
+"""What watches a study: detectors found by name, checked against its sensors before the flight, and calibrated."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 from gtmbench.bench.flight import fly
-from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.detector import BankMonitor, calibrate
+from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.registry import as_detector
+from gtmbench.detectors.windowed_norm import DissertationOperator
+from gtmbench.errors import InputError
 from gtmbench.record import Record
-from gtmbench.study.flown import Flown
+from gtmbench.study.flown import Flown, Tell
+from gtmbench.study.scenario import Setup
 
 FLIGHTS = 12
+OWN = "dissertation"
 _EXCITATION = "multisine+turbulence"
 _LONGEST_S = 300.0
 _SEEDS = 1_000_000_000  # calibration's seeds begin so far from the study's own
 
 
-def calibrated(bank: Bank, flown: Flown, tell: Callable[[str], None], *, flights: int = FLIGHTS) -> BankMonitor:
-    """Calibrate a bank on healthy flights that the study doesn't use.
+def own_detector(setup: Setup) -> DissertationOperator:
+    """Return the detector whose settings a scenario's ``[operator]`` and ``[alarm]`` are.
+
+    >>> own_detector(Setup()) == DissertationOperator(identify_s=(25.0, 200.0), threshold_s=(200.0, 480.0))
+    True
+    """
+    operator, alarm = setup.operator, setup.alarm
+    return DissertationOperator(
+        inputs=operator.inputs,
+        outputs=operator.outputs,
+        causal_order=operator.causal_order,
+        noncausal_order=operator.noncausal_order,
+        window=alarm.window,
+        threshold_factor=alarm.threshold_factor,
+        identify_s=operator.identify_s,
+        threshold_s=alarm.threshold_s,
+    )
+
+
+def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
+    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
+
+    Raises
+    ------
+    InputError
+        Where one can't be meant.
+    """
+    found: dict[str, Any] = {}
+    for source in detectors or (OWN,):
+        made = own_detector if source == OWN else as_detector(source)
+        name = OWN if made is own_detector else made.name
+        twins = [other for other in found if other == name or other.startswith(f"{name} (")]
+        found[f"{name} ({len(twins) + 1})" if twins else name] = made
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibrator:
+    """What a study's detectors need: by name a detector that is yet to calibrate, or a monitor that is ready.
+
+    Attributes
+    ----------
+    detectors : mapping of str to Detector
+    ready : mapping of str to Monitor
+    order : tuple of str
+    """
+
+    detectors: Mapping[str, Detector]
+    ready: Mapping[str, Monitor]
+    order: tuple[str, ...]
+
+    @classmethod
+    def of(cls, setup: Setup, named: Mapping[str, Any]) -> Calibrator:
+        """Sort detectors from monitors, and refuse what doesn't fit the study's sensors: before anything is flown."""
+        for name, watcher in named.items():
+            missing = [channel for channel in watcher.channels if channel not in (*SENSORS, *COMMANDS)]
+            if missing:
+                raise InputError(
+                    f"'{name}' needs {', '.join(missing)}, which no flight has; there are "
+                    f"{', '.join((*SENSORS, *COMMANDS))}"
+                )
+        ready = {name: watcher for name, watcher in named.items() if not hasattr(watcher, "calibrate")}
+        for name, monitor in ready.items():
+            _check_noise(name, monitor, setup)
+        rest = {name: watcher for name, watcher in named.items() if name not in ready}
+        return cls(detectors=rest, ready=ready, order=tuple(named))
+
+    @property
+    def commands(self) -> bool:
+        """Whether a detector needs surface commands."""
+        every = [*self.detectors.values(), *self.ready.values()]
+        return any(channel in COMMANDS for watcher in every for channel in watcher.channels)
+
+    @property
+    def steps(self) -> int:
+        """How many steps `monitors` tells of."""
+        return len(self.detectors) + (FLIGHTS if self._need_flights else 0)
+
+    @property
+    def _need_flights(self) -> bool:
+        return any(not _is_tied(detector) for detector in self.detectors.values())
+
+    def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
+        """Calibrate what has to be, and return every monitor by name."""
+        records = _flights(flown, tell) if self._need_flights else []
+        found: dict[str, Monitor] = dict(self.ready)
+        for name, detector in self.detectors.items():
+            tell(f"calibrate {name}")
+            tied = _is_tied(detector)
+            monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
+            found[name] = monitor if tied else _with_provenance(monitor, flown.setup)
+        return {name: found[name] for name in self.order}
+
+
+def _is_tied(detector: Detector) -> bool:
+    return bool(getattr(detector, "tied_to_excitation", False))
+
+
+def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
+    """Refuse a monitor that was calibrated on other sensors: it would alarm on healthy ones, or see little."""
+    was = monitor.provenance.get("noise")
+    now = setup.noise if setup.snr is None else f"snr {setup.snr:g}"
+    if was == "t2" and now != "t2":
+        raise InputError(
+            f"'{name}' was calibrated on sensors with the noise 't2', and the scenario's have {now}: it would alarm on "
+            'healthy ones; state noise = "t2" in the scenario instead of snr, or give the bank, which is calibrated on '
+            "the scenario's sensors"
+        )
+
+
+def _flights(flown: Flown, tell: Tell) -> list[Record]:
+    """Fly healthy flights that the study doesn't use.
 
     Multisine and turbulence shake them, whatever excites the study. The sensors are the study's: each of its channels'
     noise is drawn anew, with the amplitude that it has in the study (a signal-to-noise ratio gives another amplitude on
@@ -26,24 +143,31 @@ def calibrated(bank: Bank, flown: Flown, tell: Callable[[str], None], *, flights
     setup = flown.setup
     duration_s = min(setup.duration_s, _LONGEST_S)
     records = []
-    for number in range(flights):
+    for number in range(FLIGHTS):
         tell(f"calibration flight {number + 1}")
-        seed = (setup.seed + _SEEDS + number) % 2**31
-        truth = fly(setup.aircraft, _EXCITATION, duration_s, seed)
+        truth = fly(setup.aircraft, _EXCITATION, duration_s, _seed(setup, number))
         readings = flown.sensed(_SEEDS // 1000 + number)
         noise = readings.values - flown.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         records.append(Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s))
-    tell("calibrate")
-    return calibrate(
-        records,
-        bank=bank,
-        provenance={
-            "aircraft": setup.aircraft,
-            "excitation": _EXCITATION,
-            "flights": flights,
-            "duration_s": duration_s,
-            "noise": f"snr {setup.snr:g} of the study's flight" if setup.snr is not None else setup.noise,
-            "seed": (setup.seed + _SEEDS) % 2**31,
-        },
-    )
+    return records
+
+
+def _seed(setup: Setup, number: int) -> int:
+    return int((setup.seed + _SEEDS + number) % 2**31)
+
+
+def _with_provenance(monitor: Monitor, setup: Setup) -> Monitor:
+    """Say with a monitor on what it was calibrated, where it keeps such a thing."""
+    origin = {
+        "aircraft": setup.aircraft,
+        "excitation": _EXCITATION,
+        "flights": FLIGHTS,
+        "duration_s": min(setup.duration_s, _LONGEST_S),
+        "noise": f"snr {setup.snr:g} of the study's flight" if setup.snr is not None else setup.noise,
+        "seed": _seed(setup, 0),
+    }
+    try:
+        return replace(monitor, provenance=origin | dict(monitor.provenance))  # type: ignore[type-var]
+    except TypeError:  # somebody's own class
+        return monitor

@@ -21,19 +21,18 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
-from gtmbench.channels import SENSORS
+from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.clock import same_period
-from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.protocol import Detector, Progress, silent
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.record import Record
-from gtmbench.study.bank_log import open_for_bank
+from gtmbench.study.log_open import open_for
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
 _MOST_FLIGHTS = 2000
 _LARGEST_SEED = 2**31 - 1
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,9 +59,9 @@ class CalibrationFlights:
 
     Examples
     --------
-    >>> from gtmbench.detectors.bank.bank import load_bank
+    >>> from gtmbench.detectors.registry import find_detector
     >>> flights = CalibrationFlights(flights=2, duration_s=1.0)
-    >>> [record.channels for record in flights.records(load_bank("paper"))]
+    >>> [record.channels for record in flights.records(find_detector("paper"))]
     [('r', 'beta', 'p', 'q'), ('r', 'beta', 'p', 'q')]
     """
 
@@ -83,22 +82,26 @@ class CalibrationFlights:
         if self.noise not in NOISES:
             raise InputError(f"no noise '{self.noise}'; there is {', '.join(NOISES)}")
 
-    def records(
-        self, bank: Bank, *, processes: int = 1, progress: Progress = lambda _step, _done, _of: None
-    ) -> list[Record]:
-        """Fly, and return what the sensors that a bank uses read, in the order of the seeds.
+    def records(self, detector: Detector, *, processes: int = 1, progress: Progress = silent) -> list[Record]:
+        """Fly, and return what the sensors that a detector uses read, in the order of the seeds.
 
         Parameters
         ----------
-        bank : Bank
+        detector : Detector
         processes : int
             More than one: flown side by side. The caller's main module is then imported by each of them, so a script
             needs its ``if __name__ == "__main__":``.
         progress : callable
             Told the step, how many are flown, and of how many.
         """
-        bank.check_channels(SENSORS)
-        tasks = [(self, bank.channels, self.seed + i) for i in range(self.flights)]
+        there = (*SENSORS, *COMMANDS)
+        missing = [channel for channel in detector.channels if channel not in there]
+        if missing:
+            raise InputError(
+                f"'{detector.name}' needs {', '.join(missing)}, which no flight has; there are {', '.join(there)}"
+            )
+        channels = detector.channels or SENSORS
+        tasks = [(self, channels, self.seed + i) for i in range(self.flights)]
         found: list[Record] = []
         progress("flying", 0, len(tasks))
         with _mapped(min(processes, len(tasks))) as mapped:
@@ -122,24 +125,24 @@ class CalibrationFlights:
 
 def logged_records(
     paths: Sequence[Path],
-    bank: Bank,
+    detector: Detector,
     *,
     mapping: Sequence[str] = (),
     imperfections: Imperfections | None = None,
     seed: int = 1,
-    progress: Progress = lambda _step, _done, _of: None,
+    progress: Progress = silent,
 ) -> tuple[list[Record], dict[str, Any]]:
-    """Read healthy logs; return the channels that a bank uses, and the logs' provenance.
+    """Read healthy logs; return the channels that a detector uses, and the logs' provenance.
 
     Parameters
     ----------
     paths : sequence of Path
         As `open_log` takes them; each segment between gaps is a record.
-    bank : Bank
+    detector : Detector
     mapping : sequence of str
         As `open_log` takes it, for all of them.
     imperfections : Imperfections, optional
-        Added to the gyros that the bank uses, to be tolerated.
+        Added to the gyros that the detector uses, to be tolerated.
     seed : int
         Of the first record's imperfections; the others follow.
 
@@ -154,14 +157,14 @@ def logged_records(
     logs: list[dict[str, str]] = []
     for i, path in enumerate(paths):
         progress("reading", i, len(paths))
-        log = open_for_bank(path, bank, mapping=mapping)
+        log = open_for(path, detector, mapping=mapping)
         if records and not same_period(log.sample_period_s, records[0].sample_period_s):
             if log.sample_period_s > records[0].sample_period_s:
                 raise InputError(
                     f"{path}: it is sampled every {log.sample_period_s:g} s, {paths[0].name} every "
                     f"{records[0].sample_period_s:g} s; a monitor has one sample period, so give the slowest log first"
                 )
-            log = open_for_bank(path, bank, mapping=mapping, rate_hz=1.0 / records[0].sample_period_s)
+            log = open_for(path, detector, mapping=mapping, rate_hz=1.0 / records[0].sample_period_s)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
@@ -169,7 +172,7 @@ def logged_records(
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
         logs.append({"name": path.name, "sha256": digest})
         for segment in log.segments:
-            records.append(_with(segment.select(bank.channels), added, seed + len(records)))
+            records.append(_with(segment.select(detector.channels or segment.channels), added, seed + len(records)))
     return records, {"source": "logs", "logs": logs, **_common(added)}
 
 
@@ -181,7 +184,7 @@ def _common(imperfections: Imperfections) -> dict[str, str]:
 def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
     flights, channels, seed = task
     flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
-    measured = measure(flight, noise=flights.noise, seed=seed)
+    measured = measure(flight, noise=flights.noise, seed=seed, commands=True)
     return _with(measured.select(channels), flights.imperfections, seed)
 
 

@@ -10,6 +10,7 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import unit_of
+from gtmbench.detectors.protocol import Progress
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 from gtmbench.study.fault_spec import FaultSpec, build
@@ -17,7 +18,6 @@ from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.severity import resolve
 from gtmbench.study.trial import Injection
 
-Progress = Callable[[str, int, int], None]
 Tell = Callable[[str], None]
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
 
@@ -27,17 +27,20 @@ class Flown:
     """A setup that has been flown; `flight` is truth.
 
     Record 2 is broken in the trials, it and those after it are watched for false alarms; 0 and 1 are for identification
-    and threshold.
+    and threshold. `commands`: whether surface commands come along with what the sensors read.
     """
 
     setup: Setup
     trim: Trim
     flight: Record = field(repr=False)
+    commands: bool = False
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
         setup = self.setup
-        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=setup.seed + SEED_STEP * number)
+        return measure(
+            self.flight, snr=setup.snr, noise=setup.noise, seed=setup.seed + SEED_STEP * number, commands=self.commands
+        )
 
     def broken(self, scenario: str, spec: FaultSpec, healthy: Record) -> Injection:
         """Put a fault into healthy readings, its severities resolved against the flight."""
@@ -55,12 +58,13 @@ class Flown:
         )
 
 
-def fly_setup(setup: Setup, tell: Tell) -> Flown:
+def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     """Trim and fly a setup."""
     tell("trim")
     trimmed = trim(setup.aircraft)
     tell("fly")
-    return Flown(setup=setup, trim=trimmed, flight=fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed))
+    flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed)
+    return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
 
 
 def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:

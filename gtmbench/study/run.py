@@ -1,23 +1,30 @@
-"""Running scenarios: trim, fly, measure, identify, threshold, then one trial a fault."""
+"""Running scenarios: trim, fly, calibrate what watches, break a sensor, watch, and hold it against the truth."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from gtmbench.method.alarms import alarms, threshold
-from gtmbench.method.identify import identify
-from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
-from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.bench.fault import Fault
+from gtmbench.detectors.protocol import Monitor, Progress, Watch, silent
 from gtmbench.record import Record
-from gtmbench.study.flown import Flown, Progress, Tell, common_setup, counted, fly_setup
-from gtmbench.study.scenario import Scenario, Setup, load_scenario
-from gtmbench.study.score import score
-from gtmbench.study.trial import Baseline, Injection, Study, Trial
+from gtmbench.study.calibrated import Calibrator, own_detector, resolved
+from gtmbench.study.fault_spec import FaultSpec, spec_of
+from gtmbench.study.flown import Flown, Tell, common_setup, counted, fly_setup
+from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
+from gtmbench.study.score import false_alarms, score
+from gtmbench.study.trial import Baseline, Study, Trial
 
 
-def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Trial]:
+def run(
+    scenario: str | Path | Scenario,
+    *,
+    seed: int | None = None,
+    detectors: Sequence[Any] = (),
+    faults: Sequence[Fault] = (),
+) -> list[Trial]:
     """Run one scenario, from trim to verdicts, and return its trials.
 
     Parameters
@@ -26,6 +33,10 @@ def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Tri
         A TOML file, or the name of one of the package's (``drift``).
     seed : int, optional
         Instead of the scenario's.
+    detectors : sequence
+        What watches, as `run_study` takes it; the scenario's own operator unless told.
+    faults : sequence of Fault
+        Instead of the scenario's, one trial each; a class of your own does.
 
     Raises
     ------
@@ -39,86 +50,110 @@ def run(scenario: str | Path | Scenario, *, seed: int | None = None) -> list[Tri
     [('p', True), ('q', True), ('r', True)]
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    return list(run_study([loaded], seed=seed).trials)
+    if faults:
+        loaded = replace(loaded, faults=tuple(map(spec_of, faults)))
+    return list(run_study([loaded], detectors=detectors, seed=seed).trials)
 
 
 def run_study(
-    scenarios: Sequence[Scenario], *, seed: int | None = None, progress: Progress = lambda _step, _done, _of: None
+    scenarios: Sequence[Scenario],
+    *,
+    detectors: Sequence[Any] = (),
+    seed: int | None = None,
+    progress: Progress = silent,
 ) -> Study:
-    """Run scenarios that share a setup; `progress` is told the step, how many are done, and of how many.
+    """Run scenarios that share a flight, watched by one detector or several.
+
+    Each detector is calibrated first, unless it is a monitor already: the dissertation's on two healthy records of the
+    study's own flight (so is any that is tied to its excitation), others on a dozen healthy flights that shake
+    everything, with the study's sensors. All watch the same records from `watch_from_s` on.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+        Those that state neither snr nor noise have the T2's noise where anything but their own operator watches.
+    detectors : sequence
+        Detectors, monitors, banks, functions from a record to times of alarms, or what names one, as `find_detector`
+        takes it. ``"dissertation"`` is the scenarios' own, with their ``[operator]`` and ``[alarm]``, and the default.
+    seed : int, optional
+        Instead of the scenarios'.
+    progress : callable
+        Told the step, how many are done, and of how many.
 
     Raises
     ------
     InputError
-        Where the scenarios' setups differ: one study has one flight and one operator.
+        Where the scenarios' setups differ, a detector can't be meant or doesn't fit their records, or was calibrated on
+        other sensors: before anything is flown.
     """
+    found = resolved(detectors)
+    own = any(source is own_detector for source in found.values())
+    if not own:
+        scenarios = [_without_operator(scenario) for scenario in scenarios]
+    if set(found.values()) != {own_detector}:
+        scenarios = [_with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
+    named = {name: source(setup) if source is own_detector else source for name, source in found.items()}
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
-    total = 4 + setup.alarm.healthy_records + len(specs)
-    tell = counted(progress, total)
-    flown = fly_setup(setup, tell)
-    baseline = _baseline(flown, tell)
-    trials = []
-    for name, spec in specs:
-        tell(f"{spec.kind} of {spec.channel}")
-        trials.append(_trial(flown.broken(name, spec, baseline.healthy), baseline))
-    progress("done", total, total)
-    return Study(baseline=baseline, trials=tuple(trials))
+    calibrator = Calibrator.of(setup, named)
+    steps = 2 + calibrator.steps + len(named) * (setup.alarm.healthy_records + len(specs))
+    tell = counted(progress, steps)
+    flown = fly_setup(setup, calibrator.commands, tell)
+    study = _studied(flown, calibrator.monitors(flown, tell), specs, tell)
+    progress("done", steps, steps)
+    return study
 
 
-def _baseline(flown: Flown, tell: Tell) -> Baseline:
-    setup, flight = flown.setup, flown.flight
-    tell("identify")
-    operator = identify(
-        flown.sensed(0).between(*setup.operator.identify_s),
-        inputs=setup.operator.inputs,
-        outputs=setup.operator.outputs,
-        causal_order=setup.operator.causal_order,
-        noncausal_order=setup.operator.noncausal_order,
-    )
-    tell("threshold")
-    _, norm = _residual_and_norm(operator, flown.sensed(1), setup)
-    start_s, end_s = setup.alarm.threshold_s
-    limit = threshold(norm, start_s=start_s, end_s=end_s, factor=setup.alarm.threshold_factor)
+def _without_operator(scenario: Scenario) -> Scenario:
+    """Return a scenario without the settings that no detector uses, so that they can't keep scenarios apart."""
+    alarm = scenario.setup.alarm
+    kept = AlarmSetup(watch_from_s=alarm.watch_from_s, healthy_records=alarm.healthy_records)
+    return replace(scenario, setup=replace(scenario.setup, operator=OperatorSetup(), alarm=kept))
+
+
+def _with_noise(scenario: Scenario) -> Scenario:
+    """Return a scenario with the T2's noise where it states none: that is what monitors are calibrated on."""
+    if scenario.states_noise:
+        return scenario
+    return replace(scenario, setup=replace(scenario.setup, snr=None, noise="t2"))
+
+
+def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[str, FaultSpec]], tell: Tell) -> Study:
+    """Watch the healthy records, then every fault, with every monitor."""
     healthy = flown.sensed(2)
-    healthy_residual, healthy_norm = _residual_and_norm(operator, healthy, setup)
-    watched = []
-    for number in range(setup.alarm.healthy_records):
-        tell(f"healthy record {number + 1}")
-        norm = healthy_norm if number == 0 else _residual_and_norm(operator, flown.sensed(2 + number), setup)[1]
-        watched.append(alarms(norm, limit, start_s=setup.alarm.watch_from_s))
-    armed = [raised.armed_s for raised in watched if not math.isnan(raised.armed_s)]
+    watches: dict[str, list[Watch]] = {name: [] for name in monitors}
+    for number in range(flown.setup.alarm.healthy_records):
+        record = healthy if number == 0 else flown.sensed(2 + number)
+        for name, monitor in monitors.items():
+            tell(f"healthy record {number + 1}")
+            watches[name].append(_watched(monitor, record, flown.setup))
+    baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
+    trials: dict[str, list[Trial]] = {name: [] for name in monitors}
+    for scenario, spec in specs:
+        broken = flown.broken(scenario, spec, healthy)
+        for name, monitor in monitors.items():
+            tell(f"{broken.fault} of {broken.channel}")
+            watch = _watched(monitor, broken.record, flown.setup)
+            verdict = score(watch, fault=broken.injected, healthy=healthy, broken=broken.record)
+            trials[name].append(
+                Trial(**vars(verdict), **vars(broken), detector=name, watch=watch, baseline=baselines[name])
+            )
+    return Study(baselines=tuple(baselines.values()), trials=tuple(trial for of in trials.values() for trial in of))
+
+
+def _watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+    return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
+
+
+def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watches: Sequence[Watch]) -> Baseline:
     return Baseline(
-        setup=setup,
+        detector=name,
+        setup=flown.setup,
         trim=flown.trim,
-        flight=flight,
+        flight=flown.flight,
         healthy=healthy,
-        operator=operator,
-        threshold=limit,
-        residual=healthy_residual,
-        norm=healthy_norm,
-        armed_s=round(armed[0], 9) if armed else None,
-        false_alarms=sum(len(raised.time_s) for raised in watched),
-        healthy_hours=sum(flight.end_s - armed_s for armed_s in armed) / 3600.0,
+        monitor=monitor,
+        watch=watches[0],
+        false_alarms=sum(len(false_alarms(watch)) for watch in watches),
+        healthy_hours=sum(watch.armed_hours for watch in watches),
     )
-
-
-def _residual_and_norm(operator: Transmissibility, record: Record, setup: Setup) -> tuple[Residual, WindowedNorm]:
-    found = residual(operator, record)
-    return found, windowed_norm(found, window=setup.alarm.window)
-
-
-def _trial(broken: Injection, baseline: Baseline) -> Trial:
-    setup = baseline.setup
-    found, norm = _residual_and_norm(baseline.operator, broken.record, setup)
-    raised = alarms(norm, baseline.threshold, start_s=setup.alarm.watch_from_s)
-    operator = baseline.operator
-    verdict = score(
-        raised,
-        norm,
-        fault=broken.injected,
-        healthy=baseline.healthy,
-        broken=broken.record,
-        channels=(*operator.inputs, *operator.outputs),
-    )
-    return Trial(**vars(verdict), **vars(broken), residual=found, norm=norm, alarms=raised, baseline=baseline)

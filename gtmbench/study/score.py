@@ -63,7 +63,7 @@ class Verdict:
     look_ahead_s : float
         The part of every delay that the detector waits for samples to come.
     peak_ratio : float
-        Greatest score known at or after the onset over its threshold, of those that the sensor enters; 0 without scores.
+        Greatest score known at or after the onset over its threshold, of those that the sensor enters; 0 without any.
     altered_share : float
         Share of samples in the active interval at which the broken signal differs from the healthy one.
     false_alarms : int
@@ -176,7 +176,12 @@ def _isolation(watch: Watch, told: Alarm | None, fault: Fault, broken: Record) -
     judged = None if told is None else next(alarm for alarm in watch.alarms if alarm.number == told.fault)
     last = None if judged is None else judged.last
     if told is None or judged is None or last is None:
-        return {"isolated": False, "kind_right": False, "kind_right_20s": False, "verdict": "" if told is None else "alarm"}
+        return {
+            "isolated": False,
+            "kind_right": False,
+            "kind_right_20s": False,
+            "verdict": "" if told is None else "alarm",
+        }
     isolated_s = judged.isolated_s if judged.sensor == fault.channel else None
     by_20s = judged.at(told.time_s - judged.time_s + _JUDGED_S)
     gone_s = None if fault.duration_s is None else fault.onset_s + fault.duration_s

@@ -1,4 +1,4 @@
-"""A recorded flight, watched: what the monitor was, what it saw, what that means."""
+"""A recorded flight, watched: what the monitor was, what it said, what that means."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.detector import BankMonitor
-from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.record import Span
 
@@ -22,12 +21,12 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WatchedLog:
-    """What a monitor saw on a log.
+    """What a monitor said of a log.
 
     Attributes
     ----------
     log : FlightLog
-    monitor : BankMonitor
+    monitor : Monitor
     identified_s : tuple of (start, end)
         The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
     watches : tuple of Watch
@@ -37,24 +36,30 @@ class WatchedLog:
     """
 
     log: FlightLog
-    monitor: BankMonitor
+    monitor: Monitor
     identified_s: tuple[Span, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """Every finding, in time."""
-        return tuple(finding for seen in self.watches for finding in seen.findings)
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm that first told of a fault, in time; those that count to another's fault are left out."""
+        return tuple(alarm for watch in self.watches for alarm in watch.faults)
 
     @property
     def armed_hours(self) -> float:
-        """How long an alarm was possible."""
-        return sum(seen.armed_hours for seen in self.watches)
+        """Hours watched: how long an alarm was possible."""
+        return sum(watch.armed_hours for watch in self.watches)
+
+    @property
+    def stuck_above(self) -> tuple[str, ...]:
+        """The scores that stood above their thresholds all through a stretch: nothing is told of them."""
+        scores = [score for watch in self.watches for score in watch.scores.values() if score.is_stuck_above]
+        return tuple(dict.fromkeys(score.name for score in scores))
 
     @property
     def outcome(self) -> Outcome:
-        """Failed where a finding is left to explain; unknown where nothing could have alarmed."""
-        if any(finding.last.candidates for finding in self.findings):
+        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't."""
+        if any(not alarm.has_passed for alarm in self.alarms):
             return Outcome.FAILED
-        return Outcome.HEALTHY if self.armed_hours > 0.0 else Outcome.UNKNOWN
+        return Outcome.HEALTHY if self.armed_hours > 0.0 and not self.stuck_above else Outcome.UNKNOWN

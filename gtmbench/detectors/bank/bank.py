@@ -79,14 +79,19 @@ class Bank:
 
     def check_channels(self, channels: Iterable[str]) -> None:
         """Refuse a record that lacks a channel, and say what could be used instead."""
-        there = set(channels)
-        missing = [name for name in self.channels if name not in there]
-        if missing:
-            usable = [name for name in shipped_banks() if set(load_bank(name).channels) <= there]
-            raise InputError(
-                f"bank {self.name} needs {', '.join(self.channels)}, and {', '.join(missing)} isn't there; with these "
-                f"channels can be used: {', '.join(f'bank {name}' for name in usable) or 'no bank'}"
-            )
+        check_channels(f"bank {self.name}", self.channels, channels)
+
+
+def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) -> None:
+    """Refuse channels that lack one which a detector needs, and say which bank could be used instead."""
+    there = set(channels)
+    missing = [channel for channel in needed if channel not in there]
+    if missing:
+        usable = [bank for bank in shipped_banks() if set(load_bank(bank).channels) <= there]
+        raise InputError(
+            f"{name} needs {', '.join(needed)}, and {', '.join(missing)} isn't there; with these channels can be used: "
+            f"{', '.join(f'bank {bank}' for bank in usable) or 'no bank'}"
+        )
 
 
 def load_bank(source: str | Path) -> Bank:
