@@ -1,7 +1,7 @@
 """One way for every detector: a recipe is calibrated into a monitor, and a monitor watches records or streams.
 
-A `Detector` is a frozen recipe. `calibrate` makes a frozen `Monitor` of healthy records. `watch` gives everything that a
-monitor says of a whole record, a `Watch`; `stream` says it as the samples come in. What is said at a time stands on
+A `Detector` is a frozen recipe. `calibrate` makes a frozen `Monitor` of healthy records. `watch` gives everything that
+a monitor says of a whole record, a `Watch`; `stream` says it as the samples come in. What is said at a time stands on
 nothing after it: cut a record, and the alarms up to the cut stay as they were.
 """
 

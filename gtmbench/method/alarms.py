@@ -85,14 +85,14 @@ def came_down(values: FloatArray, threshold: float) -> BoolArray:
 
 
 def rising(values: FloatArray, threshold: float) -> NDArray[np.int_]:
-    """Return the rows where a score rises above its threshold, having been at or below it; missing ones are passed over.
+    """Return the rows where a score rises above its threshold, having been at or below it; NaN is passed over.
 
     >>> rising(np.array([3.0, 1.0, np.nan, 4.0, 5.0, 1.0, 6.0]), 2.0).tolist()
     [3, 6]
     """
     there = np.flatnonzero(~np.isnan(values))
     above = values[there] > threshold
-    return there[above & ~np.concatenate([[True], above])[:-1]]
+    return np.asarray(there[above & ~np.concatenate([[True], above])[:-1]])
 
 
 def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) -> Alarms:
