@@ -55,7 +55,7 @@ def entity(root: str, name: str) -> str:
 
 
 def trial_paths(trials: Sequence[Injection]) -> list[str]:
-    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice or more."""
+    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice."""
     often = Counter((trial.scenario, trial.channel) for trial in trials)
     paths = []
     for trial, repetition in zip(trials, repetitions(trials), strict=True):

@@ -236,7 +236,8 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     monitor = watched.monitor
     of = ", ".join(monitor.suspects or monitor.channels or watched.log.channels)
     slower = "the drifts above" if isinstance(monitor, BankMonitor) else "it can tell"
+    above = "above the thresholds" if monitor.suspects else "that it tells of"
     return [
-        f"that is: no fault of {of} above {'the thresholds' if monitor.suspects else 'what it tells'} began while watched;",
+        f"that is: no fault of {of} {above} began while watched;",
         f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]
