@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     "flight.  [default: the dissertation's five]",
 )
 @detector_option(
-    "With --update, of a baseline that doesn't exist yet; or what goes by the name that the baseline states, where that "
-    "is a detector of your own."
+    "With --update, of a baseline that doesn't exist yet; or what goes by the name that the baseline states, where "
+    "that is a detector of your own."
 )
 @import_option
 @click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file, for a CI to show.")

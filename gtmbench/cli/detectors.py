@@ -16,27 +16,28 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 METAVAR = "NAME|FILE.json|FILE.py:OBJECT|PACKAGE:OBJECT"
 _HELP = (
-    "What watches: a name of `gtmbench list`, a bank's .toml, a monitor of `gtmbench calibrate` (.json), or an object in "
-    "Python: a detector, a monitor, or a function from a record to the times of its alarms. Python is imported only "
-    "where it is named here."
+    "What watches: a name of `gtmbench list`, a bank's .toml, a monitor of `gtmbench calibrate` (.json), or an object "
+    "in Python: a detector, a monitor, or a function from a record to the times of its alarms. Python is imported "
+    "only where it is named here."
 )
 
 
 def detector_option(
-    text: str = "", *, multiple: bool = False, aliases: Sequence[str] = ("--monitor",)
+    text: str = "", *, multiple: bool = False, alias: str = "--monitor", calibrated: bool = True
 ) -> Callable[[F], F]:
-    """Return the option ``--detector``, with its former names as aliases, and ``--calibrated``."""
+    """Return the option ``--detector``, with its former name as an alias, and ``--calibrated``."""
 
     def added(command: F) -> F:
-        command = click.option(
-            "--calibrated",
-            type=click.Path(path_type=Path),
-            metavar="FILE.json",
-            help="The figures that `gtmbench calibrate` has saved of a --detector of your own.",
-        )(command)
+        if calibrated:
+            command = click.option(
+                "--calibrated",
+                type=click.Path(path_type=Path),
+                metavar="FILE.json",
+                help="The figures that `gtmbench calibrate` has saved of a --detector of your own.",
+            )(command)
         name = "detectors" if multiple else "detector"
         help_text = f"{_HELP} {text}".strip() + (" Repeat it for several." if multiple else "")
-        return click.option("--detector", *aliases, name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
+        return click.option("--detector", alias, name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
 
     return added
 
@@ -81,7 +82,4 @@ def found_detectors(sources: Sequence[str], calibrated: Path | None) -> list[Any
     """
     if calibrated is not None and len(sources) != 1:
         raise InputError(f"--calibrated {calibrated} is of one detector; give --detector FILE.py:OBJECT once")
-    own = "dissertation"
-    return [
-        source if source == own and calibrated is None else found_detector(source, calibrated) for source in sources
-    ]
+    return [source if source == "dissertation" else found_detector(source, calibrated) for source in sources]

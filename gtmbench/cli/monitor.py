@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     "healthy",
     multiple=True,
     metavar="T0:T1|LOG",
-    help="What is healthy, to identify on: a span of this log in seconds, or another log. Without it a detector takes this "
-    "log's first 40 %, 300 s at most.",
+    help="What is healthy, to calibrate on: a span of this log in seconds, or another log. Without it a detector takes "
+    "this log's first 40 %, 300 s at most.",
 )
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
@@ -78,8 +78,8 @@ def monitor_command(
 ) -> int:
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
-    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. Without either, it lists what
-    the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. Without either, it
+    lists what the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
     """
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:

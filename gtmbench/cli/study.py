@@ -54,8 +54,8 @@ class _Seeds(click.ParamType):
     "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
 )
 @detector_option(
-    "Without it the scenarios' own [operator] and [alarm] watch, which go by the name dissertation. A bank, and any other "
-    "detector, is calibrated first on flights of its own; then of [operator] and [alarm] only watch_from_s and "
+    "Without it the scenarios' own [operator] and [alarm] watch, which go by the name dissertation. A bank, and any "
+    "other detector, is calibrated first on flights of its own; then of [operator] and [alarm] only watch_from_s and "
     "healthy_records are used.",
     multiple=True,
 )

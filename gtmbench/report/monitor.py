@@ -9,7 +9,24 @@ from typing import Any
 from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.protocol import Monitor
 from gtmbench.report.text import duration_text
+
+
+def monitor_facts(monitor: Monitor) -> dict[str, Any]:
+    """Return what any monitor is as one JSON-ready object: of a bank's more, `facts`."""
+    if isinstance(monitor, BankMonitor):
+        return facts(monitor)
+    memory_s = monitor.memory_s
+    return {
+        "detector": monitor.name,
+        "channels": list(monitor.channels),
+        "suspects": list(monitor.suspects),
+        "sample_period_s": monitor.sample_period_s,
+        "look_ahead_s": monitor.look_ahead_s,
+        "memory_s": _finite(memory_s),
+        "provenance": dict(monitor.provenance),
+    }
 
 
 def facts(monitor: BankMonitor) -> dict[str, Any]:

@@ -113,7 +113,7 @@ class Calibrator:
             tell(f"calibrate {name}")
             tied = _is_tied(detector)
             monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
-            found[name] = monitor if tied else _with_provenance(monitor, flown.setup)
+            found[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
         return {name: found[name] for name in self.order}
 
 
@@ -157,9 +157,16 @@ def _seed(setup: Setup, number: int) -> int:
     return int((setup.seed + _SEEDS + number) % 2**31)
 
 
-def _with_provenance(monitor: Monitor, setup: Setup) -> Monitor:
+def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
     """Say with a monitor on what it was calibrated, where it keeps such a thing."""
-    origin = {
+    try:
+        return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
+    except TypeError:  # somebody's own class, without such a field
+        return monitor
+
+
+def _origin(setup: Setup) -> dict[str, Any]:
+    return {
         "aircraft": setup.aircraft,
         "excitation": _EXCITATION,
         "flights": FLIGHTS,
@@ -167,7 +174,3 @@ def _with_provenance(monitor: Monitor, setup: Setup) -> Monitor:
         "noise": f"snr {setup.snr:g} of the study's flight" if setup.snr is not None else setup.noise,
         "seed": _seed(setup, 0),
     }
-    try:
-        return replace(monitor, provenance=origin | dict(monitor.provenance))  # type: ignore[type-var]
-    except TypeError:  # somebody's own class
-        return monitor

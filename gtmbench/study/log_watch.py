@@ -18,6 +18,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
+from gtmbench.study.calibrated import with_provenance
 from gtmbench.study.log_open import open_for
 from gtmbench.study.log_parts import first_part, healthy_spans, within, without
 from gtmbench.study.watched_log import WatchedLog
@@ -181,7 +182,7 @@ def _calibrated(
     """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
     if isinstance(detector, BankDetector):
         return calibrate(records, bank=detector.bank, false_alarms_per_hour=rate, provenance=origin, progress=progress)
-    return detector.calibrate(records, rate, progress=progress)
+    return with_provenance(detector.calibrate(records, rate, progress=progress), origin)
 
 
 def _opened(path: str | Path, detector: Detector, mapping: Sequence[str], rate_hz: float | None) -> FlightLog:

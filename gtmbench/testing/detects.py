@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import inject
 from gtmbench.checks import number, shown
@@ -54,6 +52,7 @@ def assert_detects(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from gtmbench import Jam
     >>> def stuck(record):  # alarms where p stands still for 0.2 s
     ...     same = np.convolve(np.diff(record["p"]) == 0.0, np.ones(20))[: len(record) - 1] == 20.0
@@ -101,7 +100,7 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
 
     Examples
     --------
-    >>> assert_quiet(lambda record: record.time_s[np.abs(record["p"]) > 500.0])
+    >>> assert_quiet(lambda record: record.time_s[abs(record["p"]) > 500.0])
     """
     __tracebackhide__ = True
     healthy = standard_record() if record is None else record
