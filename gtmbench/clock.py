@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,3 +100,53 @@ def check_span(time_s: FloatArray, sample_period_s: float) -> None:
             f"{time_s[row]:.10g} s, row {row}): rows are missing or the period is another; split the log "
             "there or correct the period"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChunkClock:
+    """Where a stream stands: after `count` rows of one source, evenly spaced from `start_s` on."""
+
+    start_s: float
+    sample_period_s: float
+    source: str
+    count: int
+
+    @classmethod
+    def of(cls, time_s: FloatArray, sample_period_s: float, source: str) -> ChunkClock:
+        """Return the clock of a chunk that stands alone."""
+        start_s = float(time_s[0]) if len(time_s) else float("nan")
+        return cls(start_s=start_s, sample_period_s=sample_period_s, source=source, count=len(time_s))
+
+    def known(self, rows: int, behind: int) -> range:
+        """Return the results that the last `rows` rows made known, each of them `behind` rows after its own."""
+        return range(max(self.count - rows - behind, 0), max(self.count - behind, 0))
+
+    def times_s(self, rows: range) -> FloatArray:
+        """Return times as the whole record has them."""
+        return even_times_s(self.start_s, self.sample_period_s, rows)
+
+
+def advanced(clock: ChunkClock | None, chunk: ChunkClock) -> ChunkClock:
+    """Return the clock after a chunk.
+
+    Raises
+    ------
+    InputError
+        Where the chunk doesn't continue what was before.
+    """
+    if clock is None or clock.count == 0:
+        return chunk
+    if chunk.source != clock.source:
+        raise InputError(f"a chunk of {chunk.source} came after {clock.source}; give each a stream of its own")
+    if not same_period(chunk.sample_period_s, clock.sample_period_s):
+        raise InputError(
+            f"the chunk is sampled every {chunk.sample_period_s:.10g} s, those before every "
+            f"{clock.sample_period_s:.10g} s; resample it or begin a new stream"
+        )
+    due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
+    if chunk.count and lateness_s(chunk.start_s, due_s, clock.sample_period_s):
+        raise InputError(
+            f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; fill the gap with NaN or begin a "
+            "new stream"
+        )
+    return replace(clock, count=clock.count + chunk.count)

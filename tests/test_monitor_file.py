@@ -14,8 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.detectors import files as module
+from gtmbench.detectors.bank.detector import BankDetector
+from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.files import shipped_banks
-from gtmbench.detectors.bank import files as module
 from tests.monitors import monitor, record
 
 ROOT = Path(__file__).parent.parent
@@ -31,12 +34,11 @@ def saved(tmp_path):
 
 
 def seen(found, of):
-    """Return everything that watching gives: digests of arrays, and findings."""
-    looked = gb.watch(found, of)
-    arrays = [*looked.residuals.raw.values(), *looked.residuals.predicted.values()]
-    arrays += [level.values for level in looked.levels.values()]
-    findings = [(repr(one), repr(one.judgements)) for one in looked.findings]  # NaN isn't equal to itself, its name is
-    return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], findings
+    """Return everything that watching gives: digests of arrays, and alarms."""
+    looked = found.watch(of)
+    arrays = [*looked.residuals.values(), *looked.predictions.values(), *(one.values for one in looked.scores.values())]
+    alarms = [(repr(one), repr(one.judgements)) for one in looked.alarms]  # NaN isn't equal to itself, its name is
+    return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], alarms
 
 
 @pytest.mark.parametrize("bank", BANKS)
@@ -57,8 +59,8 @@ def test_saving_what_was_loaded_gives_the_same_bytes(bank, tmp_path):
 
 
 def digest(found):
-    arrays, findings = seen(found, record(3000, seed=9))
-    return f"{arrays} {findings}"
+    arrays, alarms = seen(found, record(3000, seed=9))
+    return f"{arrays} {alarms}"
 
 
 def test_another_process_sees_the_same(saved):
@@ -130,21 +132,34 @@ def drop(*keys):
     return apply
 
 
-P = ("residuals", "p")
+F = ("figures",)
+P = ("figures", "residuals", "p")
 BAD = {
     "another format": (change("format", to="recipe"), "isn't a monitor"),
-    "a newer version": (change("version", to=2), "version is 2, written by gtmbench '0.1.0'"),
+    "a newer version": (change("version", to=3), "version is 3, written by gtmbench '0.1.0'"),
     "version true": (change("version", to=True), "version is True"),
-    "no bank": (drop("bank"), "key 'bank' is missing"),
+    "no bank": (drop(*F, "bank"), "key 'bank' is missing"),
     "no provenance": (drop("provenance"), "key 'provenance' is missing"),
+    "no figures": (drop("figures"), "key 'figures' is missing"),
+    "figures of a text": (change("figures", to="C"), "figures is 'C'; it must be a table"),
+    "detector of a number": (change("detector", to=3), "detector is 3; it must be a short text"),
+    "nobody's detector": (
+        change("detector", to="mine"),
+        "a monitor of 'mine', which isn't installed here; give --detector FILE.py:OBJECT --calibrated FILE",
+    ),
+    "another detector": (change("detector", to="dissertation"), "figures: key 'window' is missing"),
+    "an unknown figure": (change("figures", "extra", to=1), "figures: unknown key 'extra'"),
     "an unknown key": (change("extra", to=1), "unknown key 'extra'"),
-    "bank of a list": (change("bank", to=[]), "bank is []"),
-    "bank's statistic": (change("bank", "alarm", "statistic", to=[]), "alarm.statistic is []"),
-    "bank without residuals": (change("bank", "residuals", to=[]), "bank: a bank has 1 to 50"),
-    "a residual less": (drop("residuals", "q"), "residuals: key 'q' is missing"),
-    "a residual more": (change("residuals", "beta", to={}), "residuals: unknown key 'beta'"),
-    "period as text": (change("sample_period_s", to="0.01"), "sample_period_s is '0.01'; it must be a finite number"),
-    "period of nothing": (change("sample_period_s", to=0), "sample_period_s is 0"),
+    "bank of a list": (change(*F, "bank", to=[]), "bank is []"),
+    "bank's statistic": (change(*F, "bank", "alarm", "statistic", to=[]), "alarm.statistic is []"),
+    "bank without residuals": (change(*F, "bank", "residuals", to=[]), "bank: a bank has 1 to 50"),
+    "a residual less": (drop(*F, "residuals", "q"), "residuals: key 'q' is missing"),
+    "a residual more": (change(*F, "residuals", "beta", to={}), "residuals: unknown key 'beta'"),
+    "period as text": (
+        change(*F, "sample_period_s", to="0.01"),
+        "sample_period_s is '0.01'; it must be a finite number",
+    ),
+    "period of nothing": (change(*F, "sample_period_s", to=0), "sample_period_s is 0"),
     "other period": (change(*P, "operator", "sample_period_s", to=0.5), "residuals.p.operator.sample_period_s is 0.5"),
     "inputs": (
         change(*P, "operator", "inputs", to=["q_att"]),
@@ -177,8 +192,11 @@ BAD = {
     ),
     "no threshold": (drop(*P, "thresholds", "mean 0.64 s"), "residuals.p.thresholds: key 'mean 0.64 s' is missing"),
     "a threshold of nothing": (change(*P, "thresholds", "mean 7 s", to=1.0), "unknown key 'mean 7 s'"),
-    "the bank's windows": (change("bank", "alarm", "windows_s", to=[1.0]), "residuals.p.thresholds: key 'mean 1 s' is"),
-    "the bank's baseline": (change("bank", "alarm", "baseline_s", to=-1.0), "bank: alarm.baseline_s is -1"),
+    "the bank's windows": (
+        change(*F, "bank", "alarm", "windows_s", to=[1.0]),
+        "residuals.p.thresholds: key 'mean 1 s' is",
+    ),
+    "the bank's baseline": (change(*F, "bank", "alarm", "baseline_s", to=-1.0), "bank: alarm.baseline_s is -1"),
 }
 
 
@@ -306,3 +324,87 @@ def test_only_input_errors_come_out_of_flipped_bytes(document, data):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
     path.write_bytes(bytes(raw))
     loaded_or_refused(path)
+
+
+# --- one envelope for every detector
+
+
+def norm_monitor():
+    """Return a monitor of the dissertation's operator."""
+    recipe = DissertationOperator(causal_order=4, noncausal_order=3, window=50)
+    return recipe.calibrate([record(seed=1), record(seed=2)])
+
+
+def test_a_file_of_version_1_is_read_and_saved_as_version_2(saved):
+    document = json.loads(saved.read_text())
+    figures, detector = document.pop("figures"), document.pop("detector")
+    assert detector == "bank"
+    saved.with_name("old.json").write_text(json.dumps({**document, **figures, "version": 1}))
+    gb.save_monitor(gb.load_monitor(saved.with_name("old.json")), saved.with_name("new.json"))
+    assert saved.with_name("new.json").read_bytes() == saved.read_bytes()
+
+
+def test_the_norms_monitor_comes_back_bit_for_bit(tmp_path):
+    monitor_, path = norm_monitor(), tmp_path / "one.json"
+    gb.save_monitor(monitor_, path)
+    loaded = gb.load_monitor(path)
+    broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
+    assert monitor_.watch(broken).alarms
+    assert seen(loaded, broken) == seen(monitor_, broken)
+    gb.save_monitor(loaded, tmp_path / "two.json")
+    assert (tmp_path / "two.json").read_bytes() == path.read_bytes()
+
+
+BAD_NORM = {
+    "window": (change("figures", "window", to=-1), "window is -1"),
+    "threshold": (change("figures", "threshold", to=0), "threshold is 0; it must be a finite number greater than 0"),
+    "inputs": (change("figures", "operator", "inputs", to=["p"]), "operator.markov holds a list of 3 where 1"),
+    "no outputs": (change("figures", "operator", "outputs", to=[]), "operator.outputs is []"),
+    "an input twice": (change("figures", "operator", "inputs", to=["p", "p", "q"]), "'p' is given twice"),
+    "no operator": (change("figures", "operator", to=None), "operator is None; it must be a table"),
+    "a bank's": (change("detector", to="bank"), "figures: key 'bank' is missing"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_NORM)
+def test_a_wrong_figure_of_the_norm_is_named_in_one_line(name, tmp_path):
+    apply, message = BAD_NORM[name]
+    path = tmp_path / "m.json"
+    gb.save_monitor(norm_monitor(), path)
+    document = json.loads(path.read_text())
+    apply(document)
+    path.write_text(json.dumps(document))
+    with pytest.raises(gb.InputError) as refused:
+        gb.load_monitor(path)
+    assert str(refused.value).startswith(f"{path}: ")
+    assert message in str(refused.value)
+
+
+def stuck(record):
+    """Alarm where p is beyond 40 deg/s."""
+    return record.time_s[np.abs(record["p"]) > 40.0][:1]
+
+
+def test_a_function_has_a_file_that_its_recipe_reads(tmp_path):
+    path = tmp_path / "m.json"
+    gb.save_monitor(FunctionDetector(stuck).calibrate(), path)
+    assert gb.load_monitor(path, FunctionDetector(stuck)).watch(record(100)).alarms == ()
+    with pytest.raises(gb.InputError, match="a monitor of 'stuck', which isn't installed here; give --detector FILE"):
+        gb.load_monitor(path)
+
+
+def test_figures_of_another_recipe_are_refused(saved):
+    with pytest.raises(gb.InputError, match="a monitor of 'bank', which 'dissertation' can't restore"):
+        gb.load_monitor(saved, DissertationOperator())
+    with pytest.raises(gb.InputError, match="the figures are of bank C, whose tables aren't those of bank B"):
+        gb.load_monitor(saved, BankDetector(bank=gb.load_bank("B")))
+    gb.save_monitor(norm_monitor(), saved)
+    with pytest.raises(
+        gb.InputError, match=r"with r = 4, d = 3, w = 50; the recipe says .* with r = 50, d = 50, w = 10"
+    ):
+        gb.load_monitor(saved, DissertationOperator())
+
+
+def test_nobody_saves_under_a_name_of_gtmbench(tmp_path):
+    with pytest.raises(gb.InputError, match="'bank' is the name of a detector of gtmbench; call yours otherwise"):
+        gb.save_monitor(FunctionDetector(stuck, name="bank").calibrate(), tmp_path / "m.json")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import shown
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
 from gtmbench.record import Record, is_record
 
@@ -44,7 +46,11 @@ class FunctionDetector:
             object.__setattr__(self, "name", getattr(self.function, "__name__", type(self.function).__name__))
 
     def calibrate(
-        self, records: Sequence[Record] = (), false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+        self,
+        records: Sequence[Record] = (),  # noqa: ARG002
+        false_alarms_per_hour: float | None = None,
+        *,
+        progress: Progress = silent,  # noqa: ARG002
     ) -> FunctionMonitor:
         """Return the function as a monitor; the records aren't needed."""
         if false_alarms_per_hour is not None:
@@ -52,8 +58,19 @@ class FunctionDetector:
                 f"'{self.name}' is a plain function, which can't promise {false_alarms_per_hour:g} false alarms an "
                 "hour; leave the rate out"
             )
+        return self.restore({})
+
+    def restore(
+        self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})
+    ) -> FunctionMonitor:
+        """Return the function as a monitor; there are no figures."""
+        keys("figures", figures, ())
         return FunctionMonitor(
-            function=self.function, name=self.name, channels=self.channels, memory_s=self.memory_s
+            function=self.function,
+            name=self.name,
+            channels=self.channels,
+            memory_s=self.memory_s,
+            provenance=dict(provenance),
         )
 
 
@@ -69,6 +86,10 @@ class FunctionMonitor:
     sample_period_s: float | None = None
     look_ahead_s: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def figures(self) -> dict[str, Any]:
+        """Return nothing: a function has no figures."""
+        return {}
 
     def watch(self, record: Record) -> Watch:
         """Return the alarms that the function gives, in time."""

@@ -1,7 +1,7 @@
 """One way for every detector: a recipe is calibrated into a monitor, and a monitor watches records or streams.
 
-A `Detector` is a frozen recipe. `calibrate` makes a frozen `Monitor` of healthy records. `watch` gives everything that a
-monitor says of a whole record, a `Watch`; `stream` says it as the samples come in. What is said at a time stands on
+A `Detector` is a frozen recipe. `calibrate` makes a frozen `Monitor` of healthy records. `watch` gives everything that
+a monitor says of a whole record, a `Watch`; `stream` says it as the samples come in. What is said at a time stands on
 nothing after it: cut a record, and the alarms up to the cut stay as they were.
 """
 
@@ -13,14 +13,15 @@ from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.method.alarms import BoolArray
+from gtmbench.method.alarms import came_down as came_down
+from gtmbench.method.alarms import rising as rising
 from gtmbench.record import FloatArray, Record
 
 Progress = Callable[[str, int, int], None]  # a step, how many are done, of how many
-BoolArray = NDArray[np.bool_]
 Signals = Mapping[str, FloatArray]  # by sensor, shape (samples,)
 _NONE: Mapping[str, Any] = MappingProxyType({})
 
@@ -194,31 +195,6 @@ class Score:
         """Return the greatest value known at or after a time, over the threshold; 0 where there is none."""
         known = self.exists & (self.known_s >= from_s - 1e-9)
         return float(self.values[known].max() / self.threshold) if known.any() else 0.0
-
-
-def came_down(values: FloatArray, threshold: float) -> BoolArray:
-    """Return where a score is armed, shape (samples,): it exists, and it or one before was at or below the threshold.
-
-    The one arming rule: what stands above from the start has to come down before it can alarm.
-
-    >>> came_down(np.array([3.0, np.nan, 1.0, 4.0, np.nan]), 2.0).tolist()
-    [False, False, True, True, False]
-    """
-    there = ~np.isnan(values)
-    with np.errstate(invalid="ignore"):
-        low = there & (values <= threshold)
-    return np.asarray(there & np.logical_or.accumulate(low))
-
-
-def rising(values: FloatArray, threshold: float) -> NDArray[np.int_]:
-    """Return the rows where a score rises above its threshold, having been at or below it; missing ones are passed over.
-
-    >>> rising(np.array([3.0, 1.0, np.nan, 4.0, 5.0, 1.0, 6.0]), 2.0).tolist()
-    [3, 6]
-    """
-    there = np.flatnonzero(~np.isnan(values))
-    above = values[there] > threshold
-    return there[above & ~np.concatenate([[True], above])[:-1]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

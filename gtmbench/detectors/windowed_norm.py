@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Progress, Score, Watch, came_down, rising, silent
+from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import threshold
 from gtmbench.method.identify import identify
@@ -78,7 +80,8 @@ class DissertationOperator:
         if false_alarms_per_hour is not None:
             raise InputError(
                 f"'{self.name}' can't promise {false_alarms_per_hour:g} false alarms an hour: its threshold is "
-                f"{self.threshold_factor:g} times the greatest E(k) of a healthy record; leave the rate out, or take a bank"
+                f"{self.threshold_factor:g} times the greatest E(k) of a healthy record; leave the rate out, or take a "
+                "bank"
             )
         if len(records) < 2:
             raise InputError(
@@ -100,6 +103,20 @@ class DissertationOperator:
         limit = max(threshold(norm, start_s=span[0], end_s=span[1], factor=self.threshold_factor) for norm in norms)
         return NormMonitor(name=self.name, operator=operator, window=self.window, threshold=limit)
 
+    def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> NormMonitor:
+        """Return the monitor of some figures; they have to be of these sensors, orders and window."""
+        found = restore_norm(figures, provenance)
+        operator = found.operator
+        given = (operator.inputs, operator.outputs, operator.causal_order, operator.noncausal_order, found.window)
+        if given != (self.inputs, self.outputs, self.causal_order, self.noncausal_order, self.window):
+            raise InputError(
+                f"the figures are of {operator.name} with r = {operator.causal_order}, d = {operator.noncausal_order}, "
+                f"w = {found.window}; the recipe says [{' '.join(self.inputs)}] -> {' '.join(self.outputs)} with "
+                f"r = {self.causal_order}, d = {self.noncausal_order}, w = {self.window}; give the monitor's file "
+                "alone, or calibrate anew"
+            )
+        return found
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NormMonitor:
@@ -119,6 +136,9 @@ class NormMonitor:
     window: int
     threshold: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        number("threshold", self.threshold, 0.0, above=True)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -150,6 +170,16 @@ class NormMonitor:
         """(r + d + w + 2) Ts: the samples of this window and of the one before."""
         lags = self.operator.causal_order + self.operator.noncausal_order
         return round((lags + self.window + 2) * self.sample_period_s, 9)
+
+    def figures(self) -> dict[str, Any]:
+        """Return operator, window and threshold as plain JSON values."""
+        return {
+            "sample_period_s": self.sample_period_s,
+            "name": self.name,
+            "window": self.window,
+            "threshold": self.threshold,
+            "operator": operator_table(self.operator),
+        }
 
     def watch(self, record: Record) -> Watch:
         """Return residual, E(k) and alarms: E(k) that rises above the threshold, at (k + w + d) Ts.
@@ -185,3 +215,24 @@ class NormMonitor:
             residuals=MappingProxyType(columns),
             predictions=MappingProxyType({name: record[name] - values for name, values in columns.items()}),
         )
+
+
+def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> NormMonitor:
+    """Return the monitor of some figures; every key is checked.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what stands there and what should.
+    """
+    found = keys("figures", figures, ("sample_period_s", "name", "window", "threshold", "operator"))
+    table = keys("operator", found["operator"], OPERATOR_KEYS)
+    inputs, outputs = (names_of(f"operator.{key}", table[key]) for key in ("inputs", "outputs"))
+    period_s = number("sample_period_s", found["sample_period_s"], *PERIODS_S)
+    return NormMonitor(
+        name=text("name", found["name"]),
+        operator=operator_of("operator", table, inputs, outputs, period_s, "the file"),
+        window=whole("window", found["window"]),
+        threshold=number("threshold", found["threshold"], 0.0, above=True),
+        provenance=dict(provenance),
+    )

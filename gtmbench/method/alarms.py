@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.residual import WindowedNorm
 from gtmbench.record import FloatArray, frozen
+
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +70,31 @@ def check_start(start_s: float) -> None:
         raise InputError(f"start_s is {start_s!r}; give seconds")
 
 
+def came_down(values: FloatArray, threshold: float) -> BoolArray:
+    """Return where a score is armed, shape (samples,): it exists, and it or one before was at or below the threshold.
+
+    The one arming rule: what stands above from the start has to come down before it can alarm.
+
+    >>> came_down(np.array([3.0, np.nan, 1.0, 4.0, np.nan]), 2.0).tolist()
+    [False, False, True, True, False]
+    """
+    there = ~np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        low = there & (values <= threshold)
+    return np.asarray(there & np.logical_or.accumulate(low))
+
+
+def rising(values: FloatArray, threshold: float) -> NDArray[np.int_]:
+    """Return the rows where a score rises above its threshold, having been at or below it; NaN is passed over.
+
+    >>> rising(np.array([3.0, 1.0, np.nan, 4.0, 5.0, 1.0, 6.0]), 2.0).tolist()
+    [3, 6]
+    """
+    there = np.flatnonzero(~np.isnan(values))
+    above = values[there] > threshold
+    return np.asarray(there[above & ~np.concatenate([[True], above])[:-1]])
+
+
 def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) -> Alarms:
     """Return the alarms of windows that begin at or after `start_s`.
 
@@ -87,13 +115,12 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     """
     threshold = number("threshold", threshold, 0.0, above=True)
     check_start(start_s)
-    watched = np.flatnonzero((norm.time_s >= start_s - 1e-9) & ~np.isnan(norm.values))
-    above = norm.values[watched] > threshold
-    rising = above & ~np.concatenate([[True], above])[:-1]
-    known_s = norm.known_s[watched]
+    watched = norm.time_s >= start_s - 1e-9
+    values, known_s = norm.values[watched], norm.known_s[watched]
+    armed = came_down(values, threshold)
     return Alarms(
-        time_s=frozen(known_s[rising]),
-        armed_s=float(known_s[~above][0]) if not above.all() else float("nan"),
+        time_s=frozen(known_s[rising(values, threshold)]),
+        armed_s=float(known_s[np.argmax(armed)]) if armed.any() else float("nan"),
         threshold=threshold,
         look_ahead_s=norm.look_ahead_s,
         window_s=(norm.window + 1) * norm.sample_period_s,

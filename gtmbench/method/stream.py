@@ -7,13 +7,12 @@ the flight, so that a sample costs the same at any time. A chunk that is refused
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.clock import even_times_s, lateness_s, same_period
-from gtmbench.errors import InputError
+from gtmbench.clock import ChunkClock, advanced
 from gtmbench.method.alarms import Alarms, alarms, check_start
 from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
 from gtmbench.method.transmissibility import Transmissibility
@@ -41,7 +40,7 @@ class ResidualStream:
     def __init__(self, operator: Transmissibility) -> None:
         self._operator = operator
         self._channels = (*operator.inputs, *operator.outputs)
-        self._clock: _Clock | None = None
+        self._clock: ChunkClock | None = None
         self._tail = np.zeros((0, len(self._channels)))  # the last r + d samples
 
     def push(self, record: Record) -> Residual:
@@ -53,7 +52,7 @@ class ResidualStream:
             Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
         is_record(record)
-        clock = _advanced(self._clock, _Clock.of(record.time_s, record.sample_period_s, "the operator"))
+        clock = advanced(self._clock, ChunkClock.of(record.time_s, record.sample_period_s, "the operator"))
         values = np.concatenate([self._tail, record.matrix(self._channels)])
         joined = Record(values, channels=self._channels, sample_period_s=clock.sample_period_s)
         found = residual(self._operator, joined)
@@ -93,7 +92,7 @@ class NormStream:
 
     def __init__(self, *, window: int) -> None:
         self._window = whole("window", window)
-        self._clock: _Clock | None = None
+        self._clock: ChunkClock | None = None
         self._ends = np.full(self._window + 2, np.nan)  # sums from each row of the block before to its end
         self._ends[-1] = 0.0
         self._block = np.zeros(self._window + 1)  # squares of this block,
@@ -109,7 +108,7 @@ class NormStream:
             Where the chunk doesn't continue the one before.
         """
         source = f"outputs {', '.join(residual.outputs)} with a look-ahead of {residual.look_ahead_s} s"
-        clock = _advanced(self._clock, _Clock.of(residual.time_s, residual.sample_period_s, source))
+        clock = advanced(self._clock, ChunkClock.of(residual.time_s, residual.sample_period_s, source))
         rows, length = len(residual.time_s), self._window + 1
         parts = np.split(squares(residual), range(length - self._filled, rows, length))
         sums = np.concatenate([self._take(part) for part in parts])
@@ -166,7 +165,7 @@ class AlarmStream:
         self._threshold = number("threshold", threshold, 0.0, above=True)
         check_start(start_s)
         self._start_s = start_s
-        self._clock: _Clock | None = None
+        self._clock: ChunkClock | None = None
         self._last = np.zeros((2, 0))  # time and value of the last window without missing samples
         self._armed_s = float("nan")
 
@@ -179,54 +178,10 @@ class AlarmStream:
             Where the chunk doesn't continue the one before.
         """
         source = f"windows of {norm.window + 1} samples with a look-ahead of {norm.look_ahead_s} s"
-        clock = _advanced(self._clock, _Clock.of(norm.time_s, norm.sample_period_s, source))
+        clock = advanced(self._clock, ChunkClock.of(norm.time_s, norm.sample_period_s, source))
         time_s, values = seen = np.hstack([self._last, [norm.time_s, norm.values]])
         found = alarms(replace(norm, time_s=time_s, values=values), self._threshold, start_s=self._start_s)
         self._last = seen[:, np.flatnonzero(~np.isnan(values))[-1:]]
         self._armed_s = found.armed_s if np.isnan(self._armed_s) else self._armed_s
         self._clock = clock
         return replace(found, armed_s=self._armed_s)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Clock:
-    """Where a stream stands: after `count` rows of one source, evenly spaced from `start_s` on."""
-
-    start_s: float
-    sample_period_s: float
-    source: str
-    count: int
-
-    @classmethod
-    def of(cls, time_s: FloatArray, sample_period_s: float, source: str) -> _Clock:
-        """Return the clock of a chunk that stands alone."""
-        start_s = float(time_s[0]) if len(time_s) else float("nan")
-        return cls(start_s=start_s, sample_period_s=sample_period_s, source=source, count=len(time_s))
-
-    def known(self, rows: int, behind: int) -> range:
-        """Return the results that the last `rows` rows made known, each of them `behind` rows after its own."""
-        return range(max(self.count - rows - behind, 0), max(self.count - behind, 0))
-
-    def times_s(self, rows: range) -> FloatArray:
-        """Return times as the whole record has them."""
-        return even_times_s(self.start_s, self.sample_period_s, rows)
-
-
-def _advanced(clock: _Clock | None, chunk: _Clock) -> _Clock:
-    """Return the clock after a chunk, or refuse a chunk that doesn't continue what was before."""
-    if clock is None or clock.count == 0:
-        return chunk
-    if chunk.source != clock.source:
-        raise InputError(f"a chunk of {chunk.source} came after {clock.source}; give each a stream of its own")
-    if not same_period(chunk.sample_period_s, clock.sample_period_s):
-        raise InputError(
-            f"the chunk is sampled every {chunk.sample_period_s:.10g} s, those before every "
-            f"{clock.sample_period_s:.10g} s; resample it or begin a new stream"
-        )
-    due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
-    if chunk.count and lateness_s(chunk.start_s, due_s, clock.sample_period_s):
-        raise InputError(
-            f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; fill the gap with NaN or begin a "
-            "new stream"
-        )
-    return replace(clock, count=clock.count + chunk.count)

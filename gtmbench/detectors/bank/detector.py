@@ -10,8 +10,10 @@ from typing import Any
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
+from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.bank.watch import scores_and_alarms
 from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.errors import InputError
 from gtmbench.method.pose import Records, as_records
 from gtmbench.record import Record
 
@@ -67,6 +69,10 @@ class BankMonitor(CalibratedBank):
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 
+    def figures(self) -> dict[str, Any]:
+        """Return what calibration found, the bank's tables among it, as plain JSON values."""
+        return bank_figures(self)
+
 
 @dataclass(frozen=True, kw_only=True)
 class BankDetector:
@@ -94,6 +100,27 @@ class BankDetector:
     ) -> BankMonitor:
         """Identify the bank and set its thresholds for a false-alarm rate, 0.002 an hour unless told."""
         return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
+
+    def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
+        """Return the monitor of some figures; they have to be of this bank."""
+        monitor = restore_bank(figures, provenance)
+        if monitor.bank != self.bank:
+            raise InputError(
+                f"the figures are of bank {monitor.name}, whose tables aren't those of bank {self.name}; give the "
+                "monitor's file alone, or calibrate anew"
+            )
+        return monitor
+
+
+def restore_bank(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> BankMonitor:
+    """Return the monitor of a bank, whichever its figures hold; every key is checked.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what stands there and what should.
+    """
+    return BankMonitor(**vars(calibrated_of(figures, provenance)))
 
 
 def calibrate(

@@ -1,4 +1,4 @@
-"""From the tables of a monitor's file to a monitor: names, shapes, kinds and ranges are checked, one by one."""
+"""A calibrated bank as plain tables, and back: names, shapes, kinds and ranges are checked, one by one."""
 
 from __future__ import annotations
 
@@ -8,77 +8,75 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.checks import number, shown, text, whole
-from gtmbench.clock import same_period
-from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of
+from gtmbench.checks import number, shown, text
+from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.doubt import Doubt
 from gtmbench.detectors.bank.statistics import Tolerance
 from gtmbench.detectors.bank.whitening import Whitener
+from gtmbench.detectors.tables import (
+    MOST_LAGS,
+    PERIODS_S,
+    array_of,
+    keys,
+    operator_of,
+    operator_table,
+    plain,
+    table_of,
+)
 from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, frozen
-from gtmbench.version import __version__
 
-FORMAT = "gtmbench monitor"
-VERSION = 1
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
-OPERATOR_KEYS = (
-    "inputs",
-    "outputs",
-    "causal_order",
-    "noncausal_order",
-    "sample_period_s",
-    "estimator",
-    "solver",
-    "rank",
-    "samples",
-    "input_means",
-    "output_means",
-    "rms_residual",
-    "markov",
-)
-
-_KEYS = ("format", "version", "gtmbench", "sample_period_s", "name", "bank", "residuals", "provenance")
+_KEYS = ("sample_period_s", "name", "bank", "residuals")
 _PARTS = ("operator", "whitener", "tolerance", "thresholds", "doubt")
-_MOST_LAGS = 10_000  # times inputs; what identification allows, too
 _LONGEST_WHITENER = 100_000
-_PERIODS_S = (1e-9, 86400.0)
 
 
-def parse_monitor(document: Any) -> CalibratedBank:
-    """Return the monitor of a parsed file.
+def bank_figures(monitor: CalibratedBank) -> dict[str, Any]:
+    """Return what calibration found as plain JSON values.
 
-    Parameters
-    ----------
-    document
-        What `json` made of it, its numbers finite.
+    Of the operators, what watching and describing need is kept; their covariances aren't.
+    """
+    return {
+        "sample_period_s": monitor.sample_period_s,
+        "name": monitor.bank.name,
+        "bank": bank_table(monitor.bank),
+        "residuals": {spec.output: _residual_table(monitor, spec.output) for spec in monitor.bank.residuals},
+    }
+
+
+def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
+    whitener, tolerance = monitor.whiteners[output], monitor.tolerances[output]
+    thresholds, doubt = monitor.thresholds[output], monitor.doubts.get(output)
+    return {
+        "operator": operator_table(monitor.operators[output]),
+        "whitener": {key: plain(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
+        "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
+        "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
+        "doubt": None if doubt is None else {key: plain(getattr(doubt, key)) for key in ("raw", "white", "root")},
+    }
+
+
+def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank:
+    """Return the calibrated bank of some figures, every key checked.
 
     Raises
     ------
     InputError
         Naming the key, what stands there and what should.
     """
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError("it isn't a monitor of gtmbench; `gtmbench calibrate` writes one")
-    version, by = document.get("version"), document.get("gtmbench")
-    if type(version) is not int or version != VERSION:
-        raise InputError(
-            f"version is {shown(version)}, written by gtmbench {shown(by)}; this is gtmbench {__version__}, which "
-            f"reads version {VERSION}: use the other, or run `gtmbench calibrate`"
-        )
-    _keys("", document, _KEYS)
+    document = keys("figures", figures, _KEYS)
     name = text("name", document["name"])
-    text("gtmbench", by)
     try:
-        bank = bank_of(name, _table("bank", document["bank"]))
+        bank = bank_of(name, table_of("bank", document["bank"]))
     except InputError as error:
         raise InputError(f"bank: {error}") from error
-    period_s = number("sample_period_s", document["sample_period_s"], *_PERIODS_S)
+    period_s = number("sample_period_s", document["sample_period_s"], *PERIODS_S)
     wanted = tuple(spec.output for spec in bank.residuals)
-    parts = _keys("residuals", document["residuals"], wanted)
+    parts = keys("residuals", document["residuals"], wanted)
     for output in wanted:
-        _keys(f"residuals.{output}", parts[output], _PARTS)
+        keys(f"residuals.{output}", parts[output], _PARTS)
 
     def each(part: str, read: Callable[[str, Any, ResidualSpec], Any]) -> dict[str, Any]:
         return {
@@ -102,58 +100,28 @@ def parse_monitor(document: Any) -> CalibratedBank:
         thresholds=each("thresholds", lambda where, table, _: _thresholds(where, table, bank, period_s)),
         doubts=doubts,
         sample_period_s=period_s,
-        provenance=_table("provenance", document["provenance"]),
+        provenance=dict(provenance),
     )
 
 
 def _operator(where: str, table: Any, spec: ResidualSpec, period_s: float) -> Transmissibility:
-    found = _keys(where, table, OPERATOR_KEYS)
-    for key, of_bank in (("inputs", list(spec.inputs)), ("outputs", [spec.output])):
-        if found[key] != of_bank:
-            raise InputError(f"{where}.{key} is {shown(found[key])}; the bank says {shown(of_bank)}")
-    causal, noncausal = (
-        whole(f"{where}.{key}", found[key], 0, _MOST_LAGS) for key in ("causal_order", "noncausal_order")
-    )
-    inputs, lags = len(spec.inputs), causal + noncausal + 1
-    if lags * inputs > _MOST_LAGS:
-        raise InputError(f"{where}: {lags} lags of {inputs} inputs; at most {_MOST_LAGS} parameters are read")
-    own_s = number(f"{where}.sample_period_s", found["sample_period_s"], *_PERIODS_S)
-    if not same_period(own_s, period_s):
-        raise InputError(f"{where}.sample_period_s is {own_s:g}; the monitor's is {period_s:g}, and they must be one")
-    for key in ("estimator", "solver"):
-        if not isinstance(found[key], str):
-            raise InputError(f"{where}.{key} is {shown(found[key])}; it must be a text")
-    return Transmissibility(
-        markov=_array(f"{where}.markov", found["markov"], (lags, 1, inputs)),
-        inputs=spec.inputs,
-        outputs=(spec.output,),
-        causal_order=causal,
-        noncausal_order=noncausal,
-        input_means=_array(f"{where}.input_means", found["input_means"], (inputs,)),
-        output_means=_array(f"{where}.output_means", found["output_means"], (1,)),
-        rms_residual=_array(f"{where}.rms_residual", found["rms_residual"], (1,)),
-        rank=whole(f"{where}.rank", found["rank"]),
-        samples=whole(f"{where}.samples", found["samples"], 0, 10**15),
-        sample_period_s=own_s,
-        estimator=found["estimator"],
-        solver=found["solver"],
-    )
+    return operator_of(where, table, spec.inputs, (spec.output,), period_s, "the bank")
 
 
 def _whitener(where: str, table: Any, _: ResidualSpec) -> Whitener:
-    found = _keys(where, table, ("coefficients", "mean", "deviation"))
+    found = keys(where, table, ("coefficients", "mean", "deviation"))
     given = found["coefficients"]
     if not isinstance(given, list) or not 0 < len(given) <= _LONGEST_WHITENER:
         raise InputError(f"{where}.coefficients is {shown(given)}; it must be a list of 1 to {_LONGEST_WHITENER}")
     return Whitener(
-        coefficients=_array(f"{where}.coefficients", given, (len(given),)),
+        coefficients=array_of(f"{where}.coefficients", given, (len(given),)),
         mean=number(f"{where}.mean", found["mean"]),
         deviation=number(f"{where}.deviation", found["deviation"], 0.0, above=True),
     )
 
 
 def _tolerance(where: str, table: Any, _: ResidualSpec) -> Tolerance:
-    found = _keys(where, table, ("mean", "low", "high"))
+    found = keys(where, table, ("mean", "low", "high"))
     return Tolerance(
         mean=number(f"{where}.mean", found["mean"], 0.0),
         low=number(f"{where}.low", found["low"], 0.0, 1.0, above=True),
@@ -164,7 +132,7 @@ def _tolerance(where: str, table: Any, _: ResidualSpec) -> Tolerance:
 def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str, float]:
     nothing = np.zeros(0)
     labels = [series.label for series in bank.statistic.series(nothing, nothing, period_s, Tolerance())]
-    found = _keys(where, table, tuple(dict.fromkeys(labels)))
+    found = keys(where, table, tuple(dict.fromkeys(labels)))
     return {
         label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in found.items()
     }
@@ -173,46 +141,13 @@ def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str
 def _doubt(where: str, table: Any, spec: ResidualSpec) -> Doubt | None:
     if table is None:
         return None
-    found = _keys(where, table, ("raw", "white", "root"))
+    found = keys(where, table, ("raw", "white", "root"))
     given = found["root"]
     size = len(given) if isinstance(given, list) else 0
-    if not 0 < size <= _MOST_LAGS or size % len(spec.inputs):
+    if not 0 < size <= MOST_LAGS or size % len(spec.inputs):
         raise InputError(f"{where}.root is {shown(given)}; it must be a square table, {len(spec.inputs)} rows a lag")
     return Doubt(
-        root=_array(f"{where}.root", given, (size, size)),
+        root=array_of(f"{where}.root", given, (size, size)),
         raw=number(f"{where}.raw", found["raw"], 0.0),
         white=number(f"{where}.white", found["white"], 0.0),
     )
-
-
-def _keys(where: str, table: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
-    """Return a table that has exactly these keys, in the file's order."""
-    found = _table(where or "it", table)
-    missing = [key for key in keys if key not in found]
-    strange = [key for key in found if key not in keys]
-    if missing or strange:
-        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {shown(strange[0])}"
-        raise InputError(f"{where + ': ' if where else ''}{what}; there must be {', '.join(keys)}")
-    return found
-
-
-def _table(where: str, given: Any) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise InputError(f"{where} is {shown(given)}; it must be a table, {{...}}")
-    return given
-
-
-def _array(where: str, given: Any, shape: tuple[int, ...]) -> FloatArray:
-    _check_numbers(where, given, shape, shape)
-    return frozen(given)
-
-
-def _check_numbers(where: str, given: Any, left: tuple[int, ...], shape: tuple[int, ...]) -> None:
-    if not left:
-        number(where, given)
-        return
-    if not isinstance(given, list) or len(given) != left[0]:
-        held = f"a list of {len(given)}" if isinstance(given, list) else shown(given)
-        raise InputError(f"{where} holds {held} where {left[0]} numbers or lists belong; its shape must be {shape}")
-    for entry in given:
-        _check_numbers(where, entry, left[1:], shape)

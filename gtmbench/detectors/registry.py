@@ -1,0 +1,129 @@
+"""Detectors by what a user writes: a name, a bank's or a monitor's file, or an object in Python.
+
+Python is imported only where a name ends in ``:OBJECT`` (or is that of an installed package's detector); data files go
+through `for_data_file`, which doesn't know that form.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gtmbench.checks import shown
+from gtmbench.detectors.adapt import adapted
+from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.bank.detector import BankDetector
+from gtmbench.detectors.files import load_monitor
+from gtmbench.detectors.installed import installed, installed_names
+from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.windowed_norm import DissertationOperator
+from gtmbench.errors import InputError
+from gtmbench.files import shipped_banks
+
+DISSERTATION = "dissertation"
+
+
+def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -> Detector | Monitor:
+    """Return a detector, or a monitor where the source is one.
+
+    Parameters
+    ----------
+    source : str or Path
+        ``dissertation``, the name of a shipped bank or of an installed detector; a bank's TOML file; a monitor's JSON
+        file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a Detector, a Monitor, a
+        class of either that needs no arguments, a Bank, or a function from a Record to the times of its alarms.
+    calibrated : str or Path, optional
+        A monitor's JSON file whose figures the detector is to restore.
+
+    Raises
+    ------
+    InputError
+        Where there is no such detector, or the file isn't of it.
+
+    Examples
+    --------
+    >>> find_detector("C").channels
+    ('p', 'q', 'r', 'phi', 'psi', 'theta')
+    >>> find_detector("dissertation").outputs
+    ('r',)
+    """
+    found = _python(str(source)) if _is_python(source) else for_data_file(source)
+    if calibrated is None:
+        return found
+    if isinstance(found, Monitor):
+        raise InputError(f"{source} is a monitor, calibrated already; leave --calibrated {calibrated} out")
+    return load_monitor(calibrated, detector=found)
+
+
+def as_detector(given: Any) -> Detector | Monitor:
+    """Return whatever can serve as a detector as one.
+
+    Parameters
+    ----------
+    given : Detector, Monitor, Bank, callable, str or Path
+        A class of the first two that needs no arguments, too; text and paths are what `find_detector` takes.
+
+    Raises
+    ------
+    InputError
+        Saying what is missing.
+
+    Examples
+    --------
+    >>> as_detector(lambda record: []).calibrate([]).suspects
+    ()
+    """
+    return find_detector(given) if isinstance(given, str | Path) else adapted(given)
+
+
+def for_data_file(source: str | Path) -> Detector | Monitor:
+    """Return a detector that a baseline, a scenario or a campaign names: by name or by its file, never in Python.
+
+    Raises
+    ------
+    InputError
+        Where it is Python, or there is none of that name.
+    """
+    if _is_python(source):
+        raise InputError(
+            f"'{source}': a data file doesn't import Python; give --detector FILE.py:OBJECT on the command line"
+        )
+    name, suffix = str(source), Path(source).suffix.lower()
+    if name == DISSERTATION:
+        return DissertationOperator()
+    if name in shipped_banks() or suffix == ".toml":
+        return BankDetector(bank=load_bank(source))
+    if suffix == ".json":
+        return load_monitor(source)
+    if name in installed_names():
+        return installed(name)
+    if suffix == ".py":
+        raise InputError(f"{name} is a file of Python; say which object in it is the detector: {name}:OBJECT")
+    raise InputError(
+        f"no detector is called {shown(name)}; there are {', '.join(detector_names())}, or give a bank's .toml, a "
+        "monitor's .json, FILE.py:OBJECT or package.module:OBJECT"
+    )
+
+
+def detector_names() -> dict[str, str]:
+    """Return every detector that can be named, and what it is in a line; installed ones aren't imported.
+
+    >>> list(detector_names())[:3]
+    ['dissertation', 'B', 'C-filtered']
+    """
+    banks = {name: load_bank(name).title for name in shipped_banks()}
+    others = {name: f"installed: {value}" for name, value in installed_names().items()}
+    ours = {DISSERTATION: "an operator between sensors, and E(k) of its residual", **banks}
+    return ours | {name: title for name, title in others.items() if name not in ours}
+
+
+def _is_python(source: str | Path) -> bool:
+    r"""Whether an object in Python is meant; a drive's colon (``C:\bank.toml``) isn't followed by a name."""
+    place, colon, name = str(source).rpartition(":")
+    return bool(colon and place) and all(part.isidentifier() for part in name.split("."))
+
+
+def _python(source: str) -> Detector | Monitor:
+    from gtmbench.imports import load_object
+
+    return adapted(load_object(source), source.rpartition(":")[2])

@@ -1,0 +1,138 @@
+"""Tables of a monitor's file: plain JSON values of what is kept, and checks of what is read, one key at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gtmbench.checks import names, number, shown, text, whole
+from gtmbench.clock import same_period
+from gtmbench.errors import InputError
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, frozen
+
+OPERATOR_KEYS = (
+    "inputs",
+    "outputs",
+    "causal_order",
+    "noncausal_order",
+    "sample_period_s",
+    "estimator",
+    "solver",
+    "rank",
+    "samples",
+    "input_means",
+    "output_means",
+    "rms_residual",
+    "markov",
+)
+MOST_LAGS = 10_000  # times inputs; what identification allows, too
+_MOST_NAMES = 100
+PERIODS_S = (1e-9, 86400.0)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON has it: arrays and tuples as lists, numpy's numbers as Python's.
+
+    >>> plain({"limits": np.array([1.0, 2.0]), "w": np.int64(3)})
+    {'limits': [1.0, 2.0], 'w': 3}
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value
+
+
+def operator_table(operator: Transmissibility) -> dict[str, Any]:
+    """Return what watching and describing need of an operator; its covariance isn't kept."""
+    return {key: plain(getattr(operator, key)) for key in OPERATOR_KEYS}
+
+
+def operator_of(
+    where: str, table: Any, inputs: tuple[str, ...], outputs: tuple[str, ...], period_s: float, other: str
+) -> Transmissibility:
+    """Return the operator of a table; `other` says what its inputs and outputs have to agree with.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what stands there and what should.
+    """
+    found = keys(where, table, OPERATOR_KEYS)
+    for key, wanted in (("inputs", list(inputs)), ("outputs", list(outputs))):
+        if found[key] != wanted:
+            raise InputError(f"{where}.{key} is {shown(found[key])}; {other} says {shown(wanted)}")
+    causal, noncausal = (
+        whole(f"{where}.{key}", found[key], 0, MOST_LAGS) for key in ("causal_order", "noncausal_order")
+    )
+    lags = causal + noncausal + 1
+    if lags * len(inputs) > MOST_LAGS:
+        raise InputError(f"{where}: {lags} lags of {len(inputs)} inputs; at most {MOST_LAGS} parameters are read")
+    own_s = number(f"{where}.sample_period_s", found["sample_period_s"], *PERIODS_S)
+    if not same_period(own_s, period_s):
+        raise InputError(f"{where}.sample_period_s is {own_s:g}; the monitor's is {period_s:g}, and they must be one")
+    for key in ("estimator", "solver"):
+        if not isinstance(found[key], str):
+            raise InputError(f"{where}.{key} is {shown(found[key])}; it must be a text")
+    return Transmissibility(
+        markov=array_of(f"{where}.markov", found["markov"], (lags, len(outputs), len(inputs))),
+        inputs=inputs,
+        outputs=outputs,
+        causal_order=causal,
+        noncausal_order=noncausal,
+        input_means=array_of(f"{where}.input_means", found["input_means"], (len(inputs),)),
+        output_means=array_of(f"{where}.output_means", found["output_means"], (len(outputs),)),
+        rms_residual=array_of(f"{where}.rms_residual", found["rms_residual"], (len(outputs),)),
+        rank=whole(f"{where}.rank", found["rank"]),
+        samples=whole(f"{where}.samples", found["samples"], 0, 10**15),
+        sample_period_s=own_s,
+        estimator=found["estimator"],
+        solver=found["solver"],
+    )
+
+
+def keys(where: str, table: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
+    """Return a table that has exactly these keys, in the file's order."""
+    found = table_of(where or "it", table)
+    missing = [key for key in wanted if key not in found]
+    strange = [key for key in found if key not in wanted]
+    if missing or strange:
+        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {shown(strange[0])}"
+        raise InputError(f"{where + ': ' if where else ''}{what}; there must be {', '.join(wanted) or 'none'}")
+    return found
+
+
+def table_of(where: str, given: Any) -> dict[str, Any]:
+    """Return what should be a table."""
+    if not isinstance(given, dict):
+        raise InputError(f"{where} is {shown(given)}; it must be a table, {{...}}")
+    return given
+
+
+def names_of(where: str, given: Any) -> tuple[str, ...]:
+    """Return a list of channels, each once."""
+    if not isinstance(given, list) or not 0 < len(given) <= _MOST_NAMES:
+        raise InputError(f"{where} is {shown(given)}; it must be a list of 1 to {_MOST_NAMES} channels")
+    return names(where, [text(where, name) for name in given])
+
+
+def array_of(where: str, given: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return lists of numbers as an array of a known shape."""
+    _check_numbers(where, given, shape, shape)
+    return frozen(given)
+
+
+def _check_numbers(where: str, given: Any, left: tuple[int, ...], shape: tuple[int, ...]) -> None:
+    if not left:
+        number(where, given)
+        return
+    if not isinstance(given, list) or len(given) != left[0]:
+        held = f"a list of {len(given)}" if isinstance(given, list) else shown(given)
+        raise InputError(f"{where} holds {held} where {left[0]} numbers or lists belong; its shape must be {shape}")
+    for entry in given:
+        _check_numbers(where, entry, left[1:], shape)
