@@ -16,7 +16,7 @@ from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
 from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.bank.signatures import Signatures, signatures
 from gtmbench.detectors.files import load_monitor, save_monitor
-from gtmbench.detectors.protocol import Detector
+from gtmbench.detectors.protocol import Detector, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_banks
 from gtmbench.record import Record
@@ -116,9 +116,9 @@ def calibrate_command(
 
 def _uncalibrated(source: str) -> Detector:
     found = found_detector(source)
-    if not hasattr(found, "calibrate"):
-        raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
-    return found
+    if is_recipe(found):
+        return found
+    raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
 
 
 def _print_monitor(monitor: BankMonitor) -> None:
@@ -140,6 +140,8 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         _list_banks(as_json, quiet)
         return
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
+    if monitor is not None and not isinstance(monitor, BankMonitor):
+        raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
     found = signatures(monitor if monitor is not None else bank)
     if as_json:

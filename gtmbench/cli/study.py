@@ -27,25 +27,21 @@ _MOST_SEEDS = 10_000
 _RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
 
 
-class _Seeds(click.ParamType):
-    """A seed, or several: ``7``, ``1:20`` (both included)."""
-
-    name = "N|FIRST:LAST"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
-        first, colon, last = str(value).partition(":")
-        try:
-            seeds = range(int(first), int(last if colon else first) + 1)
-        except ValueError:
-            seeds = range(0)
-        if not seeds or not 0 <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > _MOST_SEEDS:
-            self.fail(
-                f"'{value}' is no seed; give a whole number from 0 on, or the first and the last of at most "
-                f"{_MOST_SEEDS}, such as 1:20",
-                param,
-                ctx,
-            )
-        return tuple(seeds)
+def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, ...] | None:
+    """Return a seed, or several: ``7``, ``1:20`` (both included)."""
+    if value is None:
+        return None
+    first, colon, last = value.partition(":")
+    try:
+        seeds = range(int(first), int(last if colon else first) + 1)
+    except ValueError:
+        seeds = range(0)
+    if not seeds or not 0 <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > _MOST_SEEDS:
+        raise click.BadParameter(
+            f"'{value}' is no seed; give a whole number from 0 on, or the first and the last of at most {_MOST_SEEDS}, "
+            "such as 1:20"
+        )
+    return tuple(seeds)
 
 
 @click.command("run")
@@ -61,7 +57,11 @@ class _Seeds(click.ParamType):
 )
 @import_option
 @click.option(
-    "--seed", "seeds", type=_Seeds(), help="Instead of the scenarios' own. Of several (1:20), each has a folder."
+    "--seed",
+    "seeds",
+    metavar="N|FIRST:LAST",
+    callback=_seeds,
+    help="Instead of the scenarios' own. Of several (1:20, both included), each has a folder.",
 )
 @click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")

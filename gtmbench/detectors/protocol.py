@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -140,6 +140,16 @@ class Detector(Protocol):
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = _NONE) -> Monitor:
         """Return the monitor whose `figures` these are, bit for bit; every key checked, for they come from a file."""
+
+
+def is_recipe(given: Detector | Monitor) -> TypeGuard[Detector]:
+    """Whether something is yet to calibrate."""
+    return hasattr(given, "calibrate")
+
+
+def is_ready(given: Detector | Monitor) -> TypeGuard[Monitor]:
+    """Whether something watches as it is."""
+    return not hasattr(given, "calibrate")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gtmbench.bench.flight import fly
 from gtmbench.channels import COMMANDS, SENSORS
-from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
@@ -52,7 +52,7 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for source in detectors or (OWN,):
-        made = own_detector if source == OWN else as_detector(source)
+        made: Any = own_detector if isinstance(source, str) and source == OWN else as_detector(source)
         name = OWN if made is own_detector else made.name
         twins = [other for other in found if other == name or other.startswith(f"{name} (")]
         found[f"{name} ({len(twins) + 1})" if twins else name] = made
@@ -84,17 +84,17 @@ class Calibrator:
                     f"'{name}' needs {', '.join(missing)}, which no flight has; there are "
                     f"{', '.join((*SENSORS, *COMMANDS))}"
                 )
-        ready = {name: watcher for name, watcher in named.items() if not hasattr(watcher, "calibrate")}
+        ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
         for name, monitor in ready.items():
             _check_noise(name, monitor, setup)
-        rest = {name: watcher for name, watcher in named.items() if name not in ready}
+        rest = {name: watcher for name, watcher in named.items() if is_recipe(watcher)}
         return cls(detectors=rest, ready=ready, order=tuple(named))
 
     @property
     def commands(self) -> bool:
         """Whether a detector needs surface commands."""
-        every = [*self.detectors.values(), *self.ready.values()]
-        return any(channel in COMMANDS for watcher in every for channel in watcher.channels)
+        watchers: list[Detector | Monitor] = [*self.detectors.values(), *self.ready.values()]
+        return any(channel in COMMANDS for watcher in watchers for channel in watcher.channels)
 
     @property
     def steps(self) -> int:

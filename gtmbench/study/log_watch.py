@@ -11,7 +11,7 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank.detector import BankDetector, calibrate
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, silent
+from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -112,9 +112,10 @@ def watch_log(
     """
     found = as_detector(detector)
     if isinstance(found, FunctionDetector):
-        found = found.calibrate()
-    if not hasattr(found, "calibrate"):
+        return _by_monitor(path, found.calibrate(), healthy, mapping, rate_hz, progress)
+    if is_ready(found):
         return _by_monitor(path, found, healthy, mapping, rate_hz, progress)
+    assert is_recipe(found)
     rate = _rate(found, false_alarms_per_hour)
     log = _opened(path, found, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s

@@ -10,7 +10,7 @@ from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import inject
 from gtmbench.checks import number, shown
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.kept import kept
@@ -121,14 +121,13 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
 def _monitor(detector: Any) -> Monitor:
     """Return what was given as a monitor, calibrated once a session where it wasn't."""
     found = as_detector(detector)
-    if not hasattr(found, "calibrate"):
+    if is_ready(found):
         return found
     for before, monitor in _calibrated:
         if before is detector or (isinstance(detector, str | Path) and before == detector):
             return monitor
-    if isinstance(found, FunctionDetector):
-        return found.calibrate()
-    monitor = found.calibrate(list(calibration_records()))
+    assert is_recipe(found)
+    monitor = found.calibrate([] if isinstance(found, FunctionDetector) else list(calibration_records()))
     _calibrated.append((detector, monitor))
     return monitor
 
