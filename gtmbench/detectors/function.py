@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import shown
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.detectors.stream import BufferedStream
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
 from gtmbench.record import Record, is_record
@@ -86,6 +87,10 @@ class FunctionMonitor:
     sample_period_s: float | None = None
     look_ahead_s: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def stream(self) -> BufferedStream:
+        """Return a stream that asks the function about a rolling buffer of `memory_s`."""
+        return BufferedStream(self)
 
     def figures(self) -> dict[str, Any]:
         """Return nothing: a function has no figures."""

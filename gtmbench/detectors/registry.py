@@ -50,7 +50,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     found = _python(str(source)) if _is_python(source) else for_data_file(source)
     if calibrated is None:
         return found
-    if isinstance(found, Monitor):
+    if not hasattr(found, "calibrate"):
         raise InputError(f"{source} is a monitor, calibrated already; leave --calibrated {calibrated} out")
     return load_monitor(calibrated, detector=found)
 

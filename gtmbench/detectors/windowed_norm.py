@@ -18,6 +18,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.alarms import threshold
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
+from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record, Span, is_record
 
@@ -171,6 +172,10 @@ class NormMonitor:
         lags = self.operator.causal_order + self.operator.noncausal_order
         return round((lags + self.window + 2) * self.sample_period_s, 9)
 
+    def stream(self) -> NormAlarmStream:
+        """Return a fresh stream: residual, E(k) and alarms sample by sample, in bounded memory."""
+        return NormAlarmStream(self)
+
     def figures(self) -> dict[str, Any]:
         """Return operator, window and threshold as plain JSON values."""
         return {
@@ -202,10 +207,7 @@ class NormMonitor:
             channels=self.channels,
             armed=came_down(norm.values, self.threshold),
         )
-        alarms = [
-            Alarm(number=i, time_s=float(known_s[row]), onset_s=float(known_s[row]), source=SCORE)
-            for i, row in enumerate(rising(norm.values, self.threshold).tolist())
-        ]
+        alarms = [_alarm(i, float(known_s[row])) for i, row in enumerate(rising(norm.values, self.threshold).tolist())]
         columns = dict(zip(self.operator.outputs, found.values.T, strict=True))
         return Watch(
             monitor=self,
@@ -215,6 +217,51 @@ class NormMonitor:
             residuals=MappingProxyType(columns),
             predictions=MappingProxyType({name: record[name] - values for name, values in columns.items()}),
         )
+
+
+class NormAlarmStream:
+    """A `NormMonitor` at work on samples as they come in.
+
+    Parameters
+    ----------
+    monitor : NormMonitor
+    """
+
+    def __init__(self, monitor: NormMonitor) -> None:
+        self._residual = ResidualStream(monitor.operator)
+        self._norm = NormStream(window=monitor.window)
+        self._crossings = AlarmStream(monitor.threshold)
+        self._is_armed = False
+        self._alarms: tuple[Alarm, ...] = ()
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether E(k) has been known at or below the threshold."""
+        return MappingProxyType({SCORE: self._is_armed})
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far."""
+        return self._alarms
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        """
+        crossed = self._crossings.push(self._norm.push(self._residual.push(chunk)))
+        times = np.round(crossed.time_s, 9).tolist()
+        found = tuple(_alarm(len(self._alarms) + i, time_s) for i, time_s in enumerate(times))
+        self._is_armed = not np.isnan(crossed.armed_s)
+        self._alarms += found
+        return found
+
+
+def _alarm(number: int, time_s: float) -> Alarm:
+    return Alarm(number=number, time_s=time_s, onset_s=time_s, source=SCORE)
 
 
 def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> NormMonitor:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.bank.bank import ResidualSpec
-from gtmbench.detectors.bank.doubt import regressors, slow
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
+from gtmbench.method.regression.slow import regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen
 

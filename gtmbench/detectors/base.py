@@ -1,0 +1,283 @@
+"""Bases for detectors of one's own: what may be left out of a Monitor, and a detector of two functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtmbench.checks import number
+from gtmbench.clock import FloatArray
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Progress, Score, Stream, Watch, silent
+from gtmbench.detectors.stream import BufferedStream, RollingBuffer
+from gtmbench.detectors.tables import PERIODS_S, keys, plain, table_of
+from gtmbench.errors import InputError
+from gtmbench.method.alarms import came_down, rising
+from gtmbench.method.pose import as_records
+from gtmbench.record import Record, is_record
+
+
+class BaseMonitor:
+    """What a Monitor of one's own may leave out; `name`, `channels` and `watch` it has to say itself.
+
+    Attributes
+    ----------
+    suspects, sample_period_s, look_ahead_s, memory_s, provenance
+        As `Monitor` has them: nobody, any, none, everything, nothing.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    suspects: tuple[str, ...] = ()
+    sample_period_s: float | None = None
+    look_ahead_s: float = 0.0
+    memory_s: float = math.inf
+    provenance: Mapping[str, Any] = MappingProxyType({})
+
+    def watch(self, record: Record) -> Watch:
+        """Return everything that it says of a record."""
+        raise NotImplementedError
+
+    def stream(self) -> Stream:
+        """Return a stream that watches a rolling buffer of `memory_s`."""
+        return BufferedStream(self)
+
+    def figures(self) -> dict[str, Any]:
+        """Refuse to be saved; a monitor that can be returns its figures, for its detector's `restore`."""
+        raise InputError(f"'{self.name}' gives no figures, so it can't be saved; write figures(), and restore() beside")
+
+
+class SimpleDetector:
+    """A detector of two functions: what it learns of healthy records, and the scores that it holds against 1.
+
+    A subclass says `name`, `channels`, `learn` and `scores`; the rest follows: alarms by the one arming rule, streams,
+    files. Its parameters may be fields of a frozen dataclass: they are kept with a monitor's figures.
+
+    Attributes
+    ----------
+    name : str
+    channels : tuple of str
+        It sees these, and no others.
+    look_ahead_s : float
+        How long after a sample its score is known.
+    memory_s : float
+        How far before its time, that is before a sample's plus `look_ahead_s`, a score looks back; unless it is
+        stated, a stream keeps everything.
+
+    Examples
+    --------
+    >>> class Limit(SimpleDetector):
+    ...     name, channels, memory_s = "limit", ("p",), 0.0
+    ...     def learn(self, records):
+    ...         return {"p": max(np.abs(record["p"]).max() for record in records)}
+    ...     def scores(self, record, learned):
+    ...         return {"p": np.abs(record["p"]) / learned["p"]}
+    >>> healthy = Record([1.0, -2.0, 0.5], channels=["p"], sample_period_s=0.1)
+    >>> monitor = Limit().calibrate([healthy])
+    >>> monitor.watch(Record([0.0, -2.0, 2.5], channels=["p"], sample_period_s=0.1)).alarm_s
+    0.2
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    look_ahead_s: float = 0.0
+    memory_s: float = math.inf
+
+    def learn(self, records: Sequence[Record]) -> Mapping[str, Any]:
+        """Return what healthy records teach, as numbers, texts, lists, arrays and tables of these."""
+        raise NotImplementedError
+
+    def scores(self, record: Record, learned: Mapping[str, Any]) -> Mapping[str, ArrayLike]:
+        """Return scores by name, one value a sample, NaN where there is none; an alarm where one rises above 1.
+
+        Arrays of `learned` come as lists. A value may look at samples up to `look_ahead_s` later, and no further.
+        """
+        raise NotImplementedError
+
+    def calibrate(
+        self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+    ) -> SimpleMonitor:
+        """Return a monitor of what `learn` finds; it promises no rate."""
+        if false_alarms_per_hour is not None:
+            raise InputError(
+                f"'{self.name}' can't promise {false_alarms_per_hour:g} false alarms an hour; leave the rate out"
+            )
+        healthy = [record.select(self.channels) for record in as_records(records)]
+        progress("learn", 0, 1)
+        learned = plain(dict(self.learn(healthy)))
+        return SimpleMonitor(detector=self, learned=learned, sample_period_s=healthy[0].sample_period_s)
+
+    def restore(
+        self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})
+    ) -> SimpleMonitor:
+        """Return the monitor of some figures, with the parameters that it was calibrated with."""
+        found = keys("figures", figures, ("sample_period_s", "recipe", "learned"))
+        recipe = keys("recipe", found["recipe"], tuple(self._recipe()))
+        return SimpleMonitor(
+            detector=self._with({key: _tuples(value) for key, value in recipe.items()}),
+            learned=table_of("learned", found["learned"]),
+            sample_period_s=number("sample_period_s", found["sample_period_s"], *PERIODS_S),
+            provenance=dict(provenance),
+        )
+
+    def _recipe(self) -> dict[str, Any]:
+        return {one.name: plain(getattr(self, one.name)) for one in fields(self)} if is_dataclass(self) else {}
+
+    def _with(self, recipe: Mapping[str, Any]) -> Self:
+        return replace(self, **recipe) if is_dataclass(self) else self
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimpleMonitor:
+    """A `SimpleDetector` and what it learned.
+
+    Attributes
+    ----------
+    detector : SimpleDetector
+    learned : dict
+        As plain values.
+    """
+
+    detector: SimpleDetector
+    learned: dict[str, Any] = field(repr=False)
+    sample_period_s: float
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The detector's."""
+        return self.detector.name
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The detector's."""
+        return self.detector.channels
+
+    @property
+    def suspects(self) -> tuple[str, ...]:
+        """None: it names no sensor."""
+        return ()
+
+    @property
+    def look_ahead_s(self) -> float:
+        """The detector's."""
+        return self.detector.look_ahead_s
+
+    @property
+    def memory_s(self) -> float:
+        """The detector's."""
+        return self.detector.memory_s
+
+    @property
+    def behind(self) -> int:
+        """How many samples after its own a score is known."""
+        return math.ceil(self.look_ahead_s / self.sample_period_s - 1e-6)
+
+    def watch(self, record: Record) -> Watch:
+        """Return scores and alarms: a score that rises above 1, having been known at or below it.
+
+        Raises
+        ------
+        InputError
+            Where the record lacks a channel or has another sample period.
+        """
+        is_record(record)
+        known_s = np.round(record.time_s + self.look_ahead_s, 9)
+        scores = {
+            name: Score(name=name, values=values, known_s=known_s, armed=came_down(values, 1.0))
+            for name, values in self.scores(record.select(self.channels)).items()
+        }
+        rows = sorted((row, name) for name, of in scores.items() for row in rising(of.values, 1.0).tolist())
+        alarms = [_alarm(number, float(known_s[row]), name) for number, (row, name) in enumerate(rows)]
+        return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=tuple(alarms))
+
+    def scores(self, record: Record) -> dict[str, FloatArray]:
+        """Return the scores of a record, NaN where they aren't known by its end."""
+        record.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
+        found = {}
+        for name, given in self.detector.scores(record, self.learned).items():
+            values = np.array(given, dtype=np.float64)
+            if values.shape != (len(record),):
+                raise InputError(
+                    f"'{self.name}' scored '{name}' in shape {values.shape}, and the record has {len(record)} samples; "
+                    "return one value a sample"
+                )
+            values[max(len(record) - self.behind, 0) :] = np.nan
+            values.setflags(write=False)
+            found[name] = values
+        return found
+
+    def stream(self) -> SimpleStream:
+        """Return a fresh stream."""
+        return SimpleStream(self)
+
+    def figures(self) -> dict[str, Any]:
+        """Return sample period, the recipe's parameters and what was learned."""
+        recipe = self.detector._recipe()
+        return {"sample_period_s": self.sample_period_s, "recipe": recipe, "learned": self.learned}
+
+
+class SimpleStream:
+    """A `SimpleMonitor` at work: the scores of a rolling buffer, held against 1; whether they are armed is carried on.
+
+    Parameters
+    ----------
+    monitor : SimpleMonitor
+    """
+
+    def __init__(self, monitor: SimpleMonitor) -> None:
+        self._monitor = monitor
+        self._buffer = RollingBuffer(monitor.channels, max(monitor.memory_s, monitor.look_ahead_s))
+        self._last: dict[str, FloatArray] = {}  # the last value that exists, if any
+        self._armed: dict[str, bool] = {}
+        self._alarms: tuple[Alarm, ...] = ()
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether each score has been known at or below 1."""
+        return MappingProxyType(self._armed)
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far."""
+        return self._alarms
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        """
+        clock, record = self._buffer.joined(chunk)
+        known = clock.known(len(chunk), self._monitor.behind)
+        row_0 = clock.count - len(record)  # which sample of the stream that is
+        known_s = np.round(clock.times_s(known) + self._monitor.look_ahead_s, 9)
+        rows, last, armed = [], {}, {}
+        for name, values in self._monitor.scores(record).items():
+            before = self._last.get(name, np.zeros(0))
+            seen = np.concatenate([before, values[known.start - row_0 : known.stop - row_0]])
+            rows += [(row - len(before), name) for row in rising(seen, 1.0).tolist()]
+            last[name] = seen[~np.isnan(seen)][-1:]
+            armed[name] = self._armed.get(name, False) or bool(came_down(seen, 1.0).any())
+        count = len(self._alarms)
+        found = tuple(_alarm(count + i, float(known_s[row]), name) for i, (row, name) in enumerate(sorted(rows)))
+        self._last, self._armed, self._alarms = last, armed, self._alarms + found
+        self._buffer.keep(clock, record)
+        return found
+
+
+def _alarm(number: int, time_s: float, source: str) -> Alarm:
+    return Alarm(number=number, time_s=time_s, onset_s=time_s, source=source)
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists as tuples: JSON has no other sequence, and a frozen recipe holds none but tuples."""
+    return tuple(_tuples(entry) for entry in value) if isinstance(value, list) else value
