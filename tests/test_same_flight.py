@@ -5,6 +5,7 @@ import io
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,11 +38,8 @@ def flown_elsewhere(**variables):
 
 
 def has(feature):
-    try:
-        with open("/proc/cpuinfo") as told:
-            return feature in told.read().split()
-    except OSError:
-        return False
+    told = Path("/proc/cpuinfo")
+    return told.exists() and feature in told.read_text().split()
 
 
 @pytest.fixture(scope="module")
