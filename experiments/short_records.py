@@ -33,7 +33,6 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import lagged
-from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
 from gtmbench.report.figures import panels
 from gtmbench.report.style import COLOURS
 
@@ -177,7 +176,8 @@ def monitor_of(case: Case) -> gb.Monitor:
     """Identify the bank for the false alarms an hour that `gtmbench monitor` asks for."""
     bank = gb.load_bank("C") if case.bank == "C" else gb.bank_between(case.bank.split(), ["r"])
     records = [sensed(case.aircraft, case.weather, name, 1 + i) for i, name in enumerate(case.identified)]
-    return calibrate_cautiously(records, bank, false_alarms_per_hour=0.002 if case.bank == "C" else 1.0)
+    rate = 0.002 if case.bank == "C" else 1.0
+    return gb.calibrate(records, bank=bank, false_alarms_per_hour=rate, estimator=gb.Bayesian())
 
 
 def rows_of(case: Case) -> list[Row]:
