@@ -109,15 +109,17 @@ def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
     """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
 
     Columns that say nothing are left out: the detector where there is one, the scenario where it is called like its
-    fault, isolation where no detector names a sensor.
+    fault, isolation where no detector names a sensor. Where one does, time and sizes of alarms make room for it.
     """
     rows = [_cells(trial) for trial in study.trials]
-    left_out = set()
+    left_out: set[str] = set()
     if len(study.baselines) == 1:
         left_out.add("detector")
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
         left_out.add("scenario")
-    if not any(baseline.monitor.suspects for baseline in study.baselines):
+    if any(baseline.monitor.suspects for baseline in study.baselines):
+        left_out |= {"alarm (s)", "peak ratio", "altered"}
+    else:
         left_out |= {"isolated after (s)", "kind"}
     columns = [name for name in rows[0] if name not in left_out]
     numbers = ("severity", "alarm (s)", "delay (s)", "isolated after (s)", "peak ratio", "altered")
@@ -134,7 +136,7 @@ def _cells(trial: Trial) -> dict[str, str]:
         "alarm (s)": _figure(trial.alarm_time_s),
         "delay (s)": _figure(trial.detection_delay_s),
         "isolated after (s)": _figure(trial.isolation_delay_s),
-        "peak ratio": f"{trial.peak_ratio:.2f}",
+        "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "altered": f"{100.0 * trial.altered_share:.1f} %",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
