@@ -15,6 +15,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, silent, watch
@@ -26,6 +27,7 @@ from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.decimation import decimate
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
@@ -59,7 +61,9 @@ __all__ = [
     "BankDetector",
     "BankMonitor",
     "BankMonitor",
+    "BaseMonitor",
     "Baseline",
+    "Bayesian",
     "Channel",
     "ConvergenceWarning",
     "Deadzone",
@@ -99,6 +103,7 @@ __all__ = [
     "Scenario",
     "Score",
     "Signatures",
+    "SimpleDetector",
     "Stream",
     "Study",
     "TotalLeastSquares",

@@ -159,7 +159,9 @@ def log_judged(
             scores = [watch.scores[name] for watch in watches]
             levels = [part(score.known_s, level(score), span) for score in scores]
             where = entity(f"{root}/levels", name)
-            log_lines(recording, where, *across(levels, period_s), [f"level of {name}{suffix}"], [tint], channels=[name])
+            log_lines(
+                recording, where, *across(levels, period_s), [f"level of {name}{suffix}"], [tint], channels=[name]
+            )
 
 
 def log_mark(

@@ -15,6 +15,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_r
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
@@ -182,7 +183,14 @@ def _calibrated(
 ) -> Monitor:
     """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
     if isinstance(detector, BankDetector):
-        return calibrate(records, bank=detector.bank, false_alarms_per_hour=rate, provenance=origin, progress=progress)
+        return calibrate(
+            records,
+            bank=detector.bank,
+            false_alarms_per_hour=rate,
+            estimator=Bayesian(),
+            provenance=origin,
+            progress=progress,
+        )
     return with_provenance(detector.calibrate(records, rate, progress=progress), origin)
 
 
