@@ -26,9 +26,15 @@ else:
         if "__all__" not in globals():
             api = import_module("gtmbench.api")
             globals().update({public: getattr(api, public) for public in (*api.__all__, "__all__")})
-        if name not in globals():
+        if name in globals():
+            return globals()[name]
+        from gtmbench import api, deprecation
+
+        if name not in api.DEPRECATED:
             raise AttributeError(f"module 'gtmbench' has no attribute '{name}'")
-        return globals()[name]
+        new, stands_for = api.DEPRECATED[name]
+        deprecation.warn(f"gtmbench.{name}", f"gtmbench.{new}")
+        return stands_for
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *__getattr__("__all__")})

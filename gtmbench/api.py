@@ -1,5 +1,7 @@
 """Everything public: what `import gtmbench as gb` gives. It is imported when the first of it is asked for."""
 
+from typing import Any
+
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
@@ -11,16 +13,21 @@ from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
-from gtmbench.detectors.bank.detector import BankMonitor, calibrate
-from gtmbench.detectors.files import load_monitor, save_monitor
+from gtmbench.detectors.bank.detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.bank.signatures import Signatures, signatures
-from gtmbench.detectors.protocol import Watch, watch
+from gtmbench.detectors.base import BaseMonitor, SimpleDetector
+from gtmbench.detectors.files import load_monitor, save_monitor
+from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, silent, watch
+from gtmbench.detectors.registry import find_detector
+from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.decimation import decimate
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
@@ -47,19 +54,26 @@ from gtmbench.study.watched_log import Outcome, WatchedLog
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Alarm",
     "AlarmStream",
     "Alarms",
     "Bank",
+    "BankDetector",
+    "BankMonitor",
+    "BaseMonitor",
     "Baseline",
+    "Bayesian",
     "Channel",
     "ConvergenceWarning",
     "Deadzone",
+    "Detector",
+    "DissertationOperator",
     "Drift",
     "EnvelopeError",
     "ExcitationCount",
     "Fault",
-    "Finding",
     "FlightLog",
+    "FunctionDetector",
     "GtmbenchError",
     "Imperfections",
     "InputChoice",
@@ -70,11 +84,9 @@ __all__ = [
     "LeastSquares",
     "LogColumn",
     "Mode",
-    "BankMonitor",
-    "MonitorVerdict",
-    "MonitoredStudy",
-    "MonitoredTrial",
+    "Monitor",
     "NoiseModel",
+    "NormMonitor",
     "NormStream",
     "OrderChoice",
     "Outcome",
@@ -89,7 +101,10 @@ __all__ = [
     "ResidualStream",
     "Saturation",
     "Scenario",
+    "Score",
     "Signatures",
+    "SimpleDetector",
+    "Stream",
     "Study",
     "TotalLeastSquares",
     "Transmissibility",
@@ -108,6 +123,7 @@ __all__ = [
     "derivable",
     "derive",
     "filtered_attitude",
+    "find_detector",
     "fly",
     "identify",
     "imperfect",
@@ -124,11 +140,9 @@ __all__ = [
     "read_recording",
     "residual",
     "run",
-    "run_monitored",
     "run_study",
     "save_monitor",
     "score",
-    "score_watch",
     "select_inputs",
     "select_orders",
     "signatures",
@@ -139,3 +153,17 @@ __all__ = [
     "windowed_norm",
     "write_log",
 ]
+
+
+def _run_monitored(scenarios: Any, monitor: Any, *, seed: int | None = None, progress: Any = silent) -> Study:
+    return run_study(scenarios, detectors=[monitor], seed=seed, progress=progress)
+
+
+DEPRECATED = {  # the names of before: what they are called now, and what stands for them
+    "Finding": ("Alarm", Alarm),
+    "MonitorVerdict": ("Verdict", Verdict),
+    "MonitoredStudy": ("Study", Study),
+    "MonitoredTrial": ("Trial", Trial),
+    "run_monitored": ("run_study(scenarios, detectors=[monitor])", _run_monitored),
+    "score_watch": ("score", score),
+}

@@ -1,15 +1,21 @@
 """Doubt: the variance of a model's error from the covariance of its parameters, against the same the slow way."""
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gtmbench as gb
-from gtmbench.detectors.bank.doubt import HALF, Doubt, leverage, regressors, shifts, slow, whitened
+from gtmbench.detectors.bank.doubt import Doubt, SpreadStream
+from gtmbench.detectors.bank.spread import Spread
 from gtmbench.detectors.bank.statistics import Statistic, Tolerance
+from gtmbench.method.regression.slow import HALF, held, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import Record
 
+ONE = np.ones(1)
 ORDERS = [(0, 0), (3, 0), (0, 2), (4, 3)]
 
 
@@ -43,47 +49,160 @@ def operator(theta, causal, noncausal, inputs=2, period_s=0.1):
 def test_regressors_times_parameters_are_what_the_operator_predicts(causal, noncausal):
     u, size = motion(40), 2 * (causal + noncausal + 1)
     theta = np.random.default_rng(3).standard_normal(size)
-    record = gb.Record(u, channels=["p", "q"], sample_period_s=0.1)
+    record = Record(u, channels=["p", "q"], sample_period_s=0.1)
     predicted = operator(theta, causal, noncausal).predict(record)[:, 0]
     rows = slice(causal, 40 - noncausal)
     np.testing.assert_allclose(regressors(u, causal + noncausal + 1) @ theta, predicted[rows], rtol=0, atol=1e-12)
     assert np.isnan(np.delete(predicted, np.arange(40)[rows])).all()
 
 
+def through(u, by, doubt, coefficients=ONE, test=None, chunk=None):
+    """Return the spread of all rows of a stream, pushed some rows at a time."""
+    stream = SpreadStream(by, doubt, coefficients, test or Statistic(name="energy"), by.sample_period_s)
+    chunk = chunk or max(len(u), 1)
+    return Spread.joined([*(stream.push(u[k : k + chunk]) for k in range(0, max(len(u), 1), chunk)), stream.end()])
+
+
+def leverage(motion, causal, noncausal, root):
+    """Return |F' phi(k)|^2 the slow way, 0 where phi(k) isn't complete."""
+    found = np.zeros(len(motion))
+    for k in range(causal, len(motion) - noncausal):
+        phi = np.concatenate([motion[k - i] for i in range(-noncausal, causal + 1)])
+        found[k] = phi @ root @ root.T @ phi
+    return found
+
+
+def shifts(motion, rows, before):
+    """Return the mean of the last rows less that of those before, the slow way."""
+    found = np.zeros(motion.shape)
+    for k in range(len(motion)):
+        begin = max(k + 1 - rows, 0)
+        base = motion[max(begin - before, 0) : begin]
+        found[k] = motion[begin : k + 1].mean(axis=0) - (base.mean(axis=0) if len(base) else 0.0)
+    return found
+
+
+def whitened(motion, coefficients):
+    """Return motion through a filter, the slow way: as if the first row had been before."""
+    order = len(coefficients) - 1
+    longer = np.concatenate([np.repeat(motion[:1], order, axis=0), motion])
+    return sum(a * longer[order - i : len(longer) - i] for i, a in enumerate(coefficients))
+
+
 @pytest.mark.parametrize(("causal", "noncausal"), ORDERS)
-def test_leverage_is_the_variance_of_a_prediction_with_such_parameters(causal, noncausal):
-    u, size = motion(30), 2 * (causal + noncausal + 1)
-    root = root_of(size)
-    covariance = root @ root.T
-    found = leverage(u, causal, noncausal, root)
-    for k in range(causal, 30 - noncausal):
-        phi = np.concatenate([u[k - i] for i in range(-noncausal, causal + 1)])
-        assert found[k] == pytest.approx(phi @ covariance @ phi, rel=1e-10)
-    assert (found[:causal] == found[causal]).all()
-    assert (found[30 - noncausal :] == found[29 - noncausal]).all()
+def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_of_its_means(causal, noncausal):
+    u, size = motion(200), 2 * (causal + noncausal + 1)
+    root, coefficients = root_of(size), np.array([1.0, -0.6, 0.2])
+    test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
+    found = through(
+        u, operator(np.zeros(size), causal, noncausal), Doubt(root=root, raw=2.0, white=3.0), coefficients, test
+    )
+    white = whitened(slow(u), coefficients)
+    np.testing.assert_allclose(found.raw**2 - 1.0, 2.0 * leverage(slow(u), causal, noncausal, root), rtol=1e-9)
+    np.testing.assert_allclose(found.white**2 - 1.0, 3.0 * leverage(white, causal, noncausal, root), rtol=1e-9)
+    assert list(found.means) == [4, 20]
+    for rows, variance in found.means.items():
+        expected = 3.0 * leverage(shifts(white, rows, 40), causal, noncausal, root)
+        np.testing.assert_allclose(variance, expected, rtol=1e-8, atol=1e-12)
 
 
-def test_leverage_draws_the_scatter_of_predictions():
+def test_the_spread_draws_the_scatter_of_predictions():
     """An independent oracle: operators drawn with this covariance scatter by it."""
-    u, root = motion(25), 0.3 * root_of(12)
-    record = gb.Record(u, channels=["p", "q"], sample_period_s=0.1)
+    u, root = slow(motion(60)), 0.3 * root_of(12)
     draws = np.random.default_rng(4).standard_normal((4000, 12)) @ root.T
-    scatter = np.std([operator(theta, 3, 2).predict(record)[:, 0] for theta in draws], axis=0)
-    np.testing.assert_allclose(np.sqrt(leverage(u, 3, 2, root))[3:-2], scatter[3:-2], rtol=0.08)
+    still = Record(slow(u), channels=["p", "q"], sample_period_s=0.1)
+    scatter = np.std([operator(theta, 3, 2).predict(still)[:, 0] for theta in draws], axis=0)
+    found = through(u, operator(np.zeros(12), 3, 2), Doubt(root=root, raw=1.0, white=1.0))
+    np.testing.assert_allclose(np.sqrt(found.raw**2 - 1.0)[3:-2], scatter[3:-2], rtol=0.08)
 
 
-@pytest.mark.parametrize("samples", [4096, 4097, 4100, 8192, 8197])
-def test_long_records_are_worked_through_in_chunks_without_a_seam(samples):
+@pytest.mark.parametrize("samples", [1, 5, 6, 11, 40, 4096, 4097, 4100, 8192, 8197])
+@pytest.mark.parametrize("gaps", [False, True])
+def test_however_the_rows_come_the_spread_is_the_same(samples, gaps):
     u, root = motion(samples), root_of(12)
-    found = leverage(u, 3, 2, root)
-    expected = np.square(regressors(u, 6) @ root).sum(axis=1)
-    np.testing.assert_allclose(found[3:-2], expected, rtol=1e-12)
-    assert (found > 0).all()
+    if gaps:
+        u[np.random.default_rng(3).random(u.shape) < 0.02] = np.nan
+        u[: samples // 3, 0] = np.nan
+    test = Statistic(windows_s=(0.4, 30.0), baseline_s=100.0)
+    given = operator(np.zeros(12), 3, 2), Doubt(root=root, raw=2.0, white=3.0), np.array([1.0, -0.6]), test
+    whole = through(u, *given)
+    for chunk in (7, 50) if samples > 100 else (1, 2, 3):
+        parts = through(u, *given, chunk=chunk)
+        for one, other in zip(arrays(parts), arrays(whole), strict=True):
+            assert len(one) == len(other) == samples
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
-def test_a_record_shorter_than_a_window_has_no_leverage():
-    assert leverage(motion(5), 3, 2, root_of(12)).tolist() == [0.0] * 5
-    assert (leverage(motion(6), 3, 2, root_of(12)) > 0.0).all()  # one window, which stands for all rows
+def arrays(spread):
+    return [spread.raw, spread.white, *spread.means.values()]
+
+
+@pytest.mark.parametrize("missing", ["nothing", "the first row", "a late start", "a gap", "gaps"])
+@pytest.mark.parametrize(("causal", "noncausal"), ORDERS)
+def test_the_spread_stands_on_nothing_beyond_its_look_ahead(causal, noncausal, missing):
+    u, size = motion(120), 2 * (causal + noncausal + 1)
+    if missing == "the first row":
+        u[0, 0] = np.nan
+    if missing == "a late start":
+        u[:30, 0] = np.nan
+    if missing == "a gap":
+        u[50:70, 1] = np.nan
+    if missing == "gaps":
+        u[np.random.default_rng(3).random(u.shape) < 0.03] = np.nan
+    test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
+    doubt = Doubt(root=root_of(size), raw=2.0, white=3.0)
+    given = operator(np.zeros(size), causal, noncausal), doubt, np.array([1.0, -0.6]), test
+    whole = arrays(through(u, *given))
+    for cut in (*range(1, 40), *range(41, 120, 7)):
+        known = max(cut - HALF - noncausal, 0)
+        for one, other in zip(arrays(through(u[:cut], *given)), whole, strict=True):
+            assert len(one) == cut
+            np.testing.assert_allclose(one[:known], other[:known], rtol=1e-9, atol=1e-12)
+
+
+def test_a_derivative_takes_one_sample_more():
+    angles = np.cumsum(np.random.default_rng(8).standard_normal((200, 3)), axis=0)
+    angles[80:90, 1] = np.nan
+    by = replace(operator(np.zeros(5), 2, 2, inputs=1), inputs=("p_att",))
+    doubt = Doubt(root=root_of(5), raw=2.0, white=3.0)
+
+    def spread(rows):
+        record = Record(angles[:rows], channels=["phi", "theta", "psi"], sample_period_s=0.1)
+        return arrays(doubt.spread(by, record, np.array([1.0, -0.6]), Statistic(windows_s=(0.4,), baseline_s=4.0)))
+
+    whole = spread(200)
+    assert whole[0].max() > 1.5
+    for cut in range(20, 200, 5):
+        known = cut - HALF - 2 - 1
+        for one, other in zip(spread(cut), whole, strict=True):
+            np.testing.assert_allclose(one[:known], other[:known], rtol=1e-9, atol=1e-12)
+
+
+def test_a_stream_remembers_no_more_after_much_than_after_little():
+    doubt, sizes = Doubt(root=root_of(12), raw=2.0, white=3.0), []
+    test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
+    stream = SpreadStream(operator(np.zeros(12), 3, 2), doubt, np.array([1.0, -0.6]), test, 0.1)
+    for k in range(300):
+        stream.push(motion(100, seed=k))
+        if k in (150, 299):
+            sizes.append(len(pickle.dumps(stream)))
+    assert sizes[1] < sizes[0] + 1000
+
+
+@pytest.mark.parametrize("gap", [slice(0, 9), slice(40, 41), slice(55, 60)])
+def test_rows_that_no_complete_window_tells_of_have_a_spread_of_one(gap):
+    u = motion(60)
+    u[gap, 1] = np.nan
+    found = through(u, operator(np.zeros(12), 3, 2), Doubt(root=root_of(12), raw=2.0, white=3.0))
+    there = np.isfinite(operator(np.zeros(12), 3, 2).predict(Record(u, channels=["p", "q"], sample_period_s=0.1))[:, 0])
+    assert (found.raw[~there] == 1.0).all()
+    assert (found.raw[there] > 1.0).all()
+
+
+@pytest.mark.parametrize("samples", [0, 1, 5])
+def test_a_record_shorter_than_a_window_has_a_spread_of_one(samples):
+    found = through(motion(samples), operator(np.zeros(12), 3, 2), Doubt(root=root_of(12), raw=2.0, white=3.0))
+    assert found.raw.tolist() == found.white.tolist() == [1.0] * samples
 
 
 def frequency_response(frequency):
@@ -127,25 +246,22 @@ def test_slow_looks_no_further_than_it_says():
     assert (slow(a)[40 - HALF] != slow(b)[40 - HALF]).all()
 
 
-def test_missing_samples_are_bridged():
+def test_missing_samples_are_held_so_that_nothing_after_them_is_looked_at():
     line = np.column_stack([2.0 + 0.1 * np.arange(50.0), 3.0 - 0.2 * np.arange(50.0)])
     holes = line.copy()
     holes[20:31, 0] = np.nan
-    np.testing.assert_allclose(slow(holes), line, atol=1e-9)
+    holes[:4, 1] = np.nan
+    np.testing.assert_allclose(held(holes)[20:31, 0], line[19, 0])
+    np.testing.assert_allclose(held(holes)[:4, 1], line[4, 1])
+    np.testing.assert_allclose(slow(holes)[22:28, 0], slow(held(line[:20]))[-1, 0], atol=0.2)
+    other = holes.copy()
+    other[31:] += 100.0
+    np.testing.assert_array_equal(slow(other)[: 31 - HALF], slow(holes)[: 31 - HALF])
     holes[:, 1] = np.nan
     assert (slow(holes)[:, 1] == 0.0).all()
     holes[:, 0] = np.nan
     holes[7, 0] = 4.0
     np.testing.assert_allclose(slow(holes)[:, 0], 4.0)
-
-
-def test_whitened_motion_is_what_the_whitening_filter_makes_of_it_but_for_its_start():
-    u, coefficients = motion(30), np.array([1.0, -0.6, 0.2])
-    found = whitened(u, coefficients)
-    for k in range(2, 30):
-        np.testing.assert_allclose(found[k], u[k] - 0.6 * u[k - 1] + 0.2 * u[k - 2], atol=1e-12)
-    np.testing.assert_allclose(found[0], 0.6 * u[0], atol=1e-12)  # as if u[0] had been before
-    np.testing.assert_array_equal(whitened(u, np.ones(1)), u)
 
 
 def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
@@ -156,7 +272,7 @@ def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
     push = np.exp(-(((time - 200.0) / 20.0) ** 2))
 
     def spread(size):
-        record = gb.Record(np.outer(size * push, [1.0, 2.0]), channels=["p", "q"], sample_period_s=0.1)
+        record = Record(np.outer(size * push, [1.0, 2.0]), channels=["p", "q"], sample_period_s=0.1)
         return doubt.spread(by, record, coefficients, Statistic())
 
     rest, once, twice, other = (spread(size) for size in (0.0, 1.0, 2.0, -1.0))
@@ -171,21 +287,12 @@ def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
     assert once.between(slice(150, 160)).white.tolist() == once.white[150:160].tolist()
 
 
-@pytest.mark.parametrize(("rows", "before"), [(4, 10), (1, 3), (20, 60)])
-def test_shifts_are_means_less_the_means_before(rows, before):
-    u = motion(50)
-    found = shifts(u, rows, before)
-    for k in range(rows, 50):
-        base = u[max(k + 1 - rows - before, 0) : k + 1 - rows]
-        np.testing.assert_allclose(found[k], u[k + 1 - rows : k + 1].mean(axis=0) - base.mean(axis=0), atol=1e-12)
-
-
 def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
     """Operators drawn from the doubt: they shift means by what is said, and seldom alarm."""
     random = np.random.default_rng(5)
     by, test = operator(np.zeros(2), 0, 0, period_s=0.01), Statistic(windows_s=(0.64,), baseline_s=2.0, two_sided=False)
     push = np.where((np.arange(1500) // 150) % 2, 3.0, -3.0)  # half turns of 1.5 s
-    record = gb.Record(np.column_stack([push, push**2 / 3.0]), channels=["p", "q"], sample_period_s=0.01)
+    record = Record(np.column_stack([push, push**2 / 3.0]), channels=["p", "q"], sample_period_s=0.01)
     spread = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0).spread(by, record, np.ones(1), test)
     tolerance, drawn, greatest, judged = Tolerance(high=2.0), [], [], []
     for _ in range(60):
@@ -205,7 +312,7 @@ def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
 def test_a_shift_in_known_motion_alarms_as_without_doubt():
     test, noise = Statistic(windows_s=(0.64,), baseline_s=2.0), np.random.default_rng(6).standard_normal(1500)
     shifted = noise + np.where(np.arange(1500) > 1000, 1.5, 0.0)
-    still = gb.Record(np.zeros((1500, 2)), channels=["p", "q"], sample_period_s=0.01)
+    still = Record(np.zeros((1500, 2)), channels=["p", "q"], sample_period_s=0.01)
     doubt = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0)
     spread = doubt.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
     for one, other in zip(

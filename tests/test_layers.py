@@ -27,4 +27,4 @@ def test_no_file_names_a_registry_or_a_path_of_a_machine():
 
 def test_files_stay_small():
     for path in (ROOT / "gtmbench").rglob("*.py"):
-        assert len(path.read_text().splitlines()) <= 300, path
+        assert len(path.read_text().splitlines()) <= 400, path

@@ -10,15 +10,18 @@ import click
 
 from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
+from gtmbench.cli.detectors import detector_option, found_detector
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
-from gtmbench.detectors.bank.detector import BankMonitor, calibrate
-from gtmbench.detectors.bank.files import load_monitor, save_monitor
+from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.files import load_monitor, save_monitor
+from gtmbench.detectors.protocol import Detector, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_banks
 from gtmbench.record import Record
 from gtmbench.report.monitor import facts, facts_text, residual_rows
+from gtmbench.study.calibrated import with_provenance
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
 
 _DEFAULT = CalibrationFlights()
@@ -33,12 +36,16 @@ _DEFAULT = CalibrationFlights()
     metavar="CHANNEL=COLUMN:UNIT",
     help="What a log's column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
 )
-@click.option("--bank", "source", default="C", show_default=True, help="A name of `gtmbench bank`, or a TOML file.")
+@detector_option("Bank C unless told.", alias="--bank", calibrated=False)
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
 )
 @click.option(
-    "--false-alarms-per-hour", "rate", default=0.002, show_default=True, help="Wanted of the whole monitor in flight."
+    "--false-alarms-per-hour",
+    "rate",
+    type=float,
+    help="Wanted of the whole monitor in flight; refused by a detector that can't promise one.  "
+    "[default: 0.002 of a bank]",
 )
 @click.option("--flights", type=int, help=f"How many are flown, without logs.  [default: {_DEFAULT.flights}]")
 @click.option("--duration", type=float, help=f"Seconds each.  [default: {_DEFAULT.duration_s:g}]")
@@ -54,9 +61,9 @@ _DEFAULT = CalibrationFlights()
 def calibrate_command(
     logs: tuple[Path, ...],
     mapping: tuple[str, ...],
-    source: str,
+    detector: str | None,
     out: Path,
-    rate: float,
+    rate: float | None,
     flights: int | None,
     duration: float | None,
     excitation: str | None,
@@ -66,7 +73,7 @@ def calibrate_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Identify a bank on healthy records, set its thresholds on others, and write a monitor.
+    """Calibrate a detector on healthy records (a bank: identify, and set thresholds), and write a monitor.
 
     Logs as `gtmbench monitor` reads them; without any: GTM flights with the T2's sensor noise. The file holds numbers
     and names only, and another process or machine that loads it judges bit for bit alike.
@@ -74,32 +81,44 @@ def calibrate_command(
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
     check_file(out, force=force)
-    rate = number("--false-alarms-per-hour", rate, 1e-9, 1e3)
-    bank = load_bank(source)
+    rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
+    found = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else _DEFAULT.imperfections
     of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation}
     given = {key: value for key, value in of_flights.items() if value is not None}
+    usual = {"flights": 2, "excitation": "dissertation"} if getattr(found, "tied_to_excitation", False) else {}
     if logs and given:
         option = next(iter(given)).removesuffix("_s")
         raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
     if mapping and not logs:
         raise InputError("--map is about logs, and none is given; name the logs, or leave it out")
-    wanted = CalibrationFlights(**given, seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
+    wanted = CalibrationFlights(**(usual | given), seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
             records, origin = logged_records(
-                logs, bank, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
+                logs, found, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )
         else:
-            records, origin = wanted.records(bank, processes=os.cpu_count() or 1, progress=tell), wanted.provenance()
-        monitor = calibrate(records, bank=bank, false_alarms_per_hour=rate, provenance=origin, progress=tell)
+            records = wanted.records(found, processes=os.cpu_count() or 1, progress=tell)
+            origin = wanted.provenance()
+        monitor = with_provenance(found.calibrate(records, rate, progress=tell), origin)
         save_monitor(monitor, out)
     if as_json:
         print_json(facts(monitor) | {"out": str(out)})
     elif not quiet:
-        _print_monitor(monitor)
+        if isinstance(monitor, BankMonitor):
+            _print_monitor(monitor)
+        else:
+            echo(f"{monitor.name}: calibrated on {len(records)} records of {', '.join(records[0].channels)}")
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
+
+
+def _uncalibrated(source: str) -> Detector:
+    found = found_detector(source)
+    if is_recipe(found):
+        return found
+    raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
 
 
 def _print_monitor(monitor: BankMonitor) -> None:
@@ -121,6 +140,8 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         _list_banks(as_json, quiet)
         return
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
+    if monitor is not None and not isinstance(monitor, BankMonitor):
+        raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
     found = signatures(monitor if monitor is not None else bank)
     if as_json:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtmbench.cli.detectors import detector_option, found_detector, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file, is_installed, shipped_baselines, shipped_scenarios
 
 if TYPE_CHECKING:
+    from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.study.baseline_file import Reference
     from gtmbench.study.check_compare import Pair
     from gtmbench.study.check_figures import Group
@@ -31,14 +33,19 @@ if TYPE_CHECKING:
     help="With --update, of a baseline that doesn't exist yet: what it runs. Repeat it for several; they share a "
     "flight.  [default: the dissertation's five]",
 )
-@click.option("--monitor", metavar="FILE|BANK", help="Likewise: what watches, as in `gtmbench run --monitor`.")
+@detector_option(
+    "With --update, of a baseline that doesn't exist yet; or what goes by the name that the baseline states, where "
+    "that is a detector of your own."
+)
+@import_option
 @click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file, for a CI to show.")
 @common_options
 def check_command(
     baseline: str,
     update: bool,
     scenarios: tuple[str, ...],
-    monitor: str | None,
+    detector: str | None,
+    calibrated: Path | None,
     junit: Path | None,
     as_json: bool,
     quiet: bool,
@@ -47,7 +54,7 @@ def check_command(
 
     Without BASELINE.toml: the one that ships for the dissertation's study (there is also bank-C). Held are the healthy
     residual's peak, RMS and the greatest value of every 10 s, threshold and margin, false alarms; of every trial
-    whether it's detected, how soon, how clearly, and with a monitor whether the right sensor and kind are named.
+    whether it's detected, how soon, how clearly, and with a bank whether the right sensor and kind are named.
 
     A baseline is a small TOML to commit. Make one by `gtmbench check mine.toml --update`, edit its scenarios and
     tolerances, and renew it by the same command: comments and tolerances stay.
@@ -61,14 +68,16 @@ def check_command(
     if update:
         if junit is not None:
             raise InputError("--junit tells of a comparison, and --update makes none; leave out one of them")
-        _update(path, scenarios, monitor, as_json=as_json, quiet=quiet)
+        _update(path, scenarios, detector, calibrated, as_json=as_json, quiet=quiet)
         return 0
-    if scenarios or monitor is not None:
-        raise InputError("--scenario and --monitor are for a new baseline, with --update; others name their own")
-    return _check(path, junit, as_json=as_json, quiet=quiet)
+    if scenarios:
+        raise InputError("--scenario is for a new baseline, with --update; others name their own")
+    return _check(path, detector, calibrated, junit, as_json=as_json, quiet=quiet)
 
 
-def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int:
+def _check(
+    path: Path, detector: str | None, calibrated: Path | None, junit: Path | None, *, as_json: bool, quiet: bool
+) -> int:
     from gtmbench.report.check_text import check_lines, regression_line
     from gtmbench.study.baseline_file import read_reference
     from gtmbench.study.check import check
@@ -79,8 +88,9 @@ def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int
         check_file(junit, force=True, option="--junit")
     reference = read_reference(path)
     reference.check_recorded()
+    watcher = _watcher(reference, detector, calibrated)
     began = time.monotonic()
-    found = check(reference, _run(reference, silent=as_json or quiet))
+    found = check(reference, _run(reference, watcher, silent=as_json or quiet))
     if junit is not None:
         from gtmbench.report.check_junit import write_junit
 
@@ -95,20 +105,45 @@ def _check(path: Path, junit: Path | None, *, as_json: bool, quiet: bool) -> int
     return 1 if found.regressions else 0
 
 
-def _update(path: Path, scenarios: tuple[str, ...], monitor: str | None, *, as_json: bool, quiet: bool) -> None:
+def _watcher(reference: Reference, detector: str | None, calibrated: Path | None) -> Detector | Monitor | None:
+    """Return what goes by the name that a baseline states, where the command line brings it."""
+    if detector is None:
+        return None
+    found = found_detector(detector, calibrated)
+    if reference.detector != found.name:
+        raise InputError(
+            f"{reference.path} names {reference.detector or 'no detector'}, and --detector {detector} is "
+            f"'{found.name}'; leave --detector out, or state detector = \"{found.name}\" there"
+        )
+    return found
+
+
+def _update(
+    path: Path,
+    scenarios: tuple[str, ...],
+    detector: str | None,
+    calibrated: Path | None,
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     from gtmbench.study.baseline_file import read_reference, reference_of
     from gtmbench.study.baseline_write import new_baseline, write_figures
     from gtmbench.study.check_compare import pairs
 
     _check_target(path)
     if not path.exists():
-        text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), monitor=monitor)
+        python = detector is not None and ":" in detector
+        named = found_detector(str(detector), calibrated).name if python else detector
+        text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), detector=named)
         reference = reference_of(path, tomllib.loads(text))
-    elif scenarios or monitor is not None:
-        raise InputError(f"{path} exists and names its own scenarios and monitor; edit them there")
+    elif scenarios:
+        raise InputError(f"{path} exists and names its own scenarios; edit them there")
     else:
         reference, text = read_reference(path), path.read_text(encoding="utf-8")
-    groups = _run(reference, silent=as_json or quiet)
+        python = True
+    watcher = _watcher(reference, detector, calibrated) if python else None
+    groups = _run(reference, watcher, silent=as_json or quiet)
     write_figures(path, text, seed=reference.seed, groups=groups)
     changes = list(pairs(reference.recorded, groups))
     if as_json:
@@ -131,13 +166,13 @@ def _check_target(path: Path) -> None:
     check_file(path, force=True)
 
 
-def _run(reference: Reference, *, silent: bool) -> tuple[Group, ...]:
+def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
     from gtmbench.study.check import run_reference
 
     try:
         with progress_bar(silent=silent) as tell:
-            return run_reference(reference, progress=tell)
+            return run_reference(reference, detector=watcher, progress=tell)
     except (GtmbenchError, OSError, MemoryError):
         raise
     except Exception as error:

@@ -17,6 +17,7 @@ from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.logs import check_log_path, write_log
@@ -122,13 +123,14 @@ def _ratio(text: str) -> float:
 @click.command("list")
 @common_options
 def list_command(as_json: bool, quiet: bool) -> None:
-    """List aircraft, channels, excitations, faults, scenarios, banks and pseudo inputs."""
+    """List aircraft, channels, excitations, faults, scenarios, detectors, banks and pseudo inputs."""
     sections = {
         "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()},
         "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
         "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
         "faults": {name: _first_line(of) for name, of in FAULTS.items()},
         "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
+        "detectors": detector_names(),
         "banks": {name: load_bank(name).title for name in shipped_banks()},
         "pseudo inputs": {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()},
     }

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import number
+from gtmbench.cli.detectors import detector_option, found_detector
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.errors import InputError
@@ -18,8 +19,6 @@ from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.record import Span
 
 if TYPE_CHECKING:
-    from gtmbench.detectors.bank.bank import Bank
-    from gtmbench.detectors.bank.detector import BankMonitor
     from gtmbench.intake.open import LogColumn
     from gtmbench.study.watched_log import WatchedLog
 
@@ -33,22 +32,17 @@ if TYPE_CHECKING:
     metavar="CHANNEL=COLUMN:UNIT",
     help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), time=stamp:us.",
 )
-@click.option(
-    "--monitor",
-    "source",
-    metavar="FILE|BANK",
-    help="A monitor of `gtmbench calibrate` (.json), or a bank (C, B, a .toml), which is identified first.",
-)
+@detector_option("A bank or a detector is calibrated on what is healthy first.")
 @click.option(
     "--identify",
     "healthy",
     multiple=True,
     metavar="T0:T1|LOG",
-    help="What is healthy, to identify on: a span of this log in seconds, or another log. Without it a bank takes this "
-    "log's first 40 %, 300 s at most.",
+    help="What is healthy, to calibrate on: a span of this log in seconds, or another log. Without it a detector takes "
+    "this log's first 40 %, 300 s at most.",
 )
 @click.option(
-    "--inputs", metavar="p,q,beta", help="Instead of a bank: predict from these channels or pseudo inputs ..."
+    "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
 )
 @click.option("--outputs", metavar="r", help="... predict these sensors.")
 @click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
@@ -67,7 +61,8 @@ if TYPE_CHECKING:
 def monitor_command(
     log: Path,
     mapping: tuple[str, ...],
-    source: str | None,
+    detector: str | None,
+    calibrated: Path | None,
     healthy: tuple[str, ...],
     inputs: str | None,
     outputs: str | None,
@@ -83,13 +78,13 @@ def monitor_command(
 ) -> int:
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
-    With a monitor that is ready, or identified on a healthy part; the rest is watched. Without either, it lists what
-    the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. Without either, it
+    lists what the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
     """
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:
             _check_output(path, ending, log, force=force)
-    monitor = _monitor(source, inputs, outputs, look)
+    monitor = _watcher(detector, calibrated, inputs, outputs, look)
     if monitor is None:
         raise _nothing_to_watch_with(log, mapping, shown=not (as_json or quiet))
     from gtmbench.study.log_watch import watch_log
@@ -124,14 +119,16 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
     check_file(path, force=force, option=option)
 
 
-def _monitor(source: str | None, inputs: str | None, outputs: str | None, look: float) -> BankMonitor | Bank | None:
-    """Return what watches: a monitor, a bank, or None where nothing was said."""
-    if source is not None and (inputs or outputs):
-        raise InputError("both --monitor and --inputs/--outputs are given; a bank has its own, so leave one out")
-    if source is not None:
-        from gtmbench.study.monitored import find_monitor
-
-        return find_monitor(source)
+def _watcher(
+    detector: str | None, calibrated: Path | None, inputs: str | None, outputs: str | None, look: float
+) -> Any | None:
+    """Return what watches: a detector, a monitor, a bank, or None where nothing was said."""
+    if detector is not None and (inputs or outputs):
+        raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
+    if detector is not None:
+        return found_detector(detector, calibrated)
+    if calibrated is not None:
+        raise InputError(f"--calibrated {calibrated} holds the figures of a --detector of your own; name that, too")
     if not inputs and not outputs:
         return None
     if not inputs or not outputs:
@@ -177,7 +174,7 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     if no_use:
         return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")
     allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
-    banks = f"give --monitor {' or '.join(allowed)}, or" if allowed else "no bank's channels are there; give"
+    banks = f"give --detector {' or '.join(allowed)}, or" if allowed else "no bank's channels are there; give"
     return InputError(
         f"nothing was said about how to watch {log.name}: {banks} --inputs ... --outputs ... of "
         f"{', '.join(channels[:30])}"
@@ -223,7 +220,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         with written_aside(record) as aside:
             write_log_recording(watched, aside)
     if save is not None:
-        from gtmbench.detectors.bank.files import save_monitor
+        from gtmbench.detectors.files import save_monitor
 
         save_monitor(watched.monitor, save)
 

@@ -6,13 +6,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import click
 
-from gtmbench.channels import unit_of
-from gtmbench.cli.monitored import run_with_monitor
+from gtmbench.cli.detectors import detector_option, found_detectors, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, check_folder, folder_aside, shipped_scenarios, written_aside
@@ -21,8 +22,26 @@ from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study
 
+_MOST_SEEDS = 10_000
 # `python -m rerun_cli` ends with code 0 whatever happened
 _RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
+
+
+def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, ...] | None:
+    """Return a seed, or several: ``7``, ``1:20`` (both included)."""
+    if value is None:
+        return None
+    first, colon, last = value.partition(":")
+    try:
+        seeds = range(int(first), int(last if colon else first) + 1)
+    except ValueError:
+        seeds = range(0)
+    if not seeds or not 0 <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > _MOST_SEEDS:
+        raise click.BadParameter(
+            f"'{value}' is no seed; give a whole number from 0 on, or the first and the last of at most {_MOST_SEEDS}, "
+            "such as 1:20"
+        )
+    return tuple(seeds)
 
 
 @click.command("run")
@@ -30,21 +49,32 @@ _RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main
 @click.option(
     "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
 )
-@click.option(
-    "--monitor",
-    metavar="FILE|BANK",
-    help="Watch with this instead: a monitor of `gtmbench calibrate` (.json), or a bank (a name such as C, or a "
-    ".toml), calibrated first on flights of its own. Of the scenarios' [operator] and [alarm], only watch_from_s and "
-    "healthy_records are used then.",
+@detector_option(
+    "Without it the scenarios' own [operator] and [alarm] watch, which go by the name dissertation. A bank, and any "
+    "other detector, is calibrated first on flights of its own; then of [operator] and [alarm] only watch_from_s and "
+    "healthy_records are used.",
+    multiple=True,
 )
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Instead of the scenarios' own.")
+@import_option
+@click.option(
+    "--seed",
+    "seeds",
+    metavar="N|FIRST:LAST",
+    callback=_seeds,
+    help="Instead of the scenarios' own. Of several (1:20, both included), each has a folder.",
+)
+@click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
+@click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
 @common_options
 def run_command(
     scenarios: tuple[str, ...],
     out: Path,
-    monitor: str | None,
-    seed: int | None,
+    detectors: tuple[str, ...],
+    calibrated: Path | None,
+    seeds: tuple[int, ...] | None,
+    figures: bool,
+    recording: bool,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -52,63 +82,107 @@ def run_command(
     """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
 
     Without a scenario: the dissertation's study, every gyro broken in five ways. Into the folder go results.json,
-    trials.csv, figures and study.rrd, a recording for `gtmbench view`.
+    trials.csv, figures and study.rrd, a recording for `gtmbench view`. With several detectors all watch the same
+    flight, and there is one row a detector and trial.
     """
     check_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or shipped_scenarios()]
-    if monitor is not None:
-        run_with_monitor(loaded, monitor, out, seed=seed, as_json=as_json, quiet=quiet)
+    watching = found_detectors(detectors, calibrated)
+    parts = _Parts(figures=figures, recording=recording)
+    if seeds is not None and len(seeds) > 1:
+        _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)
         return
-    study = _run(loaded, seed, out, silent=as_json or quiet)
+    with progress_bar(silent=as_json or quiet) as tell:
+        study = run_study(
+            loaded,
+            detectors=watching,
+            seed=None if seeds is None else seeds[0],
+            progress=lambda step, done, total: tell(step, done, total + parts.count),
+        )
+        with folder_aside(out) as folder:
+            _write(study, folder, parts, lambda step: tell(step, None, None))
     if as_json:
         from gtmbench.report.results import results
 
         print_json(results(study) | {"out": str(out)})
     elif not quiet:
-        _print_study(study, out)
+        _print_study(study, out, parts)
 
 
-def _run(loaded: list[Scenario], seed: int | None, out: Path, *, silent: bool) -> Study:
-    with progress_bar(silent=silent) as tell:
-        # three more are written below
-        study = run_study(loaded, seed=seed, progress=lambda step, done, total: tell(step, done, total + 3))
-        with folder_aside(out) as folder:
-            _write(study, folder, lambda step: tell(step, None, None))
-    return study
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """What is written beside results.json and trials.csv."""
+
+    figures: bool
+    recording: bool
+
+    @property
+    def count(self) -> int:
+        """How many steps writing has."""
+        return 1 + self.figures + self.recording
 
 
-def _write(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    from gtmbench.report.figures import write_figures
-    from gtmbench.report.recording import write_recording
+def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None]) -> None:
     from gtmbench.report.results import write_results
 
-    tell("figures")
-    write_figures(study, folder)
-    tell("recording")
-    write_recording(study, folder / "study.rrd")
+    if parts.figures:
+        from gtmbench.report.figures import write_figures
+
+        tell("figures")
+        write_figures(study, folder)
+    if parts.recording:
+        from gtmbench.report.recording import write_recording
+
+        tell("recording")
+        write_recording(study, folder / "study.rrd")
     tell("results")
     write_results(study, folder)
 
 
-def _print_study(study: Study, out: Path) -> None:
-    from gtmbench.detectors.bank.tails import rate_bound
-    from gtmbench.report.text import trial_rows
+def _run_seeds(
+    loaded: list[Scenario],
+    watching: list[Any],
+    seeds: tuple[int, ...],
+    out: Path,
+    parts: _Parts,
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
+    from gtmbench.report.seeds import SeedTable, write_seeds
+
+    table = SeedTable()
+    with progress_bar(silent=as_json or quiet) as tell, folder_aside(out) as folder:
+        for done, seed in enumerate(seeds):
+            tell(f"seed {seed}", done, len(seeds))
+            study = run_study(loaded, detectors=watching, seed=seed)
+            own = folder / f"seed-{seed}"
+            own.mkdir()
+            _write(study, own, parts, lambda _step: None)
+            table.add(seed, study)
+        write_seeds(table, folder)
+    if as_json:
+        print_json(table.results() | {"out": str(out)})
+    elif not quiet:
+        columns, rows, right = table.rows()
+        print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
+        for line in table.summary_lines():
+            echo(line)
+        echo(f"one folder a seed, all trials in trials.csv: {out}/")
+
+
+def _print_study(study: Study, out: Path, parts: _Parts) -> None:
+    from gtmbench.report.text import summary_lines, trial_rows
 
     columns, rows, right = trial_rows(study)
-    print_table(f"{study.baseline.operator.name}: {len(rows)} trials", columns, rows, right=right)
-    baseline = study.baseline
-    found = sum(trial.detected for trial in study.trials)
-    bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
-    limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
-    echo(f"detected: {found} of {len(study.trials)}")
-    echo(f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}")
-    unit = unit_of(baseline.operator.outputs[0])
-    armed = "never armed" if baseline.armed_s is None else f"armed at {baseline.armed_s:g} s"
-    echo(f"threshold: {baseline.threshold:.4g} {unit}; {armed}, when the norm first stood at or below it")
-    norm = baseline.norm
-    window_s = (norm.window + 1) * norm.sample_period_s
-    echo(f"an alarm at k is dated (k + w + d) Ts: look-ahead {norm.look_ahead_s:g} s, window {window_s:g} s")
-    echo(f"results, figures and recording: {out}/    look at it: gtmbench view {out / 'study.rrd'}")
+    names = ", ".join(base.detector for base in study.baselines)
+    print_table(f"{names}: {len(rows)} trials", columns, rows, right=right)
+    for line in summary_lines(study):
+        echo(line)
+    written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]
+    look = f"    look at it: gtmbench view {out / 'study.rrd'}" if parts.recording else ""
+    echo(f"{' and '.join([', '.join(written[:-1]), written[-1]] if written[1:] else written)}: {out}/{look}")
 
 
 @click.command("view")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.virtual import ANGLES
 
 
@@ -86,7 +87,7 @@ class Alarm:
 
     @property
     def last(self) -> Judgement | None:
-        """What is known at the end; of a fault that ended, what was decided while it lasted. None without judgements."""
+        """What is known at the end; of a fault that ended, what was decided while it lasted. None where nothing is."""
         decided = [judged for judged in self.judgements if judged.sensor is not None]
         if decided and self.ended_s is not None:
             return decided[-1]
@@ -138,3 +139,8 @@ class Alarm:
         if set(self.last.candidates) <= set(ANGLES):
             return f"reference attitude failed ({' or '.join(self.last.candidates)})"
         return f"undecided: {' or '.join(self.last.candidates)}"
+
+    alarm_s = renamed("Finding.alarm_s", "time_s")
+    residual = renamed("Finding.residual", "source")
+    series = renamed("Finding.series", "test")
+    resumed_s = renamed("Finding.resumed_s", "end_known_s")

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.method.alarms import BoolArray
 from gtmbench.method.alarms import came_down as came_down
@@ -141,6 +142,16 @@ class Detector(Protocol):
         """Return the monitor whose `figures` these are, bit for bit; every key checked, for they come from a file."""
 
 
+def is_recipe(given: Detector | Monitor) -> TypeGuard[Detector]:
+    """Whether something is yet to calibrate."""
+    return hasattr(given, "calibrate")
+
+
+def is_ready(given: Detector | Monitor) -> TypeGuard[Monitor]:
+    """Whether something watches as it is."""
+    return not hasattr(given, "calibrate")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Score:
     """A statistic over time that is held against a threshold.
@@ -265,6 +276,10 @@ class Watch:
         onset_s = min((alarm.onset_s for alarm in self.alarms if alarm.sensor == sensor), default=self.record.start_s)
         row = round((onset_s - self.record.start_s) / self.record.sample_period_s)
         return integrated_angle(self.record, sensor, row)
+
+    findings = renamed("Watch.findings", "alarms")
+    levels = renamed("Watch.levels", "scores")
+    given_up = renamed("Watch.given_up", "disarmed")
 
 
 def watch(monitor: Monitor, record: Record) -> Watch:

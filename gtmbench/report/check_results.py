@@ -35,7 +35,8 @@ def _origin(reference: Reference) -> dict[str, Any]:
         "baseline": str(reference.path),
         "scenarios": [scenario.name for scenario in reference.scenarios],
         "seed": reference.seed,
-        "monitor": reference.monitor,
+        "detector": reference.detector,
+        "monitor": reference.detector,  # its name of before
     }
 
 

@@ -86,7 +86,11 @@ def versions() -> dict[str, str]:
 
 def write_results(study: Study, folder: Path) -> None:
     """Write ``results.json``, and ``trials.csv``: one row a detector and trial, figures as ``name=value``."""
-    found = results(study)
+    write_tables(results(study), folder)
+
+
+def write_tables(found: Mapping[str, Any], folder: Path) -> None:
+    """Write an object as ``results.json``, and its ``trials`` as ``trials.csv``."""
     (folder / "results.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n")
     rows = [_flat(row) for row in found["trials"]]
     with (folder / "trials.csv").open("w", newline="") as file:

@@ -9,16 +9,16 @@ from typing import Any
 
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_banks, shipped_baselines, shipped_scenarios
+from gtmbench.files import is_file, read_toml, shipped_baselines, shipped_scenarios
 from gtmbench.study.check_compare import Recorded
 from gtmbench.study.check_figures import Value, trial_names
-from gtmbench.study.check_rules import KINDS, RULES
+from gtmbench.study.check_rules import FORMER, KINDS, RULES
 from gtmbench.study.flown import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.tolerance import Tolerance, parse_tolerance
 
 TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
-_SETTINGS = ("scenarios", "seed", "monitor", "tolerances")
+_SETTINGS = ("scenarios", "seed", "detector", "monitor", "tolerances")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,8 @@ class Reference:
     scenarios : tuple of Scenario
     seed : int
         Of excitation and noise: the file's, else the scenarios'.
-    monitor : str or None
-        A bank or a monitor's file, as `find_monitor` takes it; None: the scenarios' own operator and threshold watch.
+    detector : str or None
+        A name of `gtmbench list`, a bank's or a monitor's file; None: the scenarios' own operator and threshold watch.
     tolerances : mapping of str to Tolerance
         By figure.
     recorded_seed : int or None
@@ -44,7 +44,7 @@ class Reference:
     path: Path
     scenarios: tuple[Scenario, ...]
     seed: int
-    monitor: str | None
+    detector: str | None
     tolerances: Mapping[str, Tolerance]
     recorded_seed: int | None = None
     recorded: Recorded = field(default_factory=dict, repr=False)
@@ -123,22 +123,49 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
 
 
 def _reference(path: Path, table: dict[str, Any]) -> Reference:
+    table = _upgraded(table)
     _known("", table, (*_SETTINGS, "recorded", *KINDS))
     scenarios = tuple(load_scenario(_beside(path, name)) for name in _texts("scenarios", table.get("scenarios")))
     seed = whole("seed", table["seed"]) if "seed" in table else None
-    monitor = table.get("monitor")
-    if monitor is not None and not isinstance(monitor, str):
-        raise InputError(f"monitor is {shown(monitor)}; it must be a bank or a monitor's file")
+    detector = table.get("detector")
+    if detector is not None and not isinstance(detector, str):
+        raise InputError(f"detector is {shown(detector)}; it must be a name of `gtmbench list`, or a file")
     recorded = _known("recorded", table.get("recorded", {}), ("seed",))
     return Reference(
         path=path,
         scenarios=scenarios,
         seed=common_setup(scenarios[:1], seed).seed,  # the others': when they are run
-        monitor=None if monitor is None else str(monitor if monitor in shipped_banks() else path.parent / monitor),
+        detector=None if detector is None else _detector(path, detector),
         tolerances=_tolerances(table.get("tolerances", {})),
         recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
         recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
     )
+
+
+def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables as they are called now: ``monitor`` is ``detector``, norms and levels are scores."""
+    if not any(key in table for key in ("monitor", *FORMER)):
+        return table
+    if "monitor" in table and "detector" in table:
+        raise InputError("both detector and monitor are given; monitor is its former name, so keep detector")
+    found = {("detector" if key == "monitor" else key): value for key, value in table.items() if key not in FORMER}
+    scores = found.setdefault("score", {})
+    for kind in FORMER:
+        for name, figures in _table(kind, table.get(kind, {})).items():
+            scores["E(k)" if kind == "norm" else name] = figures
+    return found
+
+
+def _detector(path: Path, name: str) -> str:
+    """Return what watches as it is found from here: a file's path, or a name; a baseline imports no Python."""
+    if Path(name).suffix.lower() in (".toml", ".json"):
+        return str(path.parent / name)
+    if ":" in name:
+        raise InputError(
+            f"detector is {shown(name)}, and a baseline imports no Python; state the detector's own name, and give "
+            f"--detector {name} on the command line"
+        )
+    return name
 
 
 def _beside(path: Path, name: str) -> str | Path:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import printable
+from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
-from gtmbench.files import LARGEST_TOML_BYTES, shipped_banks, shipped_scenarios, written_aside
+from gtmbench.files import LARGEST_TOML_BYTES, shipped_scenarios, written_aside
 from gtmbench.study.baseline_file import TOLERATED, reference_of
 from gtmbench.study.check_compare import pairs
 from gtmbench.study.check_figures import Group, Value
-from gtmbench.study.check_rules import KINDS, RULES
+from gtmbench.study.check_rules import FORMER, KINDS, RULES
 from gtmbench.study.scenario import load_scenario
 
 _A_LINE = 10  # numbers of a list
@@ -28,15 +29,15 @@ _HEAD = """\
 scenarios = [{scenarios}]
 # of excitation and noise
 seed = {seed}
-# a file of `gtmbench calibrate`, or a bank, calibrated in every run; without: the scenarios' [operator] and [alarm]
-{monitor}
+# a monitor's file of `gtmbench calibrate`, or a detector, calibrated in every run; without: [operator] and [alarm]
+{detector}
 
 [tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
 {tolerances}
 """
 
 
-def new_baseline(path: Path, *, scenarios: Sequence[str], monitor: str | None) -> str:
+def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) -> str:
     """Return the text of a baseline without figures.
 
     Parameters
@@ -45,15 +46,15 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], monitor: str | None) -
         Where it will stand: its files are named from there.
     scenarios : sequence of str
         Shipped names, or files.
-    monitor : str, optional
-        A bank's name, or a file.
+    detector : str, optional
+        A name of `gtmbench list`, or a file.
 
     Raises
     ------
     InputError
         Where the first scenario, whose seed it takes, can't be read.
     """
-    strange = ("thresholds", "isolation_delay_s") if monitor is None else ("threshold",)
+    strange = ("thresholds", "isolation_delay_s") if detector is None else ("threshold",)
     keys = [key for key in TOLERATED if key not in strange]
     stated = [f"{key} = {json.dumps(RULES[key].tolerance)}" for key in keys]
     width = max(len(line) for line in stated)
@@ -61,9 +62,9 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], monitor: str | None) -
         name=printable(path.name),
         scenarios=", ".join(_text(_seen_from(path, name, shipped_scenarios())) for name in scenarios),
         seed=load_scenario(scenarios[0]).setup.seed,
-        monitor='# monitor = "monitor.json"'
-        if monitor is None
-        else f"monitor = {_text(_seen_from(path, monitor, shipped_banks()))}",
+        detector='# detector = "monitor.json"'
+        if detector is None
+        else f"detector = {_text(_seen_from(path, detector, detector_names()))}",
         tolerances="\n".join(
             f"{line:<{width}}  # {RULES[key].meaning}" for line, key in zip(stated, keys, strict=True)
         ),
@@ -105,7 +106,7 @@ def renewed(text: str, figures: str) -> str:
     import tomlkit
 
     document, fresh = tomlkit.parse(text), tomlkit.parse(figures)
-    own = ("recorded", *KINDS)
+    own = ("recorded", *KINDS, *FORMER)
     if not any(name in document for name in own):
         return f"{text.rstrip()}\n\n{figures}"
     for name in own:
@@ -170,6 +171,6 @@ def _text(given: str) -> str:
     )  # the one that TOML escapes and JSON doesn't
 
 
-def _seen_from(path: Path, name: str, shipped: Mapping[str, Path]) -> str:
+def _seen_from(path: Path, name: str, shipped: Collection[str]) -> str:
     """Return a shipped name, or a file's path from the folder of a baseline."""
     return name if name in shipped else Path(os.path.relpath(Path(name), path.absolute().parent)).as_posix()

@@ -8,7 +8,7 @@ from typing import Any
 
 from gtmbench.bench.flight import fly
 from gtmbench.channels import COMMANDS, SENSORS
-from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
@@ -52,7 +52,7 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for source in detectors or (OWN,):
-        made = own_detector if source == OWN else as_detector(source)
+        made: Any = own_detector if isinstance(source, str) and source == OWN else as_detector(source)
         name = OWN if made is own_detector else made.name
         twins = [other for other in found if other == name or other.startswith(f"{name} (")]
         found[f"{name} ({len(twins) + 1})" if twins else name] = made
@@ -84,17 +84,17 @@ class Calibrator:
                     f"'{name}' needs {', '.join(missing)}, which no flight has; there are "
                     f"{', '.join((*SENSORS, *COMMANDS))}"
                 )
-        ready = {name: watcher for name, watcher in named.items() if not hasattr(watcher, "calibrate")}
+        ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
         for name, monitor in ready.items():
             _check_noise(name, monitor, setup)
-        rest = {name: watcher for name, watcher in named.items() if name not in ready}
+        rest = {name: watcher for name, watcher in named.items() if is_recipe(watcher)}
         return cls(detectors=rest, ready=ready, order=tuple(named))
 
     @property
     def commands(self) -> bool:
         """Whether a detector needs surface commands."""
-        every = [*self.detectors.values(), *self.ready.values()]
-        return any(channel in COMMANDS for watcher in every for channel in watcher.channels)
+        watchers: list[Detector | Monitor] = [*self.detectors.values(), *self.ready.values()]
+        return any(channel in COMMANDS for watcher in watchers for channel in watcher.channels)
 
     @property
     def steps(self) -> int:
@@ -113,7 +113,7 @@ class Calibrator:
             tell(f"calibrate {name}")
             tied = _is_tied(detector)
             monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
-            found[name] = monitor if tied else _with_provenance(monitor, flown.setup)
+            found[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
         return {name: found[name] for name in self.order}
 
 
@@ -157,9 +157,16 @@ def _seed(setup: Setup, number: int) -> int:
     return int((setup.seed + _SEEDS + number) % 2**31)
 
 
-def _with_provenance(monitor: Monitor, setup: Setup) -> Monitor:
+def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
     """Say with a monitor on what it was calibrated, where it keeps such a thing."""
-    origin = {
+    try:
+        return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
+    except TypeError:  # somebody's own class, without such a field
+        return monitor
+
+
+def _origin(setup: Setup) -> dict[str, Any]:
+    return {
         "aircraft": setup.aircraft,
         "excitation": _EXCITATION,
         "flights": FLIGHTS,
@@ -167,7 +174,3 @@ def _with_provenance(monitor: Monitor, setup: Setup) -> Monitor:
         "noise": f"snr {setup.snr:g} of the study's flight" if setup.snr is not None else setup.noise,
         "seed": _seed(setup, 0),
     }
-    try:
-        return replace(monitor, provenance=origin | dict(monitor.provenance))  # type: ignore[type-var]
-    except TypeError:  # somebody's own class
-        return monitor

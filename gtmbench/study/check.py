@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gtmbench.detectors.protocol import Detector, Monitor, Progress, silent
 from gtmbench.errors import InputError
 from gtmbench.study.baseline_file import Reference
 from gtmbench.study.check_compare import Compared, compare
 from gtmbench.study.check_figures import Group, figures_of
-from gtmbench.study.flown import Progress
 from gtmbench.study.run import run_study
 
 
@@ -33,28 +33,27 @@ class Check:
     @property
     def regressions(self) -> list[Compared]:
         """The figures that are worse than allowed, the furthest beyond its tolerance first."""
-        return sorted((one for one in self.compared if one.regressed), key=lambda one: -one.excess)
+        return sorted((figure for figure in self.compared if figure.regressed), key=lambda figure: -figure.excess)
 
     @property
     def better(self) -> list[Compared]:
         """The figures that are better than recorded by more than the tolerance."""
-        return [one for one in self.compared if one.better]
+        return [figure for figure in self.compared if figure.better]
 
 
-def run_reference(reference: Reference, *, progress: Progress = lambda _step, _done, _of: None) -> tuple[Group, ...]:
-    """Run what a baseline names and return its figures.
+def run_reference(
+    reference: Reference, *, detector: Detector | Monitor | None = None, progress: Progress = silent
+) -> tuple[Group, ...]:
+    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states.
 
     Raises
     ------
     GtmbenchError
         Where that can't be run.
     """
-    if reference.monitor is None:
-        return figures_of(run_study(reference.scenarios, seed=reference.seed, progress=progress))
-    from gtmbench.study.monitored import find_monitor, run_monitored
-
-    monitor = find_monitor(reference.monitor)
-    return figures_of(run_monitored(reference.scenarios, monitor, seed=reference.seed, progress=progress))
+    watches = [] if reference.detector is None else [reference.detector if detector is None else detector]
+    study = run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress)
+    return figures_of(study)
 
 
 def check(reference: Reference, groups: Sequence[Group]) -> Check:

@@ -10,9 +10,11 @@ from typing import TypeVar
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.detectors.bank.detector import BankMonitor
+from gtmbench.detectors.protocol import Score
+from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.record import FloatArray
 from gtmbench.study.check_rules import KINDS, WINDOW_S
-from gtmbench.study.monitored import MonitoredBaseline, MonitoredStudy, MonitoredTrial
 from gtmbench.study.trial import Baseline, Study, Trial
 
 Value = bool | int | float | tuple[float, ...]
@@ -51,7 +53,7 @@ class Group:
         return KINDS[self.kind][0].format(self.name)
 
 
-def figures_of(study: Study | MonitoredStudy) -> tuple[Group, ...]:
+def figures_of(study: Study) -> tuple[Group, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
     Examples
@@ -60,17 +62,16 @@ def figures_of(study: Study | MonitoredStudy) -> tuple[Group, ...]:
     >>> from gtmbench.study.scenario import load_scenario
     >>> groups = figures_of(run_study([load_scenario("jam")]))
     >>> [group.title for group in groups][:4]
-    ['healthy flight', 'healthy residual of r', 'healthy E(k) of r', 'jam of p']
+    ['healthy flight', 'healthy residual of r', 'healthy score E(k)', 'jam of p']
     """
     base = study.baseline
     flight = {"false_alarms": base.false_alarms, "hours": rounded(base.healthy_hours)}
-    healthy = _norms(base) if isinstance(base, Baseline) else _levels(base)
-    trials: tuple[Trial | MonitoredTrial, ...] = study.trials
-    names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in trials)
+    names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)
     return (
         Group(kind="healthy", name="flight", values=flight),
-        *healthy,
-        *(_trial(name, trial) for name, trial in zip(names, trials, strict=True)),
+        *_residuals(base),
+        *_scores(base),
+        *(_trial(name, trial) for name, trial in zip(names, study.trials, strict=True)),
     )
 
 
@@ -100,38 +101,31 @@ def rounded(value: _V) -> _V:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _norms(base: Baseline) -> list[Group]:
-    outputs, start_s = base.operator.outputs, base.setup.alarm.watch_from_s
-    found = base.residual
-    groups = [_residual(name, found.values[:, column], found.time_s, start_s) for column, name in enumerate(outputs)]
-    norm = base.norm
-    begin_s, end_s = base.setup.alarm.threshold_s
-    spanned = norm.values[(norm.time_s >= begin_s - 1e-9) & (norm.time_s <= end_s + 1e-9)]
-    windows, labels = _windows(norm.values, norm.time_s, start_s)
-    values: dict[str, Value] = {
-        "threshold": rounded(base.threshold),
-        "margin": _margin(base.threshold, spanned),
-        "windows": windows,
-    }
-    name = " ".join(outputs)
-    return [*groups, Group(kind="norm", name=name, values=values, labels={"windows": labels}, unit=unit_of(outputs[0]))]
+def _residuals(base: Baseline) -> list[Group]:
+    time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
+    return [_residual(name, values, time_s, start_s) for name, values in base.watch.residuals.items()]
 
 
-def _levels(base: MonitoredBaseline) -> list[Group]:
-    seen, start_s = base.watched, base.setup.alarm.watch_from_s
-    time_s = seen.record.time_s
-    groups = [_residual(name, values, time_s, start_s) for name, values in seen.residuals.raw.items()]
-    for name, level in seen.levels.items():
-        windows, labels = _windows(level.values, time_s, start_s)
-        tests = base.monitor.thresholds[name]
-        values: dict[str, Value] = {
-            "margin": _margin(1.0, level.values),
-            "thresholds": rounded(tuple(tests.values())),
-            "windows": windows,
-        }
-        named = {"windows": labels, "thresholds": tuple(f"test {test}" for test in tests)}
-        groups.append(Group(kind="level", name=name, values=values, labels=named))
-    return groups
+def _scores(base: Baseline) -> list[Group]:
+    return [_score(base, score) for score in base.watch.scores.values()]
+
+
+def _score(base: Baseline, score: Score) -> Group:
+    """Return the figures of a score; where each of several tests has a threshold of its own, all of them."""
+    time_s, monitor = base.watch.record.time_s, base.monitor
+    windows, labels = _windows(score.values, time_s, base.setup.alarm.watch_from_s)
+    values: dict[str, Value] = {"windows": windows}
+    named = {"windows": labels}
+    if isinstance(monitor, BankMonitor):
+        tests = monitor.thresholds[score.name]
+        values["thresholds"] = rounded(tuple(tests.values()))
+        named["thresholds"] = tuple(f"test {test}" for test in tests)
+    else:
+        values["threshold"] = rounded(score.threshold)
+    start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
+    values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
+    ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
+    return Group(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
 
 
 @np.errstate(over="ignore")
@@ -162,22 +156,19 @@ def _margin(threshold: float, values: FloatArray) -> float:
         return rounded(float(np.divide(threshold, greatest)))
 
 
-def _trial(name: str, trial: Trial | MonitoredTrial) -> Group:
+def _trial(name: str, trial: Trial) -> Group:
     values: dict[str, Value] = {}
     if trial.severity:
         values["severity"] = rounded(tuple(trial.severity.values()))
     values["detected"] = trial.detected
     if trial.detection_delay_s is not None:
         values["delay_s"] = rounded(trial.detection_delay_s)
-    if isinstance(trial, Trial):
-        values["peak_ratio"] = rounded(trial.peak_ratio)
-        said = ""
-    else:
-        values["peak_ratio"] = rounded(trial.peak_level)
+    values["peak_ratio"] = rounded(trial.peak_ratio)
+    if trial.isolated is not None:
         values["isolated"] = trial.isolated
         if trial.isolation_delay_s is not None:
             values["isolation_delay_s"] = rounded(trial.isolation_delay_s)
-        values["kind_right"] = trial.kind_right
-        said = ", ".join(part for part in (trial.verdict, trial.kind) if part)
+        values["kind_right"] = bool(trial.kind_right)
+    said = ", ".join(part for part in (trial.verdict, trial.kind) if part)
     remark = said if trial.detected else f"missed: {trial.reason}"
     return Group(kind="trials", name=name, values=values, labels={"severity": tuple(trial.severity)}, remark=remark)

@@ -72,7 +72,7 @@ RULES = {
         form="list",
         worse="higher",
         tolerance="5 %",
-        meaning=f"greatest |e(k)|, E(k) or level in every {WINDOW_S:g} s of the healthy record",
+        meaning=f"greatest |e(k)| or score in every {WINDOW_S:g} s of the healthy record",
         unit="*",
     ),
     "threshold": Rule(
@@ -80,7 +80,7 @@ RULES = {
         form="real",
         worse="higher",
         tolerance="2 %",
-        meaning="of E(k): a higher one sees less",
+        meaning="of a score: a higher one sees less",
         unit="*",
     ),
     "thresholds": Rule(
@@ -91,7 +91,7 @@ RULES = {
         form="real",
         worse="lower",
         tolerance="2 %",
-        meaning="threshold over the healthy record's greatest E(k) or statistic",
+        meaning="threshold over the healthy record's greatest score",
     ),
     "severity": Rule(
         text="severity",
@@ -115,7 +115,7 @@ RULES = {
         form="real",
         worse="lower",
         tolerance="5 %",
-        meaning="greatest E(k) or level after the onset, over its threshold",
+        meaning="greatest score after the onset, over its threshold",
     ),
     "isolated": Rule(text="isolated", form="flag", worse="lower"),
     "isolation_delay_s": Rule(
@@ -133,10 +133,14 @@ RULES = {
 KINDS = {  # the tables of a baseline: what a report calls them, and the figures that stand in them
     "healthy": ("healthy {}", ("false_alarms", "hours")),
     "residual": ("healthy residual of {}", ("samples", "peak", "rms", "windows")),
-    "norm": ("healthy E(k) of {}", ("threshold", "margin", "windows")),
-    "level": ("healthy level of {}", ("margin", "thresholds", "windows")),
+    "score": ("healthy score {}", ("threshold", "margin", "thresholds", "windows")),
     "trials": (
         "{}",
         ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right"),
     ),
 }
+
+FORMER = {
+    "norm": "score",
+    "level": "score",
+}  # tables of before: E(k), and levels of a bank

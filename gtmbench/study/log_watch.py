@@ -11,13 +11,15 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank.detector import BankDetector, calibrate
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, silent
+from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
+from gtmbench.study.calibrated import with_provenance
 from gtmbench.study.log_open import open_for
 from gtmbench.study.log_parts import first_part, healthy_spans, within, without
 from gtmbench.study.watched_log import WatchedLog
@@ -111,9 +113,10 @@ def watch_log(
     """
     found = as_detector(detector)
     if isinstance(found, FunctionDetector):
-        found = found.calibrate()
-    if not hasattr(found, "calibrate"):
+        return _by_monitor(path, found.calibrate(), healthy, mapping, rate_hz, progress)
+    if is_ready(found):
         return _by_monitor(path, found, healthy, mapping, rate_hz, progress)
+    assert is_recipe(found)
     rate = _rate(found, false_alarms_per_hour)
     log = _opened(path, found, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
@@ -180,8 +183,15 @@ def _calibrated(
 ) -> Monitor:
     """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
     if isinstance(detector, BankDetector):
-        return calibrate(records, bank=detector.bank, false_alarms_per_hour=rate, provenance=origin, progress=progress)
-    return detector.calibrate(records, rate, progress=progress)
+        return calibrate(
+            records,
+            bank=detector.bank,
+            false_alarms_per_hour=rate,
+            estimator=Bayesian(),
+            provenance=origin,
+            progress=progress,
+        )
+    return with_provenance(detector.calibrate(records, rate, progress=progress), origin)
 
 
 def _opened(path: str | Path, detector: Detector, mapping: Sequence[str], rate_hz: float | None) -> FlightLog:

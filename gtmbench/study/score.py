@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -171,7 +172,7 @@ def altered_share(fault: Fault, healthy: Record, broken: Record) -> float:
     return float(np.mean(altered)) if len(altered) else 0.0
 
 
-def _isolation(watch: Watch, told: Alarm | None, fault: Fault, broken: Record) -> dict[str, object]:
+def _isolation(watch: Watch, told: Alarm | None, fault: Fault, broken: Record) -> dict[str, Any]:
     """Return the fields on isolation. What is said of a fault stands with the alarm that first told of it."""
     judged = None if told is None else next(alarm for alarm in watch.alarms if alarm.number == told.fault)
     last = None if judged is None else judged.last

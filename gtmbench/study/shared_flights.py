@@ -73,3 +73,10 @@ def _read(path: Path) -> Record:
         return Record(
             stored["values"], channels=stored["channels"].tolist(), sample_period_s=float(stored["times_s"][0])
         )
+
+
+@cache
+def calibration_records() -> tuple[Record, ...]:
+    """Return what the T2's sensors read on six other healthy flights, for detectors that a test gives uncalibrated."""
+    seeds = range(STANDARD_SEED + 1, STANDARD_SEED + 7)
+    return tuple(measure(fly_once(seed=seed), noise="t2", seed=seed, commands=True) for seed in seeds)

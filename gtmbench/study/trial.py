@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, fields
 
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.trim import Trim
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.record import Record
 from gtmbench.study.scenario import Setup
@@ -43,6 +44,12 @@ class Baseline:
     watch: Watch = field(repr=False)
     false_alarms: int
     healthy_hours: float
+
+    watched = renamed("MonitoredBaseline.watched", "watch")
+    operator = renamed("Baseline.operator", "monitor.operator")
+    threshold = renamed("Baseline.threshold", "monitor.threshold")
+    norm = renamed("Baseline.norm", "watch.scores")
+    residual = renamed("Baseline.residual", "watch.residuals")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,6 +110,11 @@ class Trial(Injection, Verdict):
             "severity": self.severity,
             "unit": self.unit,
         }
+
+    watched = renamed("MonitoredTrial.watched", "watch")
+    alarms = renamed("Trial.alarms", "watch.alarms")
+    norm = renamed("Trial.norm", "watch.scores")
+    residual = renamed("Trial.residual", "watch.residuals")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

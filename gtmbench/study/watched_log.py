@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
@@ -63,3 +64,5 @@ class WatchedLog:
         if any(not alarm.has_passed for alarm in self.alarms):
             return Outcome.FAILED
         return Outcome.HEALTHY if self.armed_hours > 0.0 and not self.stuck_above else Outcome.UNKNOWN
+
+    findings = renamed("WatchedLog.findings", "alarms")

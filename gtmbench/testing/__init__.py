@@ -2,10 +2,20 @@
 
 They fail with an `AssertionError` that names the figure, the bound, and a recording (.rrd, for ``gtmbench view``) of
 what failed. In pytest the plugin names the recording after the test; elsewhere it goes into ``gtmbench-artefacts``.
+`check_detector` holds a detector of your own to what every detector of the package keeps.
 """
 
 from gtmbench.study.shared_flights import fly_once, standard_record
-from gtmbench.testing.monitors import assert_detects, assert_quiet
+from gtmbench.testing.contract import CONTRACT, check_detector
+from gtmbench.testing.detects import assert_detects, assert_quiet
 from gtmbench.testing.residuals import assert_residual
 
-__all__ = ["assert_detects", "assert_quiet", "assert_residual", "fly_once", "standard_record"]
+__all__ = [
+    "CONTRACT",
+    "assert_detects",
+    "assert_quiet",
+    "assert_residual",
+    "check_detector",
+    "fly_once",
+    "standard_record",
+]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from gtmbench.record import FloatArray
 
@@ -29,6 +31,15 @@ class Spread:
         """Return some rows."""
         means = {window: values[rows] for window, values in self.means.items()}
         return Spread(raw=self.raw[rows], white=self.white[rows], means=means)
+
+    @staticmethod
+    def joined(parts: Sequence[Spread]) -> Spread:
+        """Return parts that follow each other as one; at least one, of the same windows."""
+        return Spread(
+            raw=np.concatenate([part.raw for part in parts]),
+            white=np.concatenate([part.white for part in parts]),
+            means={window: np.concatenate([part.means[window] for part in parts]) for window in parts[0].means},
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,85 @@
+"""What the commands share about detectors and faults of one's own: ``--detector``, ``--calibrated``, ``--import``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from gtmbench.errors import InputError
+
+if TYPE_CHECKING:
+    from gtmbench.detectors.protocol import Detector, Monitor
+
+F = TypeVar("F", bound=Callable[..., Any])
+METAVAR = "NAME|FILE.json|FILE.py:OBJECT|PACKAGE:OBJECT"
+_HELP = (
+    "What watches: a name of `gtmbench list`, a bank's .toml, a monitor of `gtmbench calibrate` (.json), or an object "
+    "in Python: a detector, a monitor, or a function from a record to the times of its alarms. Python is imported "
+    "only where it is named here."
+)
+
+
+def detector_option(
+    text: str = "", *, multiple: bool = False, alias: str = "--monitor", calibrated: bool = True
+) -> Callable[[F], F]:
+    """Return the option ``--detector``, with its former name as an alias, and ``--calibrated``."""
+
+    def added(command: F) -> F:
+        if calibrated:
+            command = click.option(
+                "--calibrated",
+                type=click.Path(path_type=Path),
+                metavar="FILE.json",
+                help="The figures that `gtmbench calibrate` has saved of a --detector of your own.",
+            )(command)
+        name = "detectors" if multiple else "detector"
+        help_text = f"{_HELP} {text}".strip() + (" Repeat it for several." if multiple else "")
+        return click.option("--detector", alias, name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
+
+    return added
+
+
+def import_option(command: F) -> F:
+    """Add ``--import``: packages or files that register faults of one's own."""
+
+    def brought(_context: click.Context, _option: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+        if value:
+            from gtmbench.imports import load_module
+
+            for source in value:
+                load_module(source)
+        return value
+
+    return click.option(
+        "--import",
+        "imported",
+        multiple=True,
+        metavar="PACKAGE|FILE.py",
+        expose_value=False,
+        is_eager=True,
+        callback=brought,
+        help="Import this first: it registers faults of your own, which scenarios can name then.",
+    )(command)
+
+
+def found_detector(source: str, calibrated: Path | None = None) -> Detector | Monitor:
+    """Return what a command's ``--detector`` and ``--calibrated`` name."""
+    from gtmbench.detectors.registry import find_detector
+
+    return find_detector(source, calibrated=calibrated)
+
+
+def found_detectors(sources: Sequence[str], calibrated: Path | None) -> list[Any]:
+    """Return what a command's ``--detector``, given several times, names: the dissertation's stays a name.
+
+    Raises
+    ------
+    InputError
+        Where --calibrated doesn't say whose figures it holds.
+    """
+    if calibrated is not None and len(sources) != 1:
+        raise InputError(f"--calibrated {calibrated} is of one detector; give --detector FILE.py:OBJECT once")
+    return [source if source == "dissertation" else found_detector(source, calibrated) for source in sources]

@@ -1,0 +1,86 @@
+"""Slow motion: what of channels lies below a tenth of the sample rate, and its windows, which equations are made of."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from gtmbench.record import FloatArray
+
+HALF = 5  # samples to either side that `slow` takes
+_CUTOFF = 0.1  # of the sample rate
+
+
+def slow(values: FloatArray) -> FloatArray:
+    """Return columns without gaps freed of what lies above a tenth of the sample rate.
+
+    Zero phase, `HALF` samples to either side; odd reflection at the ends. Above, derivatives are mostly noise.
+    """
+    if len(values) <= HALF:
+        return values
+    return smoothed(np.concatenate([reflected(values[: HALF + 1][::-1])[::-1], values, reflected(values)]))
+
+
+def held(values: FloatArray) -> FloatArray:
+    """Return columns with missing samples as the last before them; those before the first as it, and 0 without any.
+
+    For what must not look at samples that come after a gap.
+
+    >>> held(np.array([[np.nan], [1.0], [np.nan], [3.0]])).T
+    array([[1., 1., 1., 3.]])
+    """
+    there = np.isfinite(values)
+    if there.all():
+        return values
+    rows = np.where(there, np.arange(len(values))[:, np.newaxis], np.argmax(there, axis=0))
+    found = np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
+    return np.where(there.any(axis=0), found, 0.0)
+
+
+def interpolated(values: FloatArray) -> FloatArray:
+    """Return columns with missing samples on a line across their gap; held at the ends, and 0 without any.
+
+    >>> interpolated(np.array([[np.nan], [1.0], [np.nan], [3.0]])).T
+    array([[1., 1., 2., 3.]])
+    """
+    columns = []
+    for column in values.T:
+        there = np.flatnonzero(np.isfinite(column))
+        columns.append(np.interp(np.arange(len(column)), there, column[there]) if len(there) else np.zeros(len(column)))
+    return np.column_stack(columns)
+
+
+def reflected(values: FloatArray) -> FloatArray:
+    """Return the `HALF` rows that go on after the last by odd reflection: 2 x(n) - x(n - i)."""
+    return np.asarray(2.0 * values[-1] - values[-2 : -HALF - 2 : -1])
+
+
+def smoothed(values: FloatArray) -> FloatArray:
+    """Return slow motion of every row but the first and last `HALF`; of columns without a gap."""
+    return fir(values, _taps())
+
+
+def fir(values: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Return columns through a filter, of the rows that have all rows it needs before them."""
+    if len(values) < len(coefficients):
+        return np.zeros((0, values.shape[1]))
+    return np.array([np.convolve(column, coefficients, mode="valid") for column in values.T]).T
+
+
+def regressors(motion: FloatArray, lags: int) -> FloatArray:
+    """Return phi(k), one row a complete window of `lags` samples: lag -d (the newest sample) to r, input by input.
+
+    >>> regressors(np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]]), 2)
+    array([[ 2., 20.,  1., 10.],
+           [ 3., 30.,  2., 20.]])
+    """
+    rows = np.arange(lags - 1, motion.shape[-2])[:, np.newaxis] - np.arange(lags)
+    return motion[..., rows, :].reshape(*motion.shape[:-2], len(rows), -1)
+
+
+@cache
+def _taps() -> FloatArray:
+    from scipy.signal import firwin
+
+    return np.asarray(firwin(2 * HALF + 1, 2.0 * _CUTOFF, window=("kaiser", 5.0)))
