@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
+from gtmbench.report.scores import norm_of
 from gtmbench.report.text import alarm_text, counting_alarm, judgement_text, trial_label
 from gtmbench.study.trial import Trial
 
@@ -30,7 +31,8 @@ def trial_events(trial: Trial) -> list[Event]:
     ]
     for alarm in told[:MOST_ALARMS]:
         early = alarm.time_s < onset_s - 1e-9
-        late = f"alarm: {what}, {alarm.time_s - onset_s:.2f} s after the onset"
+        alarmed = f"alarm: {what}" if norm_of(trial.watch) else "alarm"  # norms of all trials share a log
+        late = f"{alarmed}, {alarm.time_s - onset_s:.2f} s after the onset"
         events += alarm_events(alarm, trial.watch, "false alarm" if early else late)
     if trial.detected and counting is not None and counting.time_s < onset_s - 1e-9:
         late = f"{trial.detection_delay_s:.2f} s after the onset, counted to the false alarm of {counting.time_s:.2f} s"
@@ -48,7 +50,8 @@ def watch_events(watches: Sequence[Watch], what: str = "alarm") -> list[Event]:
 
 def alarm_events(alarm: Alarm, watch: Watch, what: str) -> list[Event]:
     """Return an alarm, every change of judgement after it, and the fault's end."""
-    events: list[Event] = [(alarm.time_s, "ERROR", f"{what}: {source_text(alarm, watch)}")]
+    source = source_text(alarm, watch)
+    events: list[Event] = [(alarm.time_s, "ERROR", f"{what}: {source}" if source else what)]
     before = None
     for judged in alarm.judgements:
         now = judged.sensor, judged.candidates, judged.kind
@@ -63,6 +66,8 @@ def alarm_events(alarm: Alarm, watch: Watch, what: str) -> list[Event]:
 
 
 def source_text(alarm: Alarm, watch: Watch) -> str:
-    """Say what rose: ``residual of p, mean 0.16 s``, ``E(k)``."""
+    """Say what rose: ``residual of p, mean 0.16 s``; nothing of a detector with one score, or none, and one test."""
+    if len(watch.scores) < 2 and not alarm.test:
+        return ""
     source = f"residual of {alarm.source}" if alarm.source in watch.residuals else alarm.source
     return f"{source}, {alarm.test}" if alarm.test else source

@@ -134,8 +134,9 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     axis.set_yscale("log")
     own = isinstance(monitor, NormMonitor)
     when = "k Ts (s): start of the window" if own else "time (s) at which the score is known"
+    window = f", w = {monitor.window}" if isinstance(monitor, NormMonitor) else ""
     axis.set_xlabel(f"{when}; triangles: when the alarm could be raised")
-    axis.set_ylabel(as_it_is(healthy.name) + (f", w = {monitor.window}" if own else "") + f" ({healthy.unit})")
+    axis.set_ylabel(as_it_is(f"{healthy.name}{window} ({healthy.unit})"))
     axis.legend(loc="upper left", fontsize="small")
     kinds = sorted({trial.fault for trial in trials})
     source = _SOURCES.get(kinds[0], "") if own and len(kinds) == 1 else ""

@@ -1,4 +1,4 @@
-"""What every recording is made of: where trials stand, lines with names and colours, scores, marks, events, verdicts."""
+"""What every recording is made of: entities, lines with names and colours, scores, marks, events, verdicts."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def entity(root: str, name: str) -> str:
 
 
 def trial_paths(trials: Sequence[Injection]) -> list[str]:
-    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks in several ways."""
+    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice."""
     often = Counter((trial.scenario, trial.channel) for trial in trials)
     paths = []
     for trial, repetition in zip(trials, repetitions(trials), strict=True):
@@ -182,9 +182,9 @@ def log_mark(
 
 def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
     """Log what happened, in words, in time."""
-    for time_s, level, text in sorted(events):
+    for time_s, severity, text in sorted(events):
         set_time(recording, time_s)
-        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=level))
+        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=severity))
 
 
 def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:

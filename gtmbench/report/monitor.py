@@ -67,7 +67,7 @@ def _operator(operator: Transmissibility) -> dict[str, Any]:
 
 
 def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
-    """Say in a study's results what a bank is: its residuals with what they look back on and ahead, where it is from."""
+    """Say what a bank is: its residuals with what they look back on and ahead, where it comes from."""
     return {
         "bank": monitor.bank.name,
         "title": monitor.bank.title,
@@ -111,10 +111,9 @@ def monitor_lines(monitor: Monitor, seen: Watch) -> list[str]:
     thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in seen.scores.values()]
     if isinstance(monitor, NormMonitor):
         when = "" if armed_s is None else ", when the norm first stood at or below it"
-        return [
-            f"threshold: {monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip() + f"; {armed}{when}",
-            f"an alarm at k is dated (k + w + d) Ts: look-ahead {monitor.look_ahead_s:g} s, window {monitor.window_s:g} s",
-        ]
+        threshold = f"{monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip()
+        waits = f"look-ahead {monitor.look_ahead_s:g} s, window {monitor.window_s:g} s"
+        return [f"threshold: {threshold}; {armed}{when}", f"an alarm at k is dated (k + w + d) Ts: {waits}"]
     known = f"thresholds: {', '.join(thresholds)}; {armed}" if thresholds else "it shows no score"
     return [f"monitor: {monitor.name}; {known}; delays count look-ahead ({monitor.look_ahead_s:g} s)"]
 

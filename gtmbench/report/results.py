@@ -121,7 +121,7 @@ def named(figures: Mapping[str, float | None]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON has it: what isn't a finite number becomes None, numpy's numbers Python's, others words."""
+    """Return a value as JSON has it: NaN and infinities become None, numpy's numbers Python's, anything else words."""
     if isinstance(value, Mapping):
         return {str(key): plain(of) for key, of in value.items()}
     if isinstance(value, (list, tuple)):

@@ -46,7 +46,7 @@ def trial_label(trial: Injection) -> str:
 
 
 def repetitions(trials: Sequence[Injection]) -> list[int]:
-    """Return for every trial of a detector how many before it broke the same channel in the same scenario, otherwise."""
+    """Return for every trial of a detector how many before it broke the same channel in the same scenario."""
     often = Counter[tuple[str, str]]()
     counts = []
     for trial in trials:
