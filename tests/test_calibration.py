@@ -54,13 +54,13 @@ def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(perio
     monitor = calibrate(records, bank=bank(period_s))
     assert monitor.sample_period_s == period_s
     for seed in range(10, 16):
-        assert watch(monitor, plant(6000, seed, period_s)).findings == ()
+        assert watch(monitor, plant(6000, seed, period_s)).alarms == ()
     healthy = plant(6000, 20, period_s)
     broken = healthy.replace("wall", healthy["wall"] + np.where(np.arange(6000) >= 4000, 3.0, 0.0))
-    first = watch(monitor, broken).findings[0]
-    assert first.residual == "wall"
+    first = watch(monitor, broken).alarms[0]
+    assert first.source == "wall"
     # 3 deviations: 9/2 nats a sample are beyond any threshold after 10, of a window of 8 or 32
-    assert healthy.time_s[4000] <= first.alarm_s <= healthy.time_s[4000] + 32 * period_s
+    assert healthy.time_s[4000] <= first.time_s <= healthy.time_s[4000] + 32 * period_s
 
 
 @pytest.mark.parametrize("name", STATISTICS)
@@ -133,7 +133,7 @@ def test_one_record_is_cut_and_several_are_dealt_out():
     identified = gb.identify(records[0], inputs=["inlet"], outputs=["outlet"], causal_order=3, noncausal_order=2)
     np.testing.assert_array_equal(several.operators["outlet"].markov, identified.markov)
     for monitor in (several, one):
-        assert watch(monitor, plant(6000, 10)).findings == ()
+        assert watch(monitor, plant(6000, 10)).alarms == ()
 
 
 def test_the_same_records_give_the_same_monitor():
@@ -191,7 +191,7 @@ def test_a_window_longer_than_the_healthy_records_doesnt_alarm():
     for thresholds in monitor.thresholds.values():
         assert thresholds["mean 100 s"] == np.inf
         assert thresholds["mean 0.8 s"] < np.inf
-    assert watch(monitor, plant(6000, 9)).findings == ()
+    assert watch(monitor, plant(6000, 9)).alarms == ()
 
 
 def test_missing_channels_are_named():

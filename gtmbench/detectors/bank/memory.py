@@ -51,9 +51,7 @@ class Memory:
         self._table[begin : begin + len(values), : len(self.channels)] = values
         self.stop += len(values)
 
-    def put(
-        self, output: str, row: int, raw: FloatArray, predicted: FloatArray, spread: Spread | None = None
-    ) -> None:
+    def put(self, output: str, row: int, raw: FloatArray, predicted: FloatArray, spread: Spread | None = None) -> None:
         """Put a residual and its prediction beside rows that were taken, from `row` on."""
         made = {("raw", output): raw, ("predicted", output): predicted}
         if spread is not None:

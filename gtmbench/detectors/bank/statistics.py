@@ -166,7 +166,9 @@ class Statistic:
         return sorted({max(round(window_s / sample_period_s), 4) for window_s in self.windows_s})
 
 
-def _energy(test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried) -> list[Series]:
+def _energy(
+    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
+) -> list[Series]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
     found = []
     for rows in test.rows(sample_period_s):
