@@ -15,6 +15,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, silent, watch
@@ -58,7 +59,7 @@ __all__ = [
     "Bank",
     "BankDetector",
     "BankMonitor",
-    "BankMonitor",
+    "BaseMonitor",
     "Baseline",
     "Channel",
     "ConvergenceWarning",
@@ -81,6 +82,7 @@ __all__ = [
     "LeastSquares",
     "LogColumn",
     "Mode",
+    "Monitor",
     "NoiseModel",
     "NormMonitor",
     "NormStream",
@@ -99,6 +101,7 @@ __all__ = [
     "Scenario",
     "Score",
     "Signatures",
+    "SimpleDetector",
     "Stream",
     "Study",
     "TotalLeastSquares",
