@@ -240,7 +240,12 @@ def test_who_names_nobody_is_neither_right_nor_wrong():
 def test_who_could_name_a_sensor_and_didnt_isolated_nothing():
     for alarms, said in (([], ""), ([12.0], "alarm")):
         result = named(alarms)
-        assert (result.isolated, result.kind_right, result.kind_right_20s, result.verdict) == (False, False, False, said)
+        assert (result.isolated, result.kind_right, result.kind_right_20s, result.verdict) == (
+            False,
+            False,
+            False,
+            said,
+        )
         assert (result.isolated_s, result.sensor, result.kind) == (None, None, None)
 
 
