@@ -61,4 +61,4 @@ def scenario(name="mixed", text=MIXED):
 @cache
 def study():
     """Six trials: a drift, one too slow, a saturation that ends, a jam, one that nobody watches, one without effect."""
-    return gb.run_monitored([scenario()], monitor())
+    return gb.run_study([scenario()], detectors=[monitor()])
