@@ -1,43 +1,87 @@
-"""Scoring: alarms and norms made by hand, with verdicts that can be read off."""
+"""Scoring: watches made by hand, with verdicts that can be read off."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gtmbench.bench.faults import Drift
-from gtmbench.method.alarms import Alarms
-from gtmbench.method.residual import WindowedNorm
+from gtmbench.bench.faults import Drift, Jam
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.protocol import Score, Watch, came_down
 from gtmbench.record import Record
-from gtmbench.study.score import score
+from gtmbench.study.score import false_alarms, score
 
 # a second a sample; E(k) needs k..k+2 and one sample of look-ahead, so it is known 3 s after k
 SAMPLES, ONSET_S, THRESHOLD = 20, 10.0, 2.0
 KNOWN_AFTER_S = 3
 HEALTHY = np.linspace(1.0, 2.0, SAMPLES)
+ISOLATION = ("isolated", "isolated_s", "isolation_delay_s", "sensor", "kind", "kind_right", "kind_right_20s")
+
+
+def alarms_at(*times):
+    """Alarms that name nobody, each a fault of its own."""
+    return [Alarm(number=i, time_s=t, onset_s=t, source="E(k)") for i, t in enumerate(sorted(times))]
+
+
+def norm_of(values, *, name="E(k)", channels=("p", "r"), disarmed_s=None):
+    """A score of one value, or one a sample."""
+    values = np.full(SAMPLES, values) if np.isscalar(values) else np.array(values, dtype=float)
+    known_s = np.arange(float(SAMPLES)) + KNOWN_AFTER_S
+    armed = came_down(values, THRESHOLD)
+    if disarmed_s is not None:
+        armed &= known_s < disarmed_s
+    return Score(
+        name=name,
+        values=values,
+        known_s=known_s,
+        threshold=THRESHOLD,
+        channels=channels,
+        armed=armed,
+        disarmed_s=disarmed_s,
+    )
 
 
 def verdict(
-    alarms_s=(),
+    alarms=(),
     norm=1.0,
     *,
+    scores=None,
     altered=range(10, SAMPLES),
-    duration_s=None,
+    fault=None,
     onset_s=ONSET_S,
+    duration_s=None,
     healthy=HEALTHY,
     channel="p",
+    channels=("p", "r"),
+    suspects=(),
 ):
-    """Score alarms at those times, a norm (a number, or one a sample) and a fault that altered those samples."""
-    raised = Alarms(
-        time_s=np.array(alarms_s, dtype=float), armed_s=0.0, threshold=THRESHOLD, look_ahead_s=1.0, window_s=3.0
-    )
-    values = np.full(SAMPLES, norm) if np.isscalar(norm) else np.array(norm, dtype=float)
-    watched = WindowedNorm(
-        values=values, time_s=np.arange(float(SAMPLES)), window=2, look_ahead_s=1.0, sample_period_s=1.0
-    )
+    """Score alarms (or their times), a norm and a fault that altered those samples."""
     changed = healthy.copy()
     changed[list(altered)] += 0.5
-    fault = Drift(channel=channel, onset_s=onset_s, duration_s=duration_s, slope=1.0)
+    fault = fault or Drift(channel=channel, onset_s=onset_s, duration_s=duration_s, slope=1.0)
     before, after = (Record(y, channels=[channel], sample_period_s=1.0) for y in (healthy, changed))
-    return score(raised, watched, fault=fault, healthy=before, broken=after, channels=("p", "r"))
+    if not all(isinstance(alarm, Alarm) for alarm in alarms):
+        alarms = alarms_at(*alarms)
+    shown = [norm_of(norm)] if scores is None else scores
+    seen = Watch(
+        monitor=SimpleNamespace(name="mine", channels=channels, suspects=suspects, look_ahead_s=1.0),
+        record=after,
+        scores={one.name: one for one in shown},
+        alarms=tuple(alarms),
+    )
+    return score(seen, fault=fault, healthy=before, broken=after)
+
+
+def judged(time_s, *candidates, **more):
+    """A judgement; of one candidate, it has decided."""
+    return Judgement(
+        time_s=time_s, sensor=candidates[0] if len(candidates) == 1 else None, candidates=candidates, **more
+    )
+
+
+def named(alarms, **more):
+    """The verdict on a detector that names sensors."""
+    return verdict(alarms, suspects=("p", "r"), **more)
 
 
 def one_window(k, value):
@@ -66,9 +110,9 @@ def test_the_first_alarm_after_the_onset_counts_and_those_before_are_false():
     assert result.false_alarms == 2
 
 
-def test_a_delay_comes_with_the_parts_that_are_the_methods():
+def test_a_delay_comes_with_the_part_that_is_the_methods():
     result = verdict([14.0])
-    assert (result.detection_delay_s, result.look_ahead_s, result.window_s) == (4.0, 1.0, 3.0)
+    assert (result.detection_delay_s, result.look_ahead_s) == (4.0, 1.0)
 
 
 def test_rounding_of_times_makes_no_false_alarm():
@@ -76,13 +120,43 @@ def test_rounding_of_times_makes_no_false_alarm():
     assert verdict([0.3], onset_s=0.1 + 0.2).detection_delay_s == 0.0
 
 
+def test_alarms_that_count_to_an_earlier_ones_fault_are_one_false_alarm():
+    one, two, three = alarms_at(2.0, 4.0, 6.0)
+    two = Alarm(number=1, time_s=4.0, onset_s=4.0, source="r", fault=0)
+    assert verdict([one, two, three]).false_alarms == 2
+    result = verdict([one, two, three, Alarm(number=3, time_s=12.0, onset_s=11.0, source="r", fault=0)])
+    assert (result.false_alarms, result.detection_delay_s) == (2, 2.0)  # one could be raised, whatever it counts to
+
+
+def test_on_a_healthy_record_every_fault_that_was_told_of_is_a_false_alarm():
+    record = Record(HEALTHY, channels=["p"], sample_period_s=1.0)
+    one, two = alarms_at(2.0, 15.0)
+    linked = Alarm(number=2, time_s=16.0, onset_s=16.0, source="r", fault=1)
+    seen = Watch(monitor=None, record=record, alarms=(one, two, linked))
+    assert false_alarms(seen) == (one, two)
+
+
 def test_a_norm_that_stood_above_since_before_the_onset_has_missed_the_fault():
     """The alarm of the transient can't be had twice: no crossing after the onset, no detection."""
-    result = verdict([5.0], norm=3.0)
+    result = verdict([5.0], norm=[1.0, 1.0, *[3.0] * (SAMPLES - 2)])
     assert not result.detected
     assert result.false_alarms == 1
     assert result.peak_ratio == 1.5
-    assert result.reason == "the norm stood above the threshold since before the onset"
+    assert result.reason == "the score stood above its threshold since before the onset"
+
+
+def test_a_norm_that_stood_above_from_the_start_cant_tell():
+    result = verdict(norm=3.0)
+    assert (result.detected, result.false_alarms, result.peak_ratio) == (False, 0, 1.5)
+    assert result.reason == "can't tell: the score never came down to its threshold"
+
+
+def test_what_a_judgement_disarmed_says_since_when():
+    result = verdict([5.0], scores=[norm_of(3.0, disarmed_s=6.25)])
+    assert (result.detected, result.false_alarms) == (False, 1)
+    assert result.reason == "no longer watched since 6.25 s: what an earlier alarm told of was taken to last"
+    both = [norm_of(1.7, name="p"), norm_of(3.0, name="r", disarmed_s=6.25)]
+    assert verdict(scores=both).reason != result.reason  # one of them could still have alarmed
 
 
 def test_a_fault_that_changed_no_sample_says_so():
@@ -92,14 +166,27 @@ def test_a_fault_that_changed_no_sample_says_so():
 
 
 @pytest.mark.parametrize("channel", ["p", "q", "r"])
-def test_a_fault_on_a_channel_the_operator_doesnt_use_says_so(channel):
-    """What an operator doesn't look at can't be found by it: no wonder, and no near miss."""
-    blind = verdict(channel=channel).reason == "the detector doesn't use this channel"
+def test_a_fault_on_a_channel_the_detector_doesnt_use_says_so(channel):
+    """What a detector doesn't look at can't be found by it: no wonder, and no near miss."""
+    blind = verdict(channel=channel).reason == "mine doesn't use this channel"
     assert blind == (channel == "q")
 
 
+def test_a_detector_that_doesnt_say_what_it_uses_may_use_anything():
+    assert verdict(channel="q", channels=(), scores=[]).reason == "no alarm came"
+    assert verdict([12.0], channel="q", channels=(), scores=[]).peak_ratio == 0.0
+
+
 def test_a_missed_fault_says_how_near_it_came():
-    assert verdict(norm=1.7).reason == "the norm reached 85 % of the threshold"
+    assert verdict(norm=1.7).reason == "the score reached 85 % of its threshold"
+
+
+def test_only_scores_that_the_fault_enters_tell_how_near_it_came():
+    """One that doesn't say whose faults enter it may be entered by any."""
+    own, others = norm_of(1.0, name="p", channels=("p",)), norm_of(1.9, name="r", channels=("r",))
+    assert verdict(scores=[own, others]).peak_ratio == 0.5
+    assert verdict(scores=[own, others], channel="r").peak_ratio == 0.95
+    assert verdict(scores=[own, norm_of(1.6, name="x", channels=())]).peak_ratio == 0.8
 
 
 def test_the_peak_counts_windows_known_at_or_after_the_onset_only():
@@ -118,7 +205,7 @@ def test_a_fault_after_the_last_window_was_never_watched():
     norm[7:] = np.nan
     result = verdict(norm=norm)
     assert (result.detected, result.peak_ratio) == (False, 0.0)
-    assert result.reason == "no complete window ends after the onset"
+    assert result.reason == "no score is known after the onset"
 
 
 @pytest.mark.parametrize(("altered", "share"), [(range(10, 20), 1.0), (range(10, 15), 0.5), ([13], 0.1), ([], 0.0)])
@@ -141,3 +228,73 @@ def test_a_sample_that_was_missing_before_isnt_altered():
 def test_a_detected_fault_needs_no_reason_whatever_its_norm():
     for norm in (0.1, 3.0):
         assert verdict([11.0], norm=norm).reason == ""
+
+
+def test_who_names_nobody_is_neither_right_nor_wrong():
+    for alarms in ([], [12.0]):
+        result = verdict(alarms)
+        assert [getattr(result, name) for name in ISOLATION] == [None] * len(ISOLATION)
+        assert (result.candidates, result.parameters, result.verdict) == ((), (), "")
+
+
+def test_who_could_name_a_sensor_and_didnt_isolated_nothing():
+    for alarms, said in (([], ""), ([12.0], "alarm")):
+        result = named(alarms)
+        assert (result.isolated, result.kind_right, result.kind_right_20s, result.verdict) == (
+            False,
+            False,
+            False,
+            said,
+        )
+        assert (result.isolated_s, result.sensor, result.kind) == (None, None, None)
+
+
+def alarm(*judgements, number=0, time_s=11.0, **more):
+    return Alarm(number=number, time_s=time_s, onset_s=time_s, source="p", judgements=judgements, **more)
+
+
+def test_a_sensor_is_isolated_when_the_decision_was_possible_that_the_end_confirms():
+    drift = {"kind": "drift", "parameters": {"slope": 0.9, "onset_s": 9.5}, "errors": {"slope": 0.1}}
+    result = named([alarm(judged(12.0, "p", "r"), judged(14.0, "p"), judged(16.0, "p", **drift))])
+    assert (result.isolated, result.isolated_s, result.isolation_delay_s) == (True, 14.0, 4.0)
+    assert (result.sensor, result.candidates, result.verdict) == ("p", ("p",), "p failed")
+    assert (result.kind, result.kind_right, result.kind_right_20s) == ("drift", True, True)
+    slope, onset = result.parameters
+    assert (slope.name, slope.value, slope.error, slope.true) == ("slope", 0.9, 0.1, 1.0)
+    assert (onset.name, onset.value, onset.true) == ("onset_s", 9.5, 10.0)
+    assert np.isnan(onset.error)
+
+
+def test_a_wrong_sensor_or_kind_has_no_truth_beside_it():
+    wrong = named([alarm(judged(14.0, "r", kind="drift", parameters={"slope": 1.0}))])
+    assert (wrong.detected, wrong.isolated, wrong.isolated_s, wrong.kind_right) == (True, False, None, False)
+    assert wrong.parameters[0].true is None
+    other = named([alarm(judged(14.0, "p", kind="jam", parameters={"slope": 1.0}))])
+    assert (other.isolated, other.kind_right, other.parameters[0].true) == (True, False, None)
+
+
+def test_a_jams_true_value_is_what_the_channel_reads_then():
+    stuck = Jam(channel="p", onset_s=ONSET_S)
+    result = named([alarm(judged(14.0, "p", kind="jam", parameters={"value": 2.0}))], fault=stuck)
+    assert result.parameters[0].true == HEALTHY[10] + 0.5
+
+
+def test_kinds_are_judged_at_the_end_and_20_s_after_the_alarm():
+    late = alarm(judged(12.0, "p", kind="jam"), judged(31.5, "p", kind="drift"))
+    assert (named([late]).kind_right, named([late]).kind_right_20s) == (True, False)
+
+
+def test_what_is_said_of_a_fault_stands_with_the_alarm_that_first_told_of_it():
+    first = alarm(judged(9.5, "p"), time_s=9.0)
+    again = alarm(number=1, time_s=12.0, fault=0)
+    result = named([first, again])
+    assert (result.false_alarms, result.sensor, result.isolated) == (1, "p", True)
+    assert result.isolated_s == result.alarm_time_s == 12.0  # not before the fault that is scored
+
+
+def test_an_end_is_told_and_how_late():
+    gone = alarm(judged(12.0, "p"), judged(15.0), ended_s=14.5, end_known_s=15.0)
+    result = named([gone], duration_s=4.0)
+    assert (result.isolated, result.sensor, result.ended_s, result.end_error_s) == (True, "p", 14.5, 0.5)
+    lasting = named([gone])
+    assert (lasting.ended_s, lasting.end_error_s) == (14.5, None)

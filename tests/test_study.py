@@ -35,9 +35,23 @@ def test_a_healthy_operator_predicts_within_a_noise_or_two(study):
     """SNR 50 on r is some 0.06 deg/s; prediction errors of noisy inputs add to it."""
     baseline = study.baseline
     noise = np.std(baseline.flight["r"]) / 50.0
-    assert noise < baseline.operator.rms_residual[0] < 4.0 * noise
-    watched = slice(*(round(100 * t) for t in (200.0, 480.0)))
-    assert np.sqrt(np.mean(baseline.residual.values[watched] ** 2)) < 4.0 * noise
+    assert noise < baseline.monitor.operator.rms_residual[0] < 4.0 * noise
+    time_s = baseline.watch.record.time_s
+    watched = (time_s >= 200.0) & (time_s < 480.0)
+    assert np.sqrt(np.mean(baseline.watch.residuals["r"][watched] ** 2)) < 4.0 * noise
+
+
+def test_what_is_watched_begins_with_the_record_cut_there(study):
+    """As it would for somebody who switches it on then: nothing before is looked at, and the norm arms by itself."""
+    base = study.baseline
+    for watch in (base.watch, *(trial.watch for trial in study.trials)):
+        assert (watch.record.start_s, watch.record.end_s) == (25.0, 500.0)
+        (norm,) = watch.scores.values()
+        assert np.flatnonzero(norm.exists)[[0, -1]].tolist() == [50, len(watch.record) - 1 - 1050]
+        assert (norm.name, norm.armed_s) == ("E(k)", norm.known_s[np.argmax(norm.values <= norm.threshold)])
+    again = base.monitor.watch(base.healthy.between(25.0, 500.0))
+    assert (again.scores["E(k)"].values[50:-1050] == base.watch.scores["E(k)"].values[50:-1050]).all()
+    assert 5 * 25.0 < base.healthy_hours * 3600.0 < 5 * 475.0 - 5 * 10.51 + 1e-6
 
 
 def test_every_number_follows_from_the_public_functions_and_the_definitions():
@@ -54,16 +68,17 @@ def test_every_number_follows_from_the_public_functions_and_the_definitions():
     truth = flight["p"][2_500:30_001]
     half_width = 0.5 * np.sqrt(np.mean((truth - truth.mean()) ** 2))
     broken = gb.inject(healthy[2], gb.Deadzone(channel="p", onset_s=300, half_width=half_width))
-    watched = gb.windowed_norm(gb.residual(operator, broken), window=1000).values
+    seen = gb.windowed_norm(gb.residual(operator, broken.between(25, 500)), window=1000).values  # from 25 s on
+    watched = np.concatenate([np.full(2_500, np.nan), seen])
     above = watched > limit
-    first = next(k for k in range(2_501, 49_000) if above[k] and not above[k - 1] and k + 1000 + 50 >= 30_000)
+    first = next(k for k in range(2_551, 49_000) if above[k] and not above[k - 1] and k + 1000 + 50 >= 30_000)
 
     trial = next(trial for trial in gb.run("faults/deadzone.toml") if trial.channel == "p")
-    assert trial.baseline.threshold == pytest.approx(limit, rel=1e-12)
+    assert trial.baseline.monitor.threshold == pytest.approx(limit, rel=1e-12)
     assert trial.severity["half_width"] == pytest.approx(half_width, rel=1e-12)
     assert trial.alarm_time_s == pytest.approx((first + 1000 + 50) * 0.01, abs=1e-9)
     assert trial.detection_delay_s == pytest.approx(trial.alarm_time_s - 300.0, abs=1e-9)
-    assert (trial.look_ahead_s, trial.window_s) == pytest.approx((0.5, 10.01))
+    assert (trial.look_ahead_s, trial.baseline.monitor.window_s) == (0.5, 10.01)
     peak = np.nanmax(watched[30_000 - 1050 :])
     assert trial.peak_ratio == pytest.approx(peak / limit, rel=1e-12)
     assert trial.altered_share == pytest.approx(np.mean(broken["p"][30_000:] != healthy[2]["p"][30_000:]))
@@ -72,7 +87,7 @@ def test_every_number_follows_from_the_public_functions_and_the_definitions():
 def test_the_same_seed_gives_the_same_study_and_another_seed_another():
     one, again, other = (gb.run("jam", seed=seed) for seed in (4, 4, 5))
     assert [trial.row() for trial in one] == [trial.row() for trial in again]
-    assert one[0].baseline.threshold != other[0].baseline.threshold
+    assert one[0].baseline.monitor.threshold != other[0].baseline.monitor.threshold
 
 
 def test_a_harmless_fault_is_a_miss_with_its_reason(tmp_path):
@@ -87,9 +102,9 @@ def test_a_harmless_fault_is_a_miss_with_its_reason(tmp_path):
     assert out_of_range.altered_share == 0.0
     assert out_of_range.reason == "the fault changed no sample"
     assert not tiny.detected
-    assert "% of the threshold" in tiny.reason
+    assert "% of its threshold" in tiny.reason
     assert not unwatched.detected
-    assert unwatched.reason == "the detector doesn't use this channel"
+    assert unwatched.reason == "dissertation doesn't use this channel"
 
 
 def test_scenarios_of_different_setups_dont_make_one_study(tmp_path):

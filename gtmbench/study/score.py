@@ -23,9 +23,10 @@ import numpy as np
 
 from gtmbench.bench.fault import Fault
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.record import Record
 
+NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
 _JUDGED_S = 20.0
 
@@ -64,7 +65,8 @@ class Verdict:
     look_ahead_s : float
         The part of every delay that the detector waits for samples to come.
     peak_ratio : float
-        Greatest score known at or after the onset over its threshold, of those that the sensor enters; 0 without any.
+        Greatest score known at or after the onset over its threshold, of those that the sensor's fault enters; 0
+        without any.
     altered_share : float
         Share of samples in the active interval at which the broken signal differs from the healthy one.
     false_alarms : int
@@ -184,6 +186,8 @@ def _isolation(watch: Watch, told: Alarm | None, fault: Fault, broken: Record) -
             "verdict": "" if told is None else "alarm",
         }
     isolated_s = judged.isolated_s if judged.sensor == fault.channel else None
+    if isolated_s is not None:  # of a fault that an earlier alarm had told of: no sooner than this one
+        isolated_s = max(isolated_s, told.time_s)
     by_20s = judged.at(told.time_s - judged.time_s + _JUDGED_S)
     gone_s = None if fault.duration_s is None else fault.onset_s + fault.duration_s
     return {
@@ -231,9 +235,13 @@ def _truth(fault: Fault, broken: Record) -> dict[str, float]:
     return truth
 
 
+def _entered(watch: Watch, fault: Fault) -> list[Score]:
+    """Return the scores that a fault enters; one that doesn't say whose faults those are may be entered by any."""
+    return [score for score in watch.scores.values() if fault.channel in (score.channels or (fault.channel,))]
+
+
 def _peak_ratio(watch: Watch, fault: Fault) -> float:
-    own = [score for score in watch.scores.values() if fault.channel in score.channels]
-    return max((score.peak(fault.onset_s) for score in own), default=0.0)
+    return max((score.peak(fault.onset_s) for score in _entered(watch, fault)), default=0.0)
 
 
 def _reason(watch: Watch, fault: Fault, altered: float, peak: float) -> str:
@@ -241,9 +249,9 @@ def _reason(watch: Watch, fault: Fault, altered: float, peak: float) -> str:
         return f"{watch.monitor.name} doesn't use this channel"
     if altered == 0.0:
         return "the fault changed no sample"
-    own = [score for score in watch.scores.values() if fault.channel in score.channels]
+    own = _entered(watch, fault)
     if not own:
-        return "no alarm came"
+        return NO_ALARM
     disarmed = [score.disarmed_s for score in own if score.disarmed_s is not None]
     if len(disarmed) == len(own):
         return f"no longer watched since {max(disarmed):.2f} s: what an earlier alarm told of was taken to last"

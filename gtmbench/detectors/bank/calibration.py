@@ -69,10 +69,12 @@ def calibrate_bank(
     InputError
         Where channels are missing or constant, or the records too short.
     """
-    found = tuple(records)
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
-    for record in found:
+    for record in records:
         bank.check_channels(record.channels)
+    found = tuple(
+        record.select(bank.channels) for record in records
+    )  # what else is there may have a pseudo input's name
     period_s = found[0].sample_period_s
     if estimator is None:
         estimator = Bayesian() if sum(map(len, found)) * period_s < _LITTLE_S else LeastSquares()

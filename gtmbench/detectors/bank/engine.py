@@ -232,11 +232,11 @@ class Engine:
             one.output: shift_of(self._monitor, one.output, self._memory.raw(one.output, rows)) for one in self.arming
         }
 
-    def _tell(self, fault: Fault, **changes: Any) -> None:
+    def _tell(self, of: Fault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
-        fault.alarm = replace(fault.alarm, **changes)
-        self.alarms[fault.alarm.number] = fault.alarm
-        self._told[fault.alarm.number] = fault.alarm
+        of.alarm = replace(of.alarm, **changes)
+        self.alarms[of.alarm.number] = of.alarm
+        self._told[of.alarm.number] = of.alarm
 
     # ---- who counts to whom ----
 
