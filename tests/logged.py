@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.detectors.bank.bank import bank_of
+from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.study.watched_log import WatchedLog
 from tests.monitors import monitor, record
 
