@@ -66,13 +66,13 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
     fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
     fdm["ic/long-gc-deg"] = 0.0
     fdm["ic/h-sl-ft"] = wanted["altitude"]
-    fdm["ic/psi-true-deg"] = wanted["psi"]
-    fdm["ic/phi-deg"] = wanted["phi"]
-    fdm["ic/theta-deg"] = wanted["theta"]
     fdm["ic/vt-kts"] = wanted["tas"]
+    # JSBSim turns the attitude when alpha or beta are set, but keeps these when the attitude is: so it comes last, and
+    # what the engine stood in before leaves no trace
     fdm["ic/alpha-deg"] = wanted["alpha"]
     fdm["ic/beta-deg"] = wanted["beta"]
-    # JSBSim turns the attitude when alpha or beta are set, so pitch is said again; the wind angles stay
+    fdm["ic/psi-true-deg"] = wanted["psi"]
+    fdm["ic/phi-deg"] = wanted["phi"]
     fdm["ic/theta-deg"] = wanted["theta"]
     for rate in ("p", "q", "r"):
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
@@ -115,8 +115,8 @@ def trimmed_engine(
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return a fresh engine that stands in trim, and the trim.
 
-    Not the one that was searched with: the states of a search leave traces (3e-7 ft/s2 for the same unknowns), and they
-    are other states on another CPU.
+    Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
+    on another CPU.
     """
     from scipy.optimize import least_squares  # half a second to import
 
