@@ -164,6 +164,12 @@ class Engine:
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
 
+    def is_quiet(self, levels: Iterable[float]) -> bool:
+        """Tell whether levels that the next row makes known raise no alarm, and no judgement is due with it."""
+        return self.row < self.due and not any(
+            level > 1.0 and one.low and one.disarmed_row is None for one, level in zip(self.arming, levels, strict=True)
+        )
+
     def see(self, levels: Iterable[float]) -> bool:
         """Take the levels that the next row makes known, where no judgement is due; return whether one is an alarm."""
         row = self.row
@@ -248,9 +254,10 @@ class Engine:
         """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose."""
         for each in self._earlier(fault):
             told = each.alarm.last
-            if told is not None and (told.sensor is not None or not fault.is_judged):
-                if fault.alarm.source in entered(self._bank, told.candidates):
-                    return each
+            if told is None or (fault.is_judged and told.sensor is None):
+                continue
+            if fault.alarm.source in entered(self._bank, told.candidates):
+                return each
         return None
 
     def _trusted(self, fault: Fault) -> tuple[str, ...]:
@@ -337,7 +344,7 @@ class Engine:
         )
 
     def _close(self, fault: Fault, **end: float) -> None:
-        """A fault is over, with all that counted to it: take its rows out and watch anew."""
+        """End a fault, with all that counted to it: take its rows out and watch anew."""
         told = fault.alarm.last
         outputs = {fault.alarm.source} | entered(self._bank, () if told is None else told.candidates)
         if end:

@@ -17,7 +17,7 @@ from gtmbench.record import FloatArray
 
 _LONG_S = 20.0
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
-_MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
+MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
 Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how many samples ago it left zero
@@ -121,7 +121,7 @@ class Statistic:
         """Return the rows where there is a sample, and what the statistic is made of there."""
         plain = raw if self.name == "energy" else white
         there = np.flatnonzero(np.isfinite(plain))
-        most = 1e150 if self.name == "energy" else _MOST
+        most = 1e150 if self.name == "energy" else MOST
         clipped = np.clip(plain[there], -most, most)
         if spread is None:
             return there, Given(values=clipped, plain=clipped, means={}, doubtful=np.zeros(len(there)))
@@ -330,7 +330,7 @@ def tolerance_of(
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
     (four deviations) is left out; of the mean squares `noise` deviations, which matter where windows are short.
     """
-    given = [np.clip(white[np.isfinite(white)], -_MOST, _MOST) for white in whites]
+    given = [np.clip(white[np.isfinite(white)], -MOST, MOST) for white in whites]
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
