@@ -208,7 +208,7 @@ def test_scores_stand_on_the_record_up_to_the_time_they_are_known_at(bank, missi
         values[start:stop] = np.nan
         flight = flight.replace(channel, values)
     whole = gb.watch(monitor, flight).scores
-    for cut_s in (19.88, 20.0, 20.84):
+    for cut_s in (18.6, 18.68, 19.88, 20.0, 20.12, 20.2):
         for output, score in gb.watch(monitor, flight.between(0.0, cut_s)).scores.items():
             known = score.known_s <= cut_s
             assert np.isfinite(score.values[known]).sum() > 300
