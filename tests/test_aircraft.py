@@ -35,7 +35,7 @@ def test_trim_error_names_the_acceleration_and_the_limit():
         gb.TrimError, match=r"400 kt.*forward acceleration \(thrust against drag\).*throttle at its limit"
     ):
         gb.trim("gtm", tas_kt=400.0)
-    with pytest.raises(gb.TrimError, match=r"30 kt.*downward acceleration \(lift against weight\)"):
+    with pytest.raises(gb.TrimError, match=r"30 kt.*acceleration \(.*throttle at its limit"):
         gb.trim("gtm", tas_kt=30.0)
 
 

@@ -241,7 +241,8 @@ def test_a_norm_is_known_when_its_last_sample_is():
     # seen from the other side: what comes after doesn't change it
     cut = record.between(record.start_s, norm.known_s[200])
     short = windowed_norm(residual(operator(), cut), window=10)
-    assert short.values[200] == norm.values[200]
+    # but for its last bits: kernels of sums and products take the last samples of an array otherwise
+    assert short.values[200] == pytest.approx(norm.values[200], rel=1e-14, abs=0.0)
     assert np.isnan(short.values[201])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from operator import call
 from pathlib import Path
@@ -25,6 +26,7 @@ _TURBULENCE = {
     "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
     "atmosphere/turbulence/milspec/severity": 3,
 }
+_BREATH_FT_S = 1e-9  # a head wind too weak to be felt, and far above what rounding leaves (1e-13)
 
 
 def fly(
@@ -43,7 +45,8 @@ def fly(
     duration_s : float
         Seconds; the record has 100 samples a second and one more.
     seed : int
-        Of multisine phases and turbulence. The same arguments give the same bits, in any process.
+        Of multisine phases and turbulence. The same arguments give the same bits, in any process; on a CPU without
+        fused multiply-add, where sines end in other bits, the same flight to 1e-9.
 
     Raises
     ------
@@ -69,9 +72,7 @@ def fly(
     fdm, trimmed = trimmed_engine(craft)
     commands = _commands(craft, trimmed, moved, len(time_s))
     if moved.turbulence:
-        fdm["simulation/randomseed"] = seed
-        for name, value in _TURBULENCE.items():
-            fdm[name] = value
+        _set_turbulence(fdm, craft.psi_deg, seed)
     with simulating(fdm, craft):
         read = _fly(fdm, commands)
     record = _record(read, commands, trimmed)
@@ -86,6 +87,21 @@ def _commands(aircraft: Aircraft, trimmed: Trim, moved: excitations.Excitation, 
         low, high = aircraft.limits[name]
         columns.append(np.clip(trimmed.commands[name] + moved.surfaces.get(name, np.zeros(samples)), low, high))
     return np.column_stack(columns)
+
+
+def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> None:
+    """Make the air turbulent, its axes turned by a head wind.
+
+    JSBSim turns the gusts' axes by the heading of the steady wind. In still air that is the heading of what rounding
+    leaves of airspeed less ground speed, 1e-14 ft/s any way, which other bits of the trim or another CPU's sines turn
+    by any angle: the flight would be another one. A breath of wind gives the axes a direction.
+    """
+    fdm["atmosphere/wind-north-fps"] = _BREATH_FT_S
+    fdm["atmosphere/wind-east-fps"] = fdm["atmosphere/wind-down-fps"] = 0.0
+    fdm["atmosphere/psiw-rad"] = math.radians(heading_deg + 180.0)  # turns the wind, and the first step's gusts with it
+    fdm["simulation/randomseed"] = seed
+    for name, value in _TURBULENCE.items():
+        fdm[name] = value
 
 
 def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:

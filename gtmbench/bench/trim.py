@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import jsbsim
@@ -24,6 +26,9 @@ ACCELERATIONS = {
     "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
 }
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
+# Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
+# unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
+_DECIMALS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +66,13 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
     fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
     fdm["ic/long-gc-deg"] = 0.0
     fdm["ic/h-sl-ft"] = wanted["altitude"]
-    fdm["ic/psi-true-deg"] = wanted["psi"]
-    fdm["ic/phi-deg"] = wanted["phi"]
-    fdm["ic/theta-deg"] = wanted["theta"]
     fdm["ic/vt-kts"] = wanted["tas"]
+    # JSBSim turns the attitude when alpha or beta are set, but keeps these when the attitude is: so it comes last, and
+    # what the engine stood in before leaves no trace
     fdm["ic/alpha-deg"] = wanted["alpha"]
     fdm["ic/beta-deg"] = wanted["beta"]
-    # JSBSim turns the attitude when alpha or beta are set, so pitch is said again; the wind angles stay
+    fdm["ic/psi-true-deg"] = wanted["psi"]
+    fdm["ic/phi-deg"] = wanted["phi"]
     fdm["ic/theta-deg"] = wanted["theta"]
     for rate in ("p", "q", "r"):
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
@@ -80,7 +85,8 @@ def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_
     """Trim an aircraft for level flight without sideslip.
 
     Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
-    least squares; pitch equals alpha up to the bank's second order, so that the flight path stays level.
+    least squares; pitch equals alpha up to the bank's second order, so that the flight path stays level. What is found
+    is rounded to 1e-8 deg (and percent of throttle), so that every kind of CPU starts from the same trim.
 
     Parameters
     ----------
@@ -107,7 +113,11 @@ def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_
 def trimmed_engine(
     aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return a fresh engine that stands in trim, and the trim."""
+    """Return a fresh engine that stands in trim, and the trim.
+
+    Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
+    on another CPU.
+    """
     from scipy.optimize import least_squares  # half a second to import
 
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
@@ -118,31 +128,34 @@ def trimmed_engine(
         "psi": aircraft.psi_deg,
         "beta": 0.0,
     }
-    fdm = engine(aircraft)
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
         # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
-        theta = np.arctan(np.tan(np.deg2rad(values["alpha"])) * np.cos(np.deg2rad(values["phi"])))
-        return {**fixed, **values, "theta": float(np.rad2deg(theta))}
+        theta = math.atan(math.tan(math.radians(values["alpha"])) * math.cos(math.radians(values["phi"])))
+        return {**fixed, **values, "theta": math.degrees(theta)}
 
-    def accelerations(unknowns: FloatArray) -> FloatArray:
+    def accelerations(fdm: jsbsim.FGFDMExec, unknowns: FloatArray) -> FloatArray:
         set_condition(fdm, aircraft, condition(unknowns))
         return np.array([fdm[name] for name in ACCELERATIONS])
 
     low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
+    searched = engine(aircraft)
     try:
-        with simulating(fdm, aircraft), silenced():
-            found = least_squares(accelerations, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
-            left = accelerations(found.x)
+        with simulating(searched, aircraft), silenced():
+            search = partial(accelerations, searched)
+            found = least_squares(search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
     except ValueError as error:
         raise TrimError(
             f"no trim for '{aircraft.name}': its accelerations aren't all numbers; check the model"
         ) from error
+    fdm, x = engine(aircraft), np.round(found.x, _DECIMALS)
+    with simulating(fdm, aircraft), silenced():
+        left = accelerations(fdm, x)
     if not np.all(np.abs(left) < TOLERANCE):
-        raise TrimError(_failure(aircraft, fixed, found.x, left, low, high))
-    return fdm, _read(fdm, condition(found.x))
+        raise TrimError(_failure(aircraft, fixed, x, left, low, high))
+    return fdm, _read(fdm, condition(x))
 
 
 def _failure(
@@ -163,6 +176,11 @@ def _failure(
     )
 
 
+def _rounded(angle_deg: float) -> float:
+    """Return an angle as the unknowns are given; level flight isn't -0 deg."""
+    return round(angle_deg, _DECIMALS) + 0.0
+
+
 def _read(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
     knots = CHANNELS["tas"].scale
     return Trim(
@@ -171,11 +189,11 @@ def _read(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
         tas_kt=fdm["velocities/vt-fps"] * knots,
         alpha_deg=at["alpha"],
         beta_deg=at["beta"],
-        gamma_deg=float(np.rad2deg(fdm["flight-path/gamma-rad"])),
+        gamma_deg=_rounded(math.degrees(fdm["flight-path/gamma-rad"])),
         roll_deg=at["phi"],
         pitch_deg=at["theta"],
         yaw_deg=at["psi"],
-        ground_track_deg=float(np.rad2deg(fdm["flight-path/psi-gt-rad"])),
+        ground_track_deg=_rounded(math.degrees(fdm["flight-path/psi-gt-rad"])),
         elevator_deg=at["elevator"],
         aileron_deg=at["aileron"],
         rudder_deg=at["rudder"],

@@ -1,0 +1,165 @@
+"""Python of the user's own: a detector or a fault in a file or a package, imported because the user named it.
+
+Nothing else in this package imports what a text names. A scenario, a monitor's file and every other data file can only
+choose among what is built in, what installed packages announce by entry points (imported when it is chosen) and what
+has been imported by these functions before.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from gtmbench.checks import one_line, shown
+from gtmbench.errors import InputError
+from gtmbench.files import is_file
+
+_HOW = "give FILE.py or a module's dotted name"
+
+
+def load_module(source: str | Path) -> ModuleType:
+    """Import a module by its file's path, ``FILE.py``, or by its dotted name, ``package.module``.
+
+    A file gets a private name made from its path, so that it never stands in the way of an installed module and its
+    folder isn't searched for others; asked for again, it is the same module. A name is looked for where Python looks,
+    but not in the current folder: ``python -m gtmbench`` would search that first, where a downloaded log may lie beside
+    a ``numpy.py``. Where the user has put that folder on the path (``PYTHONPATH``, an editable install) it is searched.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file or module, or importing it fails.
+
+    Examples
+    --------
+    >>> load_module("json.decoder").__name__
+    'json.decoder'
+    """
+    text = str(source)
+    if isinstance(source, Path) or text.endswith(".py"):
+        return _of_file(Path(source))
+    if not all(part.isidentifier() for part in text.split(".")):
+        raise InputError(f"{shown(text)} names no module; {_HOW}")
+    with _without_current_folder(), _told(text):
+        return import_module(text)
+
+
+def load_object(source: str) -> object:
+    """Import an object: ``FILE.py:OBJECT`` or ``package.module:OBJECT``, split at the last colon.
+
+    Raises
+    ------
+    InputError
+        Where there is no such module or no such object in it.
+
+    Examples
+    --------
+    >>> load_object("json:JSONDecoder").__name__
+    'JSONDecoder'
+    """
+    module_name, colon, name = source.rpartition(":")
+    if not colon or not module_name or not name.isidentifier():
+        raise InputError(f"{shown(source)} names no object; give FILE.py:OBJECT or package.module:OBJECT")
+    module = load_module(module_name)
+    try:
+        return getattr(module, name)
+    except AttributeError as error:
+        there = ", ".join(own for own in vars(module) if not own.startswith("_")) or "nothing"
+        raise InputError(one_line(f"{module_name} has no '{name}'; it holds {there}")) from error
+
+
+def installed(group: str) -> dict[str, str]:
+    """Return what installed packages announce under a group of entry points, by name; nothing is imported.
+
+    The values are sources as `load_object` takes them; where packages don't agree, both of them.
+
+    Examples
+    --------
+    >>> installed("gtmbench.nothing")
+    {}
+    """
+    sources: dict[str, set[str]] = {}
+    with _without_current_folder():
+        for point in entry_points(group=group):
+            sources.setdefault(point.name, set()).add(f"{point.module}:{point.attr}")
+    return {name: " or ".join(sorted(found)) for name, found in sorted(sources.items())}
+
+
+def load_installed(group: str, name: str) -> object:
+    """Import what an installed package announces under a group and a name.
+
+    Raises
+    ------
+    InputError
+        Where none does, several do, or importing it fails.
+    """
+    known = installed(group)
+    if name not in known:
+        raise InputError(f"no installed package announces {shown(name)} under {group}")
+    if " or " in known[name]:
+        raise InputError(f"'{name}' of {group} is {known[name]}: two packages announce it; uninstall one of them")
+    return load_object(known[name])
+
+
+def _of_file(path: Path) -> ModuleType:
+    if not is_file(path):
+        raise InputError(f"no file {path}; {_HOW}")
+    path = path.resolve()
+    # its own place in sys.modules: dataclasses and pickle look a class's module up there
+    stem = "".join(letter if letter.isalnum() else "_" for letter in path.stem)
+    name = f"_gtmbench_{stem}_{sha256(bytes(path)).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} isn't Python; {_HOW}")
+    module = sys.modules[name] = module_from_spec(spec)
+    try:
+        with _without_current_folder(), _told(str(path)):
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+@contextmanager
+def _told(source: str) -> Iterator[None]:
+    """Turn whatever an import raises into one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is not None and f"{source}.".startswith(f"{error.name}."):
+            why = "install it, or give its file, FILE.py (the current folder isn't searched)"
+        else:  # another one, which the module needs
+            why = "install what it needs"
+        raise InputError(one_line(f"{source} can't be imported: no module '{error.name}'; {why}")) from error
+    except InputError as error:
+        raise InputError(one_line(f"{source}: {error}")) from error
+    except (Exception, SystemExit) as error:  # a script's sys.exit, too
+        raise InputError(one_line(f"{source} can't be imported: {type(error).__name__}: {error}")) from error
+
+
+@contextmanager
+def _without_current_folder() -> Iterator[None]:
+    """Take from Python's path what Python puts there for the current folder: '' or '.', or that folder in front.
+
+    What the user puts there (``PYTHONPATH``, an editable install) is absolute, and stands further back.
+    """
+    before = list(sys.path)
+    kept = [entry for entry in before if Path(entry).is_absolute()]
+    if kept[:1] == [str(Path.cwd())] and not sys.flags.safe_path:
+        del kept[0]
+    sys.path[:] = kept
+    try:
+        yield
+    finally:
+        if sys.path == kept:  # an import may change the path, and then it stays so
+            sys.path[:] = before
