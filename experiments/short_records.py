@@ -33,9 +33,9 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import lagged
-from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
 from gtmbench.report.figures import panels
 from gtmbench.report.style import COLOURS
+from gtmbench.study.score import false_alarms
 
 SENSORS = {  # bias, vibration and noise (RMS) and quantum in deg/s, deg or g
     # JSBSim's property              lag (s)  gain    bias  vibration  noise  quantum
@@ -177,7 +177,8 @@ def monitor_of(case: Case) -> gb.Monitor:
     """Identify the bank for the false alarms an hour that `gtmbench monitor` asks for."""
     bank = gb.load_bank("C") if case.bank == "C" else gb.bank_between(case.bank.split(), ["r"])
     records = [sensed(case.aircraft, case.weather, name, 1 + i) for i, name in enumerate(case.identified)]
-    return calibrate_cautiously(records, bank, false_alarms_per_hour=0.002 if case.bank == "C" else 1.0)
+    rate = 0.002 if case.bank == "C" else 1.0
+    return gb.calibrate(records, bank=bank, false_alarms_per_hour=rate, estimator=gb.Bayesian())
 
 
 def rows_of(case: Case) -> list[Row]:
@@ -185,7 +186,7 @@ def rows_of(case: Case) -> list[Row]:
     monitor, rows = monitor_of(case), []
     for name in case.watched:
         healthy = seen(case, name)
-        said = [finding.verdict for finding in gb.watch(monitor, healthy).findings]
+        said = [alarm.verdict for alarm in false_alarms(gb.watch(monitor, healthy))]
         found: list[Row] = [{"fault": "", "found": bool(said), "said": "; ".join(said)}]
         if name in case.broken:
             found += [judged(monitor, healthy, fault) for gyro in case.gyros for fault in faults(healthy, gyro)]
@@ -215,19 +216,19 @@ def faults(record: gb.Record, channel: str) -> list[gb.Fault]:
 def judged(monitor: gb.Monitor, healthy: gb.Record, fault: gb.Fault) -> Row:
     """Break a gyro and hold what is said against the truth; an alarm before the onset spoils a detection."""
     broken, (*_, vibration, noise, quantum) = gb.inject(healthy, fault), SENSORS[fault.channel]
-    findings = gb.watch(monitor, broken).findings
-    first = findings[0] if findings and findings[0].alarm_s >= ONSET_S else None
+    verdict = gb.score(gb.watch(monitor, broken), fault=fault, healthy=healthy, broken=broken)
+    found = verdict.detected and not verdict.false_alarms
     change = (broken[fault.channel] - healthy[fault.channel])[healthy.time_s >= ONSET_S]
     own = vibration**2 + noise**2 + quantum**2 / 12.0  # what the gyro reads that isn't motion
     return {
         "fault": fault.kind,
         "change": float(np.sqrt(np.mean(change**2) / own)),
-        "found": first is not None,
-        "spoiled": bool(findings) and first is None,
-        "right gyro": first is not None and first.sensor == fault.channel,
-        "wrong gyro": first is not None and first.sensor not in (None, fault.channel),
-        "right kind": first is not None and (first.sensor, first.last.kind) == (fault.channel, fault.kind),
-        "delay": first.alarm_s - ONSET_S if first else np.nan,
+        "found": found,
+        "spoiled": verdict.false_alarms > 0,
+        "right gyro": found and bool(verdict.isolated),
+        "wrong gyro": found and verdict.sensor not in (None, fault.channel),
+        "right kind": found and bool(verdict.kind_right),
+        "delay": verdict.detection_delay_s if found else np.nan,
     }
 
 
@@ -325,15 +326,14 @@ def draw(path: Path) -> None:
     figure, axes = panels(2, 3, (14.0, 6.5))
     for column, (title, record) in enumerate(shown.items()):
         watched, (top, bottom) = gb.watch(monitor, record), (axes[0][column], axes[1][column])
-        residuals = watched.residuals
-        band = 3.0 * float(monitor.operators["r"].rms_residual[0]) * residuals.spread["r"].raw
-        top.plot(record.time_s, residuals.predicted["r"], color=COLOURS["virtual"], lw=0.8, label="predicted")
+        band = 3.0 * float(monitor.operators["r"].rms_residual[0]) * watched.widening["r"]
+        top.plot(record.time_s, watched.predictions["r"], color=COLOURS["virtual"], lw=0.8, label="predicted")
         top.plot(record.time_s, record["r"], color="k", lw=1.2, label="measured")
         bottom.fill_between(record.time_s, -band, band, color="0.85", label="3 spreads")
-        bottom.plot(record.time_s, residuals.raw["r"], color=COLOURS["r"], lw=0.9, label="residual")
-        for finding in watched.findings:
-            top.axvline(finding.alarm_s, color=COLOURS["threshold"], label=f"alarm: {finding.verdict}")
-            bottom.axvline(finding.alarm_s, color=COLOURS["threshold"])
+        bottom.plot(record.time_s, watched.residuals["r"], color=COLOURS["r"], lw=0.9, label="residual")
+        for alarm in watched.faults:
+            top.axvline(alarm.time_s, color=COLOURS["threshold"], label=f"alarm: {alarm.verdict}")
+            bottom.axvline(alarm.time_s, color=COLOURS["threshold"])
         top.set(title=title, ylabel="r (deg/s)")
         bottom.set(xlabel="time (s)", ylabel="residual of r (deg/s)")
     handles, labels = (a + b for a, b in zip(*(row[2].get_legend_handles_labels() for row in axes), strict=True))

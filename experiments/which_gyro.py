@@ -33,11 +33,11 @@ from scipy.stats import binomtest
 import gtmbench as gb
 from gtmbench.bench.faults import FAULTS
 from gtmbench.bench.imperfections import drawn
-from gtmbench.detectors.bank.levels import bank_alarms, crossings, levels
-from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank.levels import bank_alarms
 from gtmbench.detectors.bank.statistics import Statistic
 from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.figures import panels
+from gtmbench.study.score import false_alarms, score
 from gtmbench.study.severity import parse_severity, resolve
 
 CALIBRATION, UNSEEN = "multisine+turbulence", "doublets+turbulence"
@@ -74,7 +74,7 @@ TESTS = {
 }
 
 Row = dict[str, object]
-MONITORS: dict[str, gb.BankMonitor] = {}  # of a worker process
+MONITORS: dict[str, gb.Monitor] = {}  # of a worker process
 
 
 # ---- records ----
@@ -124,28 +124,21 @@ def calibration_record(
 
 
 def healthy_rows(seed: int, watching: Sequence[str], imperfections: dict[str, gb.Imperfections]) -> list[Row]:
-    """Count the alarms of monitors on a healthy flight."""
+    """Count the false alarms of monitors on a healthy flight, and the hours watched."""
     flight = fly(UNSEEN, seed)
     rows: list[Row] = []
     for name in watching:
-        record = sensed(flight, seed, imperfections.get(name))
-        level = levels(MONITORS[name], record, bank_residuals(MONITORS[name], record))
-        armed_s = max(float(one.known_s[np.isfinite(one.values)][0]) for one in level.values())
+        watch = gb.watch(MONITORS[name], sensed(flight, seed, imperfections.get(name)))
         rows.append(
             {
                 "monitor": name,
                 "seed": seed,
-                "alarms": len(apart([one.time_s for one in crossings(level)])),
-                "hours": (record.end_s - armed_s) / 3600.0,
-                "highest_level": max(float(np.nanmax(one.values)) for one in level.values()),
+                "alarms": len(false_alarms(watch)),
+                "hours": watch.armed_hours,
+                "highest_level": max(of.peak() for of in watch.scores.values()),
             }
         )
     return rows
-
-
-def apart(times_s: list[float]) -> list[float]:
-    """Return the times that come 10 s or more after the one before: alarms of one cause count once."""
-    return [t for i, t in enumerate(times_s) if i == 0 or t - times_s[i - 1] >= 10.0]
 
 
 def fault_rows(
@@ -169,7 +162,7 @@ def fault_rows(
                     if time_constants_s:
                         broken = _driven(broken, flight, fault, time_constants_s[name], seed)
                     row = {"monitor": name, "seed": seed, "severity": severity}
-                    rows.append(row | judged(MONITORS[name], broken, fault))
+                    rows.append(row | judged(MONITORS[name], healthy, broken, fault))
     return rows
 
 
@@ -184,39 +177,47 @@ def _driven(broken: gb.Record, flight: gb.Record, fault: gb.Fault, time_constant
     raise gb.InputError(f"the attitude filter tumbles within 40 s of {fault}")
 
 
-def judged(monitor: gb.BankMonitor, broken: gb.Record, fault: gb.Fault) -> Row:
-    """Hold a monitor's alarms and diagnoses against the fault that was injected."""
-    row = alarmed(monitor, broken, fault)
-    if not row["detected"] or row["false_alarms"]:
+def judged(monitor: gb.Monitor, healthy: gb.Record, broken: gb.Record, fault: gb.Fault) -> Row:
+    """Hold what a monitor says of a broken record against the fault that was injected."""
+    verdict = score(
+        gb.watch(monitor, broken), fault=fault, healthy=healthy.between(broken.start_s, broken.end_s), broken=broken
+    )
+    row = {
+        "channel": fault.channel,
+        "kind": fault.kind,
+        "false_alarms": verdict.false_alarms,
+        "detected": verdict.detected,
+        "delay_s": verdict.detection_delay_s if verdict.detected else np.nan,
+    }
+    if not verdict.detected or verdict.false_alarms:
         return row | {"isolated": False, "kind_right": False, "group_right": False}
-    found = next(one for one in gb.watch(monitor, broken).findings if one.alarm_s >= fault.onset_s - 1e-9)
-    at_20, candidates = found.at(20.0), set(found.last.candidates)
+    group = set(GYROS if fault.channel in GYROS else ANGLES)
     return row | {
-        "isolated": found.sensor == fault.channel,
-        "group_right": bool(candidates) and candidates <= set(GYROS if fault.channel in GYROS else ANGLES),
-        "isolation_delay_s": found.isolated_s - fault.onset_s if found.isolated_s is not None else np.nan,
-        "kind_right": at_20.kind == fault.kind,
-        "kind_said": at_20.kind or "",
-        "verdict": found.verdict,
-        "ended_s": found.ended_s,
+        "isolated": verdict.isolated,
+        "group_right": bool(verdict.candidates) and set(verdict.candidates) <= group,
+        "isolation_delay_s": np.nan if verdict.isolation_delay_s is None else verdict.isolation_delay_s,
+        "kind_right": verdict.kind_right_20s,
+        "kind_said": verdict.kind or "",
+        "verdict": verdict.verdict,
+        "ended_s": verdict.ended_s,
     }
 
 
-def alarmed(monitor: gb.BankMonitor, broken: gb.Record, fault: gb.Fault) -> Row:
-    """Say only when the alarm came."""
-    times_s = [one.time_s for one in bank_alarms(monitor, broken)]
-    early = [t for t in times_s if t < fault.onset_s - 1e-9]
-    later = [t for t in times_s if t >= fault.onset_s - 1e-9]
+def alarmed(monitor: gb.Monitor, broken: gb.Record, fault: gb.Fault) -> Row:
+    """Say only when the alarm came: a first alarm doesn't wait for what is said of it, and nor does this."""
+    times_s = [crossing.time_s for crossing in bank_alarms(monitor, broken)]
+    early = [time_s for time_s in times_s if time_s < fault.onset_s - 1e-9]
+    later = [time_s for time_s in times_s if time_s >= fault.onset_s - 1e-9]
     return {
         "channel": fault.channel,
         "kind": fault.kind,
-        "false_alarms": len(apart(early)),
+        "false_alarms": len(early),
         "detected": bool(later),
         "delay_s": later[0] - fault.onset_s if later else np.nan,
     }
 
 
-def _begin(monitors: dict[str, gb.BankMonitor]) -> None:
+def _begin(monitors: dict[str, gb.Monitor]) -> None:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     MONITORS.update(monitors)
 
@@ -224,7 +225,7 @@ def _begin(monitors: dict[str, gb.BankMonitor]) -> None:
 def spread(
     task: Callable[[int], list[Row] | gb.Record],
     seeds: Iterable[int],
-    monitors: dict[str, gb.BankMonitor],
+    monitors: dict[str, gb.Monitor],
     jobs: int,
     step: str,
 ) -> list:
@@ -280,7 +281,7 @@ class Size:
         self.magnitudes = {"drift": dict(list(MAGNITUDES["drift"].items())[-1:])} if quick else MAGNITUDES
 
 
-def calibrated(size: Size, jobs: int) -> dict[str, gb.BankMonitor]:
+def calibrated(size: Size, jobs: int) -> dict[str, gb.Monitor]:
     """Calibrate the banks on rich excitation, and the dissertation's operator on its own sinusoids, too."""
     seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
     rich = spread(calibration_record, seeds, {}, jobs, "calibration flights")
@@ -291,7 +292,7 @@ def calibrated(size: Size, jobs: int) -> dict[str, gb.BankMonitor]:
     return found | {"paper, as printed": gb.calibrate(own, bank=gb.load_bank("paper"))}
 
 
-def banks(monitors: dict[str, gb.BankMonitor], size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def banks(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Fly healthy and with faults of the gyros, watched by every bank."""
     names = list(monitors)
     healthy = spread(
@@ -311,7 +312,7 @@ def banks(monitors: dict[str, gb.BankMonitor], size: Size, jobs: int) -> tuple[p
     return flat(healthy), flat(broken)
 
 
-def attitude(monitors: dict[str, gb.BankMonitor], size: Size, jobs: int) -> pd.DataFrame:
+def attitude(monitors: dict[str, gb.Monitor], size: Size, jobs: int) -> pd.DataFrame:
     """Break the attitude sensors, watched by bank C."""
     seeds = range(FAULT_SEED + 1000, FAULT_SEED + 1000 + size.angles)
     task = partial(fault_rows, watching=["C"], channels=size.broken_angles, faults=size.angle_faults)

@@ -27,6 +27,7 @@ from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.decimation import decimate
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
@@ -61,6 +62,7 @@ __all__ = [
     "BankMonitor",
     "BaseMonitor",
     "Baseline",
+    "Bayesian",
     "Channel",
     "ConvergenceWarning",
     "Deadzone",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gtmbench.detectors.bank.doubt import Doubt, SpreadStream
 from gtmbench.detectors.bank.spread import Spread
 from gtmbench.detectors.bank.statistics import Statistic, Tolerance
-from gtmbench.method.regression.slow import HALF, held, regressors, slow
+from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
 
@@ -246,22 +246,20 @@ def test_slow_looks_no_further_than_it_says():
     assert (slow(a)[40 - HALF] != slow(b)[40 - HALF]).all()
 
 
-def test_missing_samples_are_held_so_that_nothing_after_them_is_looked_at():
+def test_missing_samples_are_held_or_bridged_by_a_line():
     line = np.column_stack([2.0 + 0.1 * np.arange(50.0), 3.0 - 0.2 * np.arange(50.0)])
     holes = line.copy()
     holes[20:31, 0] = np.nan
-    holes[:4, 1] = np.nan
-    np.testing.assert_allclose(held(holes)[20:31, 0], line[19, 0])
-    np.testing.assert_allclose(held(holes)[:4, 1], line[4, 1])
-    np.testing.assert_allclose(slow(holes)[22:28, 0], slow(held(line[:20]))[-1, 0], atol=0.2)
-    other = holes.copy()
-    other[31:] += 100.0
-    np.testing.assert_array_equal(slow(other)[: 31 - HALF], slow(holes)[: 31 - HALF])
+    holes[:4, 1] = np.inf
+    expected = line.copy()
+    expected[:4, 1] = line[4, 1]
+    np.testing.assert_allclose(interpolated(holes), expected, rtol=1e-12)
+    expected[20:31, 0] = line[19, 0]
+    np.testing.assert_array_equal(held(holes), expected)
     holes[:, 1] = np.nan
-    assert (slow(holes)[:, 1] == 0.0).all()
-    holes[:, 0] = np.nan
-    holes[7, 0] = 4.0
-    np.testing.assert_allclose(slow(holes)[:, 0], 4.0)
+    for bridged in (held, interpolated):
+        assert (bridged(holes)[:, 1] == 0.0).all()
+        np.testing.assert_array_equal(bridged(line), line)
 
 
 def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():

@@ -20,7 +20,7 @@ from gtmbench.detectors.protocol import Detector, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_banks
 from gtmbench.record import Record
-from gtmbench.report.monitor import facts, facts_text, monitor_facts, residual_rows
+from gtmbench.report.monitor import facts, facts_text, residual_rows
 from gtmbench.study.calibrated import with_provenance
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
 
@@ -105,7 +105,7 @@ def calibrate_command(
         monitor = with_provenance(found.calibrate(records, rate, progress=tell), origin)
         save_monitor(monitor, out)
     if as_json:
-        print_json(monitor_facts(monitor) | {"out": str(out)})
+        print_json(facts(monitor) | {"out": str(out)})
     elif not quiet:
         if isinstance(monitor, BankMonitor):
             _print_monitor(monitor)

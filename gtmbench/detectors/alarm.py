@@ -87,7 +87,7 @@ class Alarm:
 
     @property
     def last(self) -> Judgement | None:
-        """What is known at the end; of a fault that ended, what was decided while it lasted. None without judgements."""
+        """What is known at the end; of a fault that ended, what was decided while it lasted. None where nothing is."""
         decided = [judged for judged in self.judgements if judged.sensor is not None]
         if decided and self.ended_s is not None:
             return decided[-1]

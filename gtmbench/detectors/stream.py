@@ -86,9 +86,9 @@ class BufferedStream:
     >>> def beyond_one(record):
     ...     return record.time_s[record["p"] > 1.0]
     >>> stream = BufferedStream(FunctionDetector(beyond_one, memory_s=0.0).calibrate())
-    >>> record = Record([0.0, 2.0, 0.0, 2.0], channels=["p"], sample_period_s=0.1)
-    >>> [[(one.number, one.time_s) for one in stream.push(record.between(*span))] for span in [(0, 0.2), (0.3, 0.3)]]
-    [[(0, 0.1)], [(1, 0.3)]]
+    >>> record = Record([0.0, 2.0, 0.0, 2.0], channels=["p"], sample_period_s=0.5)
+    >>> [[(one.number, one.time_s) for one in stream.push(record.between(*span))] for span in [(0, 1), (1.5, 1.5)]]
+    [[(0, 0.5)], [(1, 1.5)]]
     """
 
     def __init__(self, monitor: Monitor) -> None:

@@ -40,7 +40,7 @@ def identify(
     causal_order, noncausal_order : int
         r and d, samples into the past and into the future; 0 is allowed.
     estimator : Estimator, optional
-        `LeastSquares` unless told; `InstrumentalVariables`, `PredictionError`, `TotalLeastSquares`.
+        `LeastSquares` unless told; `Bayesian`, `InstrumentalVariables`, `PredictionError`, `TotalLeastSquares`.
     weights : array_like, shape (samples,), optional
         Factors of the squares in the sum, one a sample, 0 or more (with several records a list, one array each, None
         for all 1). A sample of weight 0 isn't used at all, so it may be missing; 2 counts as if it stood there twice,

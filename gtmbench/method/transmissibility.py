@@ -126,11 +126,21 @@ class Transmissibility:
         InputError
             Where there is no such output.
         """
+        root = self.covariance_root(output)
+        return np.asarray((root @ root.T).reshape((len(self.lags), len(self.inputs)) * 2))
+
+    def covariance_root(self, output: str) -> FloatArray:
+        """Return F, shape (parameters, parameters), with F F' the covariance; rows from lag -d to r, input by input.
+
+        Raises
+        ------
+        InputError
+            Where there is no such output.
+        """
         if output not in self.outputs:
             raise InputError(f"'{output}' isn't a pseudo output of {self.name}; it has {', '.join(self.outputs)}")
         factor = self._factor(self.outputs.index(output))
-        shape = (len(self.lags), len(self.inputs)) * 2
-        return np.asarray((factor @ factor.T).reshape(shape)[::-1, :, ::-1])
+        return factor.reshape(len(self.lags), len(self.inputs), -1)[::-1].reshape(factor.shape)
 
     def _factor(self, output: int) -> FloatArray:
         """Return F, rows from lag r to -d, with F F' the covariance of an output's parameters in their units."""

@@ -1,20 +1,27 @@
-"""What every recording is made of: where trials stand, lines with names and colours, marks, events, verdicts."""
+"""What every recording is made of: entities, lines with names and colours, scores, marks, events, verdicts."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from gtmbench.channels import SURFACES, unit_of
-from gtmbench.record import FloatArray, Record
-from gtmbench.report.style import colour
+from gtmbench.detectors.protocol import Watch
+from gtmbench.record import FloatArray, Record, Span
+from gtmbench.report.events import Event
+from gtmbench.report.scores import level, part
+from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import repetitions
 from gtmbench.report.timeline import set_time, times
+from gtmbench.report.units import with_unit
 from gtmbench.study.trial import Injection
 
 GROUPS = {
@@ -25,11 +32,30 @@ GROUPS = {
     "speed": ("tas",),
     "altitude": ("altitude",),
 }
-Event = tuple[float, str, str]  # time in seconds, level, text
+ONSET = "#d0d0d0"  # a mark's colour that is seen on light and on dark
+SHAPES = rr.components.MarkerShape
+
+
+@contextmanager
+def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it."""
+    rr.set_strict_mode(True)  # an error must not become a warning and lost data
+    recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
+    recording.save(path, default_blueprint=blueprint)
+    recording.send_recording_name(name)
+    try:
+        yield recording
+    finally:
+        recording.disconnect()  # writes the footer
+
+
+def entity(root: str, name: str) -> str:
+    """Return the entity below a root of anything with a name, whatever it holds."""
+    return f"{root}/{rr.escape_entity_path_part(name)}"
 
 
 def trial_paths(trials: Sequence[Injection]) -> list[str]:
-    """Return every trial's entity: ``/trials/drift/p``, numbered where a scenario breaks a channel in several ways."""
+    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice."""
     often = Counter((trial.scenario, trial.channel) for trial in trials)
     paths = []
     for trial, repetition in zip(trials, repetitions(trials), strict=True):
@@ -106,10 +132,36 @@ def across(parts: Sequence[tuple[FloatArray, FloatArray]], sample_period_s: floa
     return np.concatenate(time_s), np.concatenate(values)
 
 
-def log_threshold(recording: rr.RecordingStream, flight: Record, level: float, name: str, tint: str) -> None:
-    """Log ``/threshold``: a level, from the beginning of the flight to its end."""
-    ends = np.array([flight.start_s, flight.end_s])
-    log_lines(recording, "/threshold", ends, np.full(2, level), [name], [tint])
+def log_threshold(
+    recording: rr.RecordingStream, span: Span, level: float = 1.0, name: str = "threshold", root: str = ""
+) -> None:
+    """Log ``/threshold``: a level, from the beginning of a span to its end."""
+    log_lines(recording, f"{root}/threshold", np.array(span), np.full(2, level), [name], [COLOURS["threshold"]])
+
+
+def log_judged(
+    recording: rr.RecordingStream,
+    root: str,
+    watches: Sequence[Watch],
+    tints: Mapping[str, str],
+    suffix: str = "",
+    span: Span = (-np.inf, np.inf),
+) -> None:
+    """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
+    for name, tint in tints.items():
+        period_s = watches[0].record.sample_period_s
+        if name in watches[0].residuals:
+            raw = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
+            label = with_unit(f"residual of {name}{suffix}", unit_of(name))
+            where = entity(f"{root}/residuals", name)
+            log_lines(recording, where, *across(raw, period_s), [label], [tint], channels=[name])
+        if name in watches[0].scores:
+            scores = [watch.scores[name] for watch in watches]
+            levels = [part(score.known_s, level(score), span) for score in scores]
+            where = entity(f"{root}/levels", name)
+            log_lines(
+                recording, where, *across(levels, period_s), [f"level of {name}{suffix}"], [tint], channels=[name]
+            )
 
 
 def log_mark(
@@ -119,7 +171,7 @@ def log_mark(
     level: float,
     name: str,
     tint: str,
-    marker: rr.components.MarkerShape,
+    marker: SHAPES,
 ) -> None:
     """Log one point."""
     style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
@@ -130,9 +182,9 @@ def log_mark(
 
 def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
     """Log what happened, in words, in time."""
-    for time_s, level, text in sorted(events):
+    for time_s, severity, text in sorted(events):
         set_time(recording, time_s)
-        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=level))
+        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=severity))
 
 
 def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:

@@ -9,13 +9,13 @@ import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
 from gtmbench.record import Span
-from gtmbench.report.lines import GROUPS
-from gtmbench.report.log_faults import about, faults_of, signals_of, whole_of
-from gtmbench.report.text import with_unit
+from gtmbench.report.lines import GROUPS, entity
+from gtmbench.report.log_faults import about, faults_of, residuals_of, scores_of, signals_of, whole_of
+from gtmbench.report.scores import SHOWN_LEVELS
+from gtmbench.report.units import with_unit
 from gtmbench.report.views import event_log, opened, plot
 from gtmbench.study.watched_log import WatchedLog
 
-_SHOWN_LEVELS = 4.0  # the levels' axis ends at this many thresholds: what lies above has alarmed anyway
 _MOST_SIGNALS = 6
 
 
@@ -24,16 +24,11 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     whole, signals = whole_of(watched), signals_of(watched)
     faults = [same[0] for same in faults_of(watched).values()][:1]
     pages = [
-        _decision(fault.verdict, about(fault, whole), [name for name in signals if name in fault.last.candidates])
+        _decision(fault.verdict, about(fault, whole), [name for name in signals if name in fault.candidates] or signals)
         for fault in faults
     ]
-    pages += [_decision("Whole log", whole, signals), _residuals(watched, whole), _sensors(watched, whole)]
+    pages += [_decision("Whole log", whole, signals), *_residuals(watched, whole), _sensors(watched, whole)]
     return opened(*pages)
-
-
-def entity(root: str, channel: str) -> str:
-    """Return the entity of a channel, whatever its name."""
-    return f"{root}/{rr.escape_entity_path_part(channel)}"
 
 
 def sensor_entity(channel: str) -> str:
@@ -45,7 +40,7 @@ def sensor_entity(channel: str) -> str:
 def _decision(name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
     """Return levels above, measured and virtual sensors in the middle, what was watched and what was said below."""
     levels = plot(
-        "levels", ["+ /threshold", "+ /levels/**", "+ /began", "+ /alarm", "+ /named"], span, top=_SHOWN_LEVELS
+        "levels", ["+ /threshold", "+ /levels/**", "+ /began", "+ /alarm", "+ /named"], span, top=SHOWN_LEVELS
     )
     plots = [_signal(signal, span) for signal in signals[:_MOST_SIGNALS]]
     axis = rrb.TimeAxis(
@@ -68,14 +63,16 @@ def _signal(name: str, span: Span) -> rrb.TimeSeriesView:
     return plot(title, [f"+ {sensor_entity(name)}", f"+ {entity('/virtual', name)}"], span)
 
 
-def _residuals(watched: WatchedLog, span: Span) -> rrb.Container:
-    plots = []
-    for output in watched.monitor.operators:
-        residual = with_unit(f"residual of {output}", unit_of(output))
-        plots.append(plot(residual, [f"+ {entity('/residuals', output)}"], span, legend=False))
-        level = [f"+ {entity('/levels', output)}", "+ /threshold"]
-        plots.append(plot(f"level of {output}", level, span, top=_SHOWN_LEVELS, legend=False))
-    return rrb.Grid(*plots, grid_columns=2, name="Residuals")
+def _residuals(watched: WatchedLog, span: Span) -> list[rrb.Container]:
+    outputs, scores, plots = residuals_of(watched), scores_of(watched), []
+    for name in dict.fromkeys([*scores, *outputs]):
+        if name in outputs:
+            residual = with_unit(f"residual of {name}", unit_of(name))
+            plots.append(plot(residual, [f"+ {entity('/residuals', name)}"], span, legend=False))
+        if name in scores:
+            level = [f"+ {entity('/levels', name)}", "+ /threshold"]
+            plots.append(plot(f"level of {name}", level, span, top=SHOWN_LEVELS, legend=False))
+    return [rrb.Grid(*plots, grid_columns=2, name="Residuals")] if plots else []
 
 
 def _sensors(watched: WatchedLog, span: Span) -> rrb.Container:

@@ -12,23 +12,33 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.figures import panels
-from gtmbench.report.log_faults import about, began_s, faults_of, signals_of, tints_of, whole_of
+from gtmbench.report.events import MOST_ALARMS
+from gtmbench.report.figures import one_legend, panels
+from gtmbench.report.log_faults import (
+    about,
+    began_s,
+    faults_of,
+    residuals_of,
+    scores_of,
+    signals_of,
+    tints_of,
+    whole_of,
+)
 from gtmbench.report.log_spans import TINTS, State, Stretch, stretches
 from gtmbench.report.log_text import outcome_text
-from gtmbench.report.monitor_text import judgement_text
+from gtmbench.report.monitor import rms_identified, title_text
+from gtmbench.report.scores import HIGHEST, LOWEST, level
 from gtmbench.report.style import COLOURS
-from gtmbench.report.text import with_unit
+from gtmbench.report.text import alarm_text
+from gtmbench.report.units import with_unit
 from gtmbench.study.watched_log import WatchedLog
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _DPI = 130
 _POINTS = 2500  # of a line: more than a panel has pixels
-_LOWEST, _HIGHEST = 0.03, 1e6  # of levels on their logarithmic axis
 _MOST_FAULTS = 2
 _TITLE = 105  # letters in a line
 
@@ -45,15 +55,15 @@ def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     found, whole = stretches(watched), whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
-    heights = [0.35, 2.4]
+    heights = [0.35, 2.4] if scores_of(watched) else [0.35]
     for name in signals_of(watched):
-        heights += [1.7, 1.2] if name in watched.monitor.operators else [1.7]
+        heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
     for column, span in enumerate(spans):
         _column([row[column] for row in axes], watched, found, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
-        axis.set_title(textwrap.fill(judgement_text(fault.last), 45), fontsize="medium")
+        axis.set_title(textwrap.fill(alarm_text(fault), 45), fontsize="medium")
     _finished(figure, [axis for row in axes for axis in row], watched)
     return figure
 
@@ -62,10 +72,11 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, found: Sequence[Stretch],
     """Draw a span: what became of it, levels, then every signal with its residual."""
     rest = iter(axes)
     _states(next(rest), watched, found)
-    _levels(next(rest), watched, span)
+    if scores_of(watched):
+        _levels(next(rest), watched, span)
     for name in signals_of(watched):
         _signal(next(rest), watched, name, span)
-        if name in watched.monitor.operators:
+        if name in residuals_of(watched):
             _residual(next(rest), watched, name, span)
     for axis in axes:
         axis.set_xlim(*span)
@@ -101,44 +112,47 @@ def _bands(axis: Axes, found: Sequence[Stretch], alpha: float) -> None:
 def _marked(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
     """Draw what wasn't watched, when faults began, and alarms."""
     _bands(axis, [one for one in found if one.state is not State.WATCHED], alpha=0.35)
-    for finding in watched.findings:
-        axis.axvline(began_s(finding), color="k", lw=1.2, ls=":", label="fault began, estimated")
-        axis.axvline(finding.alarm_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
-        if finding.isolated_s is not None:
-            axis.axvline(finding.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+    for alarm in watched.alarms[:MOST_ALARMS]:
+        if began_s(alarm) < alarm.time_s:
+            axis.axvline(began_s(alarm), color="k", lw=1.2, ls=":", label="fault began, estimated")
+        axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
+        if alarm.isolated_s is not None:
+            axis.axvline(alarm.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
 
 
 def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
-    """Draw every residual's level over its threshold."""
+    """Draw every score over its threshold."""
     top, tints = 10.0, tints_of(watched)
-    for seen in watched.watches:
-        for output, level in seen.levels.items():
-            values = np.maximum(level.values, _LOWEST)
-            _line(axis, level.known_s, values, span, tints[output], f"level, residual of {output}")
-            top = max(top, float(np.nanmax(level.values, initial=top)))
+    for watch in watched.watches:
+        for name, score in watch.scores.items():
+            levels = level(score)
+            of = f"residual of {name}" if name in watch.residuals else name
+            _line(axis, score.known_s, np.maximum(levels, LOWEST), span, tints[name], f"level, {of}")
+            top = max(top, float(np.nanmax(levels, initial=top)))
     axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
     axis.set_yscale("log")
     axis.yaxis.set_major_formatter("{x:g}")
-    axis.set_ylim(_LOWEST, 2.0 * min(top, _HIGHEST))
+    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
     axis.set_ylabel("level\n(alarm above 1)")
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
     for segment in watched.log.segments:
         _line(axis, segment.time_s, segment[name], span, COLOURS["healthy"], "measured")
-    for seen in watched.watches:
-        virtual = seen.virtual(name)
-        _line(axis, seen.record.time_s, virtual, span, COLOURS["virtual"], "virtual sensor")
+    for watch in watched.watches:
+        virtual = watch.virtual(name) if name in watch.record else np.array([np.nan])
+        if np.isfinite(virtual).any():
+            _line(axis, watch.record.time_s, virtual, span, COLOURS["virtual"], "virtual sensor")
     axis.set_ylabel(textwrap.fill(with_unit(name, unit_of(name)), 18))
 
 
 def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
     tint = tints_of(watched)[output]
-    for seen in watched.watches:
-        _line(axis, seen.record.time_s, seen.residuals.raw[output], span, tint)
-    usual = 3.0 * float(watched.monitor.operators[output].rms_residual[0])
-    for level in (-usual, usual):
-        axis.axhline(level, color="k", lw=0.8, ls="--", label="3 RMS where identified")
+    for watch in watched.watches:
+        _line(axis, watch.record.time_s, watch.residuals[output], span, tint)
+    usual = 3.0 * rms_identified(watched.monitor).get(output, np.nan)
+    for bound in (-usual, usual) if usual > 0.0 else ():
+        axis.axhline(bound, color="k", lw=0.8, ls="--", label="3 RMS where identified")
     axis.set_ylabel(textwrap.fill(f"residual of {output}", 18))
 
 
@@ -169,11 +183,7 @@ def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[Floa
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:
     """Give the figure its title and one legend."""
-    shown: dict[str, Artist] = {}
-    for axis in axes:
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            shown.setdefault(label, handle)
-    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=5)
-    bank = watched.monitor.bank.name
-    said = textwrap.wrap(f"{printable(watched.log.path.name)}, bank {bank}: {outcome_text(watched)}", _TITLE)
+    one_legend(figure, axes, columns=5)
+    title = title_text(watched.monitor)
+    said = textwrap.wrap(f"{printable(watched.log.path.name)}, {title}: {outcome_text(watched)}", _TITLE)
     figure.suptitle("\n".join(said), fontweight="bold")

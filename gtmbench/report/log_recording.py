@@ -5,13 +5,13 @@ entity                                         holds
 =============================================  ========================================================
 ``/sensors/GROUP/CHANNEL``                     the log's channels; GROUP: rates, wind, attitude, ..., other
 ``/virtual/CHANNEL``                           what those that are predicted, or failed, should have read
-``/residuals/OUTPUT``                          at sample k
-``/levels/OUTPUT``                             over its threshold, at the time when it is known
+``/residuals/OUTPUT``                          at sample k, where there are any
+``/levels/SCORE``                              over its threshold, at the time when it is known
 ``/threshold``                                 1: an alarm above it
-``/began``, ``/alarm``, ``/named``             a point a finding; ``named``: when the sensor was named
+``/began``, ``/alarm``, ``/named``             a point an alarm; ``named``: when the sensor was named
 ``/state``                                     what became of every stretch: watched, or why not
 ``/events``                                    remarks, stretches, alarms, judgements, the outcome, in words
-``/verdict``, ``/findings/N/verdict``          the outcome and every finding, field by field, as in the results
+``/verdict``, ``/findings/N/verdict``          outcome and alarms, field by field, as in the results
 =============================================  ========================================================
 
 All on the timeline ``time``, the log's clock; values are doubles, bit for bit those watched. A row without values
@@ -28,16 +28,30 @@ import rerun as rr
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.report.lines import Event, across, log_events, log_lines, log_mark, log_verdict, rgb
-from gtmbench.report.log_blueprint import entity, log_blueprint, sensor_entity
-from gtmbench.report.log_faults import began_s, signals_of, tints_of, whole_of
+from gtmbench.report.events import MOST_ALARMS, Event, watch_events
+from gtmbench.report.lines import (
+    ONSET,
+    SHAPES,
+    across,
+    entity,
+    log_events,
+    log_judged,
+    log_lines,
+    log_mark,
+    log_threshold,
+    log_verdict,
+    recorded,
+    rgb,
+)
+from gtmbench.report.log_blueprint import log_blueprint, sensor_entity
+from gtmbench.report.log_faults import began_s, residuals_of, scores_of, signals_of, tints_of, whole_of
 from gtmbench.report.log_results import log_results
 from gtmbench.report.log_spans import TINTS, State, stretches
 from gtmbench.report.log_text import outcome_text, remark_text
-from gtmbench.report.monitor_recording import finding_events, log_judged
+from gtmbench.report.monitor import title_text
 from gtmbench.report.style import COLOURS
-from gtmbench.report.text import with_unit
 from gtmbench.report.timeline import set_time
+from gtmbench.report.units import with_unit
 from gtmbench.study.watched_log import Outcome, WatchedLog
 
 _OUTCOME = (
@@ -49,28 +63,24 @@ _OUTCOME = (
     "alarms_unexplained",
     "false_alarms_per_hour_at_most",
 )
-_BEGAN = "#d0d0d0"  # seen on light and on dark
 
 
 def write_log_recording(watched: WatchedLog, path: Path) -> None:
     """Write the recording with its blueprint; every viewer of the same rerun version opens it ready to read."""
-    rr.set_strict_mode(True)  # an error must not become a warning and lost data
-    recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
-    recording.save(path, default_blueprint=log_blueprint(watched))
-    recording.send_recording_name(f"{printable(watched.log.path.name)}: bank {watched.monitor.bank.name}")
-    _sensors(recording, watched)
-    if watched.watches:
-        _virtual(recording, watched)
-        tints = tints_of(watched)
-        log_judged(recording, "", watched.watches, {output: tints[output] for output in watched.monitor.operators})
-    ends = np.array(whole_of(watched))
-    log_lines(recording, "/threshold", ends, np.ones(2), ["threshold"], [COLOURS["threshold"]])
-    for finding in watched.findings:
-        _marks(recording, finding)
-    _states(recording, watched)
-    log_events(recording, "/events", _events(watched))
-    _verdicts(recording, watched)
-    recording.disconnect()  # writes the footer
+    name = f"{printable(watched.log.path.name)}: {title_text(watched.monitor)}"
+    with recorded(path, name, log_blueprint(watched)) as recording:
+        _sensors(recording, watched)
+        if watched.watches:
+            _virtual(recording, watched)
+            tints = tints_of(watched)
+            judged = dict.fromkeys([*scores_of(watched), *residuals_of(watched)])
+            log_judged(recording, "", watched.watches, {name: tints[name] for name in judged})
+        log_threshold(recording, whole_of(watched))
+        for alarm in watched.alarms[:MOST_ALARMS]:
+            _marks(recording, alarm)
+        _states(recording, watched)
+        log_events(recording, "/events", _events(watched))
+        _verdicts(recording, watched)
 
 
 def _sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
@@ -84,18 +94,19 @@ def _sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 
 def _virtual(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     for name in signals_of(watched):
-        parts = [(seen.record.time_s, seen.virtual(name)) for seen in watched.watches]
-        label = [with_unit(f"{name} virtual sensor", unit_of(name))]
-        line = across(parts, watched.log.sample_period_s)
-        log_lines(recording, entity("/virtual", name), *line, label, [COLOURS["virtual"]], channels=[name])
+        there = [watch for watch in watched.watches if name in watch.record]
+        time_s, values = across([(one.record.time_s, one.virtual(name)) for one in there], watched.log.sample_period_s)
+        if np.isfinite(values).any():
+            label = [with_unit(f"{name} virtual sensor", unit_of(name))]
+            tint = [COLOURS["virtual"]]
+            log_lines(recording, entity("/virtual", name), time_s, values, label, tint, channels=[name])
 
 
-def _marks(recording: rr.RecordingStream, finding: Finding) -> None:
-    shapes = rr.components.MarkerShape
-    log_mark(recording, "/began", began_s(finding), 1.0, "began", _BEGAN, shapes.Up)
-    log_mark(recording, "/alarm", finding.alarm_s, 1.0, "alarm", COLOURS["threshold"], shapes.Down)
-    if finding.isolated_s is not None:
-        log_mark(recording, "/named", finding.isolated_s, 1.0, "named", COLOURS["beta"], shapes.Diamond)
+def _marks(recording: rr.RecordingStream, alarm: Alarm) -> None:
+    log_mark(recording, "/began", began_s(alarm), 1.0, "began", ONSET, SHAPES.Up)
+    log_mark(recording, "/alarm", alarm.time_s, 1.0, "alarm", COLOURS["threshold"], SHAPES.Down)
+    if alarm.isolated_s is not None:
+        log_mark(recording, "/named", alarm.isolated_s, 1.0, "named", COLOURS["beta"], SHAPES.Diamond)
 
 
 def _states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
@@ -112,7 +123,7 @@ def _states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 def _verdicts(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     found = log_results(watched)
     log_verdict(recording, "/verdict", {name: found[name] for name in _OUTCOME})
-    for number, finding in enumerate(found["findings"], 1):
+    for number, finding in enumerate(found["findings"][:MOST_ALARMS], 1):
         row = {name: value for name, value in finding.items() if name != "judgements"}
         log_verdict(recording, f"/findings/{number}/verdict", row)
 
@@ -120,8 +131,9 @@ def _verdicts(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 def _events(watched: WatchedLog) -> list[Event]:
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in watched.log.remarks]
     events += [(one.start_s, "INFO", f"until {one.end_s:.2f} s: {one.state}") for one in stretches(watched)]
-    for finding in watched.findings:
-        events.append((began_s(finding), "WARN", f"{finding.verdict}: it began about here"))
-        events += finding_events(finding, "alarm")
+    for alarm in watched.alarms[:MOST_ALARMS]:
+        if began_s(alarm) < alarm.time_s:
+            events.append((began_s(alarm), "WARN", f"{alarm.verdict}: it began about here"))
+    events += watch_events(watched.watches)
     level = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
     return [*events, (whole_of(watched)[1], level, f"outcome: {outcome_text(watched)}")]

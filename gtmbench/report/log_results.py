@@ -12,22 +12,22 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.report.log_faults import began_s, given_up_by
+from gtmbench.report.log_faults import began_s, disarmed_by
 from gtmbench.report.log_spans import stretches
 from gtmbench.report.log_text import alarm_bound, deviation, outcome_text, passed_alarms, rms
-from gtmbench.report.monitor import facts
-from gtmbench.report.monitor_results import plain
-from gtmbench.report.results import SCHEMA, versions
+from gtmbench.report.monitor import facts, rms_identified
+from gtmbench.report.results import SCHEMA, plain, versions
+from gtmbench.report.scores import level
 from gtmbench.study.watched_log import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
-    """Return a watched log as one JSON-ready object, schema 1; units stand in the names, or beside.
+    """Return a watched log as one JSON-ready object, schema 2; units stand in the names, or beside.
 
-    Times are the log's. `stretches` covers the log from its first sample to its last and says of every stretch whether
-    it was watched, or why not; `residuals` has a row for every residual on every record that the monitor was given.
+    Times are the log's. `findings` has a row for every alarm that first told of a fault. `stretches` covers the log
+    from its first sample to its last and says of every stretch whether it was watched, or why not; `residuals` has a
+    row for every score, or residual, on every record that the monitor was given.
     """
-    monitor = watched.monitor
     found = {
         "schema": SCHEMA,
         "study": "log",
@@ -35,15 +35,15 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "exit_code": int(watched.outcome),
         "verdict": outcome_text(watched),
         "reasons": watched.reasons,
-        "findings": [_finding(finding, seen) for seen in watched.watches for finding in seen.findings],
+        "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "log": _log(watched.log),
-        "monitor": facts(monitor) | {"suspects": monitor.bank.suspects},
+        "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
         "stretches": [vars(one) for one in stretches(watched)],
-        "residuals": [_residual(seen, output) for seen in watched.watches for output in seen.levels],
+        "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
     return dict(plain(found))
@@ -60,19 +60,21 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
     }
 
 
-def _finding(finding: Finding, seen: Watch) -> Mapping[str, Any]:
+def _finding(alarm: Alarm, watch: Watch) -> Mapping[str, Any]:
+    nothing = Judgement(time_s=alarm.time_s, sensor=None, candidates=())
     return {
-        "verdict": finding.verdict,
-        "alarm_s": finding.alarm_s,
-        "began_s": began_s(finding),
-        "isolated_s": finding.isolated_s,
-        "ended_s": finding.ended_s,
-        "end_known_s": finding.resumed_s,
-        "residual": finding.residual,
-        "test": finding.series,
-        "no_longer_watched": given_up_by(finding, seen),
-        **_judgement(finding.last),
-        "judgements": [_judgement(judged) for judged in finding.judgements],
+        "verdict": alarm.verdict,
+        "alarm_s": alarm.time_s,
+        "began_s": began_s(alarm),
+        "isolated_s": alarm.isolated_s,
+        "ended_s": alarm.ended_s,
+        "end_known_s": alarm.end_known_s,
+        "residual": alarm.source,
+        "test": alarm.test,
+        "no_longer_watched": disarmed_by(alarm, watch),
+        "further_alarms_s": [other.time_s for other in watch.alarms if other.fault == alarm.number and other != alarm],
+        **_judgement(alarm.last or nothing),
+        "judgements": [_judgement(judged) for judged in alarm.judgements],
     }
 
 
@@ -81,19 +83,27 @@ def _judgement(judged: Judgement) -> Mapping[str, Any]:
     return vars(judged) | {"unit": unit_of(judged.candidates[0]) if judged.candidates else ""}
 
 
-def _residual(seen: Watch, output: str) -> Mapping[str, Any]:
-    level = seen.levels[output]
-    seen_any = bool(np.isfinite(level.values).any())
-    peak = int(np.nanargmax(level.values)) if seen_any else 0
-    return {
-        "start_s": seen.record.start_s,
-        "end_s": seen.record.end_s,
-        "residual": output,
-        "unit": unit_of(output),
-        "watched_hours": np.count_nonzero(seen.armed[output]) * seen.record.sample_period_s / 3600.0,
-        "rms_identified": seen.monitor.operators[output].rms_residual[0],
-        "rms": rms([seen.residuals.raw[output]]),
-        "rms_signal": deviation([seen.record[output]]),
-        "peak_level": level.values[peak] if seen_any else None,
-        "peak_level_s": level.known_s[peak] if seen_any else None,
+def _names(watch: Watch) -> list[str]:
+    return list(dict.fromkeys([*watch.scores, *watch.residuals]))
+
+
+def _score(watch: Watch, name: str) -> Mapping[str, Any]:
+    """Return what a score came to, and the residual by the same name; None for what there isn't."""
+    row = {"start_s": watch.record.start_s, "end_s": watch.record.end_s, "residual": name, "unit": unit_of(name)}
+    raw, score = watch.residuals.get(name), watch.scores.get(name)
+    is_output = raw is not None and name in watch.record
+    row |= {
+        "watched_hours": None if score is None else np.count_nonzero(score.armed) * _hours(watch),
+        "rms_identified": rms_identified(watch.monitor).get(name),
+        "rms": None if raw is None else rms([raw]),
+        "rms_signal": deviation([watch.record[name]]) if is_output else None,
     }
+    if score is None or not score.exists.any():
+        return row | {"peak_level": None, "peak_level_s": None}
+    levels = level(score)
+    peak = int(np.nanargmax(levels))
+    return row | {"peak_level": levels[peak], "peak_level_s": score.known_s[peak]}
+
+
+def _hours(watch: Watch) -> float:
+    return watch.record.sample_period_s / 3600.0

@@ -20,7 +20,7 @@ class State(StrEnum):
     WATCHED = "watched"
     IDENTIFIED = "identified and calibrated on"
     ARMING = "before the test is armed"
-    GIVEN_UP = "after a finding that left nothing to watch"
+    DISARMED = "after an alarm that left nothing to watch"
     LOST = "without a residual (samples missing, look-ahead)"
     LEFT_OUT = "left out"
     GAP = "gap"
@@ -30,7 +30,7 @@ TINTS = {
     State.WATCHED: "#a8d8a0",
     State.IDENTIFIED: "#8fbfe8",
     State.ARMING: "#dadada",
-    State.GIVEN_UP: "#f4c28a",
+    State.DISARMED: "#f4c28a",
     State.LOST: "#b5b5b5",
     State.LEFT_OUT: "#8c8c8c",
     State.GAP: "#ffffff",
@@ -66,10 +66,10 @@ def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
     states = np.full(len(segment), _STATES.index(State.LEFT_OUT), dtype=np.int8)
     for span in watched.identified_s:
         states[_rows(segment, span)] = _STATES.index(State.IDENTIFIED)
-    for seen in watched.watches:
-        rows = _rows(segment, (seen.record.start_s, seen.record.end_s))
+    for watch in watched.watches:
+        rows = _rows(segment, (watch.record.start_s, watch.record.end_s))
         if rows.start < rows.stop:
-            states[rows] = _of_watch(seen)
+            states[rows] = _of_watch(watch)
     edges = [0, *(np.flatnonzero(np.diff(states)) + 1).tolist(), len(segment)]
     time_s = segment.time_s
     return [
@@ -86,13 +86,13 @@ def _rows(segment: Record, span: Span) -> slice:
     return slice(min(max(first, 0), len(segment)), min(max(last + 1, 0), len(segment)))
 
 
-def _of_watch(seen: Watch) -> NDArray[np.int8]:
+def _of_watch(watch: Watch) -> NDArray[np.int8]:
     """Return the states of a watch's rows, by their numbers."""
-    armed = np.flatnonzero(np.logical_or.reduce(list(seen.armed.values())))
-    first, last = (armed[0], armed[-1]) if len(armed) else (len(seen.record), len(seen.record))
-    states = np.full(len(seen.record), _STATES.index(State.LOST), dtype=np.int8)
+    armed = np.flatnonzero(watch.armed)
+    first, last = (armed[0], armed[-1]) if len(armed) else (len(watch.record), len(watch.record))
+    states = np.full(len(watch.record), _STATES.index(State.LOST), dtype=np.int8)
     states[:first] = _STATES.index(State.ARMING)
     states[armed] = _STATES.index(State.WATCHED)
-    if set(seen.given_up) == set(seen.levels):
-        states[last + 1 :] = _STATES.index(State.GIVEN_UP)
+    if watch.scores and set(watch.disarmed) == set(watch.scores):
+        states[last + 1 :] = _STATES.index(State.DISARMED)
     return states

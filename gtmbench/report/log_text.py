@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.log_faults import began_s, faults_of, given_up_by
+from gtmbench.report.events import source_text
+from gtmbench.report.log_faults import began_s, disarmed_by, faults_of
 from gtmbench.report.log_spans import State, stretches
-from gtmbench.report.monitor import facts, origin_text
-from gtmbench.report.monitor_text import judgement_text
-from gtmbench.report.text import duration_text, per_second, with_unit
+from gtmbench.report.monitor import facts, origin_text, title_text
+from gtmbench.report.text import alarm_text
+from gtmbench.report.units import counted, duration_text, per_second, with_unit
 from gtmbench.study.watched_log import Outcome, WatchedLog
 
-_MOST = 12  # of remarks, of findings
+_MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3
 
 
@@ -33,7 +35,7 @@ def log_report(watched: WatchedLog) -> list[str]:
         "",
         *_monitor_lines(watched),
         "",
-        *_findings_lines(watched),
+        *_alarms_lines(watched),
         *_unwatched_lines(watched),
         *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
         outcome_text(watched),
@@ -53,10 +55,12 @@ def outcome_text(watched: WatchedLog) -> str:
     return "; ".join(map(_fault_text, faults)) or f"nothing found{_alarms_text(watched)}"
 
 
-def _fault_text(same: Sequence[Finding]) -> str:
-    first, at = same[0], f"at {same[0].alarm_s:.2f} s"
+def _fault_text(same: Sequence[Alarm]) -> str:
+    first, at = same[0], f"at {same[0].time_s:.2f} s"
     if len(same) > 1:
-        at += f" (found {len(same)} times, last at {same[-1].alarm_s:.2f} s)"
+        at += f" (found {len(same)} times, last at {same[-1].time_s:.2f} s)"
+    if first.last is None:
+        return f"something failed {at}"
     named = not first.verdict.startswith("undecided")
     return f"{first.verdict} {at}" if named else f"something failed {at}, {first.verdict}"
 
@@ -64,14 +68,14 @@ def _fault_text(same: Sequence[Finding]) -> str:
 def _alarms_text(watched: WatchedLog) -> str:
     """Say which alarms nothing explains, how long was watched, and how few false alarms that shows."""
     passed, bound = passed_alarms(watched), alarm_bound(watched)
-    alarms = f"; {passed} alarm{'s' * (passed > 1)} that nothing explains" if passed else ""
+    alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
     limit = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
     return f"{alarms} in {duration_text(watched.armed_hours)} watched{limit} is all that this length shows"
 
 
 def passed_alarms(watched: WatchedLog) -> int:
     """Return how many alarms had nothing left to explain: false ones."""
-    return sum(not finding.last.candidates for finding in watched.findings)
+    return sum(alarm.has_passed for alarm in watched.alarms)
 
 
 def alarm_bound(watched: WatchedLog) -> float | None:
@@ -123,29 +127,56 @@ def _spans(spans: Sequence[Span]) -> str:
 
 
 def _monitor_lines(watched: WatchedLog) -> list[str]:
-    monitor, seen = watched.monitor, watched.watches
-    on = watched.identified_s
+    monitor, on = watched.monitor, watched.identified_s
+    known = facts(monitor)
+    title = f"{title_text(monitor)}: {known['title']}" if "title" in known else title_text(monitor)
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
-    lines = [f"bank {monitor.bank.name}: {monitor.bank.title}", *origin]
-    for output, known in facts(monitor)["residuals"].items():
-        lines.append(f"{output} from {', '.join(known['inputs'])}: {_residual_text(output, known, seen)}")
+    return [title, *origin, *_score_lines(watched, known)]
+
+
+def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:
+    """Say of a bank's residuals how large they are and what drift stays unseen, of other scores their thresholds."""
+    if "residuals" in known:
+        of = known["residuals"].items()
+        return [
+            f"{name} from {', '.join(one['inputs'])}: {_residual_text(name, one, watched.watches)}" for name, one in of
+        ]
+    lines = []
+    if "operator" in known:
+        operator = known["operator"]
+        for output, identified in zip(operator["outputs"], operator["rms_residual"], strict=True):
+            said = _sizes_text(output, identified, unit_of(output), watched.watches)
+            lines.append(f"{output} from {', '.join(operator['inputs'])}: {said}")
+    for name, score in (watched.watches[0].scores if watched.watches else {}).items():
+        threshold = f"{name}: alarm above {score.threshold:.3g} {score.unit}".rstrip()
+        lines.append(f"{threshold}; {_watched_text(name, watched.watches)}; known {known['look_ahead_s']:g} s later")
     return lines
 
 
-def _residual_text(output: str, known: dict[str, Any], watches: Sequence[Watch]) -> str:
+def _residual_text(output: str, known: Mapping[str, Any], watches: Sequence[Watch]) -> str:
     """Say how large a residual is, when it is known, and what drift stays unseen."""
     unit, drift = known["unit"], known["slowest_drift_per_s"]
-    parts = ["residual " + f"{known['rms_residual']:.3g} {unit}".rstrip() + " RMS where identified"]
+    parts = [_sizes_text(output, known["rms_residual"], unit, watches)]
     if watches:
-        residual = rms([seen.residuals.raw[output] for seen in watches])
-        signal = deviation([seen.record[output] for seen in watches])
-        parts[0] += f", {residual:.3g} here, of a signal of {signal:.3g}"
-        armed = sum(np.count_nonzero(seen.armed[output]) * seen.record.sample_period_s for seen in watches)
-        parts.append(f"watched for {duration_text(armed / 3600.0)}")
+        parts.append(_watched_text(output, watches))
     parts.append(f"known {known['look_ahead_s']:g} s later")
     if drift is not None:
-        parts.append(f"a drift below {drift:.2g} {per_second(unit) if unit else 'per s'} passes")
+        parts.append(f"a drift below {drift:.2g} {per_second(unit)} passes")
     return "; ".join(parts)
+
+
+def _sizes_text(output: str, identified: float, unit: str, watches: Sequence[Watch]) -> str:
+    said = "residual " + f"{identified:.3g} {unit}".rstrip() + " RMS where identified"
+    if not watches:
+        return said
+    residual = rms([watch.residuals[output] for watch in watches])
+    signal = deviation([watch.record[output] for watch in watches])
+    return f"{said}, {residual:.3g} here, of a signal of {signal:.3g}"
+
+
+def _watched_text(name: str, watches: Sequence[Watch]) -> str:
+    armed = sum(np.count_nonzero(watch.scores[name].armed) * watch.record.sample_period_s for watch in watches)
+    return f"watched for {duration_text(armed / 3600.0)}"
 
 
 def rms(parts: Sequence[FloatArray]) -> float:
@@ -160,26 +191,30 @@ def deviation(parts: Sequence[FloatArray]) -> float:
     return float(np.std(values)) if len(values) else float("nan")
 
 
-def _findings_lines(watched: WatchedLog) -> list[str]:
-    told = [(finding, seen) for seen in watched.watches for finding in seen.findings]
-    lines = [line for finding, seen in told[:_MOST] for line in _finding_lines(finding, seen)]
-    return [*lines, f"{len(told) - _MOST} findings more"] if told[_MOST:] else lines
+def _alarms_lines(watched: WatchedLog) -> list[str]:
+    told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
+    lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
+    return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
 
 
-def _finding_lines(finding: Finding, seen: Watch) -> list[str]:
-    """Return a finding: the alarm with what is known at the end, and how it came to that."""
-    known = [f"alarm of the residual of {finding.residual} ({finding.series})", f"since about {began_s(finding):.2f} s"]
-    if finding.isolated_s is not None:
-        known.append(f"named at {finding.isolated_s:.2f} s")
-    elif finding.last.time_s > finding.alarm_s:
-        known.append(f"as known at {finding.last.time_s:.2f} s")
-    if finding.ended_s is not None:
-        known.append(f"gone since {finding.ended_s:.2f} s")
-    elif finding.last.candidates:
+def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
+    """Return an alarm with what is known at the end, and how it came to that."""
+    what, known = alarm_text(alarm), []
+    if source := source_text(alarm, watch):
+        known.append(f"alarm of the {source}" if alarm.source in watch.residuals else f"alarm of {source}")
+    if alarm.last is not None or began_s(alarm) < alarm.time_s:
+        known.append(f"since about {began_s(alarm):.2f} s")
+    if alarm.isolated_s is not None:
+        known.append(f"named at {alarm.isolated_s:.2f} s")
+    elif alarm.last is not None and alarm.last.time_s > alarm.time_s:
+        known.append(f"as known at {alarm.last.time_s:.2f} s")
+    if alarm.ended_s is not None:
+        known.append(f"gone since {alarm.ended_s:.2f} s")
+    elif alarm.candidates:
         known.append("not seen to end")
-    if given_up := given_up_by(finding, seen):
-        known.append(f"residuals no longer watched: {', '.join(given_up)}")
-    return [f"{finding.alarm_s:.2f} s  {judgement_text(finding.last)}", f"    {'; '.join(known)}"]
+    if disarmed := disarmed_by(alarm, watch):
+        known.append(f"no longer watched: {', '.join(disarmed)}")
+    return [f"{alarm.time_s:.2f} s  {what}", *([f"    {'; '.join(known)}"] if known else [])]
 
 
 def _unwatched_lines(watched: WatchedLog) -> list[str]:
@@ -198,7 +233,11 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
         return ["no false-alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
+    monitor = watched.monitor
+    of = ", ".join(monitor.suspects or monitor.channels or watched.log.channels)
+    slower = "the drifts above" if isinstance(monitor, BankMonitor) else "it can tell"
+    above = "above the thresholds" if monitor.suspects else "that it tells of"
     return [
-        f"that is: no fault of {', '.join(watched.monitor.bank.suspects)} above the thresholds began while watched;",
-        "one that was there before, or grows more slowly than the drifts above, isn't seen",
+        f"that is: no fault of {of} {above} began while watched;",
+        f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]

@@ -1,43 +1,133 @@
-"""A monitor in words and figures: what it was calibrated on, what it lets pass, what its false-alarm rate is worth."""
+"""A monitor of any detector in words and figures: what it is, what it stands on, what its false-alarm rate is worth."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import groupby
 from typing import Any
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
-from gtmbench.detectors.protocol import Monitor
-from gtmbench.report.text import duration_text
+from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.report.units import counted, duration_text
 
 
-def monitor_facts(monitor: Monitor) -> dict[str, Any]:
-    """Return what any monitor is as one JSON-ready object: of a bank's more, `facts`."""
-    if isinstance(monitor, BankMonitor):
-        return facts(monitor)
-    memory_s = monitor.memory_s
-    return {
-        "detector": monitor.name,
+def facts(monitor: Monitor) -> dict[str, Any]:
+    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
+    found = {
+        "name": monitor.name,
         "channels": list(monitor.channels),
         "suspects": list(monitor.suspects),
         "sample_period_s": monitor.sample_period_s,
         "look_ahead_s": monitor.look_ahead_s,
-        "memory_s": _finite(memory_s),
         "provenance": dict(monitor.provenance),
+    }
+    if isinstance(monitor, NormMonitor):
+        found |= norm_facts(monitor)
+    if isinstance(monitor, BankMonitor):
+        found |= {
+            "bank": monitor.bank.name,
+            "title": monitor.bank.title,
+            "residuals": {output: _residual(monitor, output) for output in monitor.operators},
+        }
+    return found
+
+
+def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
+    """Return the operator, the threshold of E(k) and the length of its window."""
+    return {
+        "operator": _operator(monitor.operator),
+        "threshold": monitor.threshold,
+        "threshold_unit": unit_of(monitor.operator.outputs[0]),
+        "window_s": monitor.window_s,
     }
 
 
-def facts(monitor: BankMonitor) -> dict[str, Any]:
-    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
+def _operator(operator: Transmissibility) -> dict[str, Any]:
+    return {
+        "name": operator.name,
+        "inputs": list(operator.inputs),
+        "outputs": list(operator.outputs),
+        "causal_order": operator.causal_order,
+        "noncausal_order": operator.noncausal_order,
+        "sample_period_s": operator.sample_period_s,
+        "samples": operator.samples,
+        "estimator": operator.estimator,
+        "solver": operator.solver,
+        "rank": operator.rank,
+        "condition": operator.condition,
+        "rms_residual": operator.rms_residual.tolist(),
+        "input_means": operator.input_means.tolist(),
+        "output_means": operator.output_means.tolist(),
+    }
+
+
+def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
+    """Say what a bank is: its residuals with what they look back on and ahead, where it comes from."""
     return {
         "bank": monitor.bank.name,
         "title": monitor.bank.title,
+        "statistic": monitor.bank.statistic.name,
+        "suspects": list(monitor.bank.suspects),
+        "residuals": [
+            {
+                "output": spec.output,
+                "inputs": list(spec.inputs),
+                "look_ahead_s": monitor.look_ahead_of(spec.output),
+                "history_s": monitor.history_of(spec.output),
+            }
+            for spec in monitor.bank.residuals
+        ],
+        "thresholds": sum(len(of) for of in monitor.thresholds.values()),
         "sample_period_s": monitor.sample_period_s,
-        "residuals": {output: _residual(monitor, output) for output in monitor.operators},
         "provenance": dict(monitor.provenance),
     }
+
+
+def rms_identified(monitor: Monitor) -> dict[str, float]:
+    """Return the RMS of every residual where its operator was identified, by output; empty where that isn't known."""
+    if isinstance(monitor, NormMonitor):
+        return dict(zip(monitor.operator.outputs, monitor.operator.rms_residual.tolist(), strict=True))
+    if isinstance(monitor, BankMonitor):
+        return {output: float(operator.rms_residual[0]) for output, operator in monitor.operators.items()}
+    return {}
+
+
+def title_text(monitor: Monitor) -> str:
+    """Name a monitor: a bank as one, others by their names."""
+    return f"bank {monitor.bank.name}" if isinstance(monitor, BankMonitor) else monitor.name
+
+
+def monitor_lines(monitor: Monitor, seen: Watch) -> list[str]:
+    """Say what a monitor is, and its thresholds, as far as its watch of a healthy record shows them."""
+    if isinstance(monitor, BankMonitor):
+        return [_bank_line(monitor)]
+    armed_s = min((score.armed_s for score in seen.scores.values() if score.armed_s is not None), default=None)
+    armed = "never armed" if armed_s is None else f"armed at {armed_s:g} s"
+    thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in seen.scores.values()]
+    if isinstance(monitor, NormMonitor):
+        when = "" if armed_s is None else ", when the norm first stood at or below it"
+        threshold = f"{monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip()
+        waits = f"look-ahead {monitor.look_ahead_s:g} s, window {monitor.window_s:g} s"
+        return [f"threshold: {threshold}; {armed}{when}", f"an alarm at k is dated (k + w + d) Ts: {waits}"]
+    known = f"thresholds: {', '.join(thresholds)}; {armed}" if thresholds else "it shows no score"
+    return [f"monitor: {monitor.name}; {known}; delays count look-ahead ({monitor.look_ahead_s:g} s)"]
+
+
+def _bank_line(monitor: BankMonitor) -> str:
+    ahead = sorted((monitor.look_ahead_of(spec.output), spec.output) for spec in monitor.bank.residuals)
+    looks = ", ".join(
+        f"{'/'.join(output for _, output in group)} {look_s:g} s"
+        for look_s, group in groupby(ahead, lambda one: one[0])
+    )
+    count = counted(sum(len(of) for of in monitor.thresholds.values()), "threshold")
+    hours = monitor.provenance.get("threshold_hours")
+    stand = f", set on {hours:.2f} h of healthy flight" if isinstance(hours, float) else ""
+    return f"monitor: bank {monitor.bank.name}; {count}{stand}; delays count look-ahead ({looks})"
 
 
 def _residual(monitor: BankMonitor, output: str) -> dict[str, Any]:
@@ -90,10 +180,10 @@ def facts_text(monitor: BankMonitor) -> list[str]:
     ]
 
 
-def origin_text(monitor: BankMonitor) -> list[str]:
+def origin_text(monitor: Monitor) -> list[str]:
     """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
     known = monitor.provenance
-    lines = [f"calibrated on: {_origin(known)}"]
+    lines = [f"calibrated on: {_origin(known)}"] if known else []
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
     hours: list[Any] = [known.get(key) for key in ("identification_hours", "threshold_hours")]
@@ -109,8 +199,8 @@ def origin_text(monitor: BankMonitor) -> list[str]:
     return lines
 
 
-def _thresholds_from(monitor: BankMonitor, hours: Any) -> str:
-    if monitor.doubts:
+def _thresholds_from(monitor: Monitor, hours: Any) -> str:
+    if isinstance(monitor, BankMonitor) and monitor.doubts:
         return "thresholds from the same, each stretch judged by operators that hadn't seen it"
     return f"thresholds from {duration_text(hours)} of other records"
 

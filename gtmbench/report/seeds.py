@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.bank.tails import rate_bound
-from gtmbench.report.results import SCHEMA, csv_row, plain, versions, write_tables
+from gtmbench.report.results import SCHEMA, plain, versions, write_tables
 from gtmbench.report.text import severity_text
 from gtmbench.study.trial import Study, Trial
 
@@ -109,8 +109,7 @@ class SeedTable:
 
 def write_seeds(table: SeedTable, folder: Path) -> None:
     """Write ``results.json``, and ``trials.csv`` with one row a seed, detector and trial."""
-    found = table.results()
-    write_tables(found, [csv_row(row) for row in found["trials"]], folder)
+    write_tables(table.results(), folder)
 
 
 def _label(trial: Trial) -> list[str]:

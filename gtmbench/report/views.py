@@ -66,3 +66,10 @@ def sensors_tab(flight: Record, trial_paths: Sequence[str]) -> rrb.Container:
     measured = [f"+ {path}/measured" for path in trial_paths]
     broken = plot("broken channels, one trial each", measured, shown_s, legend=False)
     return rrb.Grid(*plots, surfaces, broken, grid_columns=2, name="Sensors")
+
+
+def path_tab() -> rrb.Container:
+    """Return the tab of the flight in space: the way flown, and the aircraft from near by."""
+    path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/path")
+    attitude = rrb.Spatial3DView(name="attitude: north, east, down", origin="/attitude")
+    return rrb.Horizontal(path, attitude, column_shares=[3, 2], name="Path")

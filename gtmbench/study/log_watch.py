@@ -13,6 +13,7 @@ from gtmbench.detectors.bank.detector import BankDetector, calibrate
 from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
@@ -178,7 +179,14 @@ def _calibrated(
 ) -> Monitor:
     """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
     if isinstance(detector, BankDetector):
-        return calibrate(records, bank=detector.bank, false_alarms_per_hour=rate, provenance=origin, progress=progress)
+        return calibrate(
+            records,
+            bank=detector.bank,
+            false_alarms_per_hour=rate,
+            estimator=Bayesian(),
+            provenance=origin,
+            progress=progress,
+        )
     return with_provenance(detector.calibrate(records, rate, progress=progress), origin)
 
 

@@ -15,6 +15,7 @@ from gtmbench.detectors.bank.watch import scores_and_alarms
 from gtmbench.detectors.protocol import Progress, Watch, silent
 from gtmbench.errors import InputError
 from gtmbench.method.pose import Records, as_records
+from gtmbench.method.problem import Estimator
 from gtmbench.record import Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
@@ -128,6 +129,7 @@ def calibrate(
     *,
     bank: Bank,
     false_alarms_per_hour: float | None = None,
+    estimator: Estimator | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: Progress = silent,
 ) -> BankMonitor:
@@ -139,7 +141,10 @@ def calibrate(
         Healthy measurements with the bank's channels, all of one sample period.
     bank : Bank
     false_alarms_per_hour : float, optional
-        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated tails.
+        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
+        tails.
+    estimator : Estimator, optional
+        `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
     provenance : mapping, optional
         Kept with the monitor: where the records come from.
     progress : callable
@@ -148,12 +153,13 @@ def calibrate(
     Raises
     ------
     InputError
-        Where channels are missing, or the records too short.
+        Where channels are missing or constant, or the records too short.
     """
     found = calibrate_bank(
         as_records(records),
         bank,
         false_alarms_per_hour=RATE if false_alarms_per_hour is None else false_alarms_per_hour,
+        estimator=estimator,
         provenance=provenance,
         progress=progress,
     )

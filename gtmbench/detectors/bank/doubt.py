@@ -62,6 +62,14 @@ class Doubt:
         inputs = derive(record, operator.inputs).matrix(operator.inputs)
         return Spread.joined([stream.push(inputs), stream.end()])
 
+    def weighed(self, alone: Spread) -> Spread:
+        """Return the spread of rows from the one that factors of 1 give them."""
+        return Spread(
+            raw=np.sqrt(1.0 + self.raw * (alone.raw**2 - 1.0)),
+            white=np.sqrt(1.0 + self.white * (alone.white**2 - 1.0)),
+            means={rows: self.white * variance for rows, variance in alone.means.items()},
+        )
+
 
 class SpreadStream:
     """The spread of a residual as its operator's inputs come in; memory doesn't grow.

@@ -18,7 +18,6 @@ from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.record import FloatArray, Record
 
 _MOST = 20.0  # deviations that one sample may count for
-_MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 _HOPELESS = 200.0  # of -2 log likelihood
 
@@ -82,36 +81,30 @@ class Case:
 
 
 def open_case(
-    monitor: CalibratedBank, record: Record, residuals: BankResiduals, *, onset_row: int, sure_row: int, stop_row: int
+    monitor: CalibratedBank,
+    record: Record,
+    residuals: BankResiduals,
+    *,
+    shift: dict[str, float],
+    start_row: int,
+    sure_row: int,
 ) -> Case:
-    """Cut out of a record what a diagnosis needs."""
-    period_s = record.sample_period_s
-    margin, baseline = (round(span_s / period_s) for span_s in (_MARGIN_S, monitor.bank.statistic.baseline_s))
-    start = max(onset_row - margin, 0)
-    history = max(round(monitor.history_of(output) / period_s) for output in residuals.raw)
-    first = max(start - history - margin - 2, 0)
-    base = slice(max(start - baseline, 0), start)
-    shift = {
-        output: _mean(raw[base], monitor.whiteners[output].mean) - monitor.whiteners[output].mean
-        for output, raw in residuals.raw.items()
-    }
-    part = slice(first, stop_row)
+    """Judge a record to its end: the suspect isn't believed from `start_row` on, the fault is there from `sure_row`."""
     return Case(
         monitor=monitor,
-        record=record.between(record.time_s[first], record.time_s[stop_row - 1]),
-        residuals=BankResiduals(
-            raw={name: values[part] for name, values in residuals.raw.items()},
-            predicted={
-                name: _known(values[part], round(monitor.look_ahead_of(name) / period_s))
-                for name, values in residuals.predicted.items()
-            },
-            spread={name: spread.between(part) for name, spread in residuals.spread.items()},
-        ),
-        start=start - first,
-        sure=max(sure_row - first, start - first + 1),
-        stop=stop_row - first,
+        record=record,
+        residuals=residuals,
+        start=start_row,
+        sure=max(sure_row, start_row + 1),
+        stop=len(record),
         shift=shift,
     )
+
+
+def shift_of(monitor: CalibratedBank, output: str, before: FloatArray) -> float:
+    """Return the mean of a residual before a fault, about that of its identification."""
+    there = before[np.isfinite(before)]
+    return float(there.mean()) - monitor.whiteners[output].mean if len(there) else 0.0
 
 
 def explanations(case: Case, suspects: tuple[str, ...]) -> list[Explanation]:
@@ -226,13 +219,3 @@ def _scorer(case: Case, channel: str, virtual: FloatArray) -> Callable[[FloatArr
         return case.energy(corrected_residuals(case, channel, values))[0]
 
     return score
-
-
-def _known(values: FloatArray, ahead: int) -> FloatArray:
-    """Return predictions without the last, which stand on samples to come."""
-    return np.where(np.arange(len(values)) < len(values) - ahead, values, np.nan)
-
-
-def _mean(values: FloatArray, otherwise: float) -> float:
-    there = values[np.isfinite(values)]
-    return float(there.mean()) if len(there) else otherwise

@@ -20,6 +20,9 @@ _FAR = 4.0  # deviations that an operator's error may have: one for all samples,
 _MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
+Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how many samples ago it left zero
+
+
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
     """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so.
@@ -101,19 +104,9 @@ class Statistic:
         spread: Spread | None = None,
     ) -> list[Series]:
         """Return the series of one residual, raw (in the output's unit) and whitened, row for row beside it."""
-        plain = raw if self.name == "energy" else white
-        by = 1.0 if spread is None else spread.raw if self.name == "energy" else spread.white
-        there = np.flatnonzero(np.isfinite(plain))
-        most = 1e150 if self.name == "energy" else _MOST
-        given = Given(
-            values=np.clip((plain / by)[there], -most, most),
-            plain=np.clip(plain[there], -most, most),
-            means={} if spread is None else {rows: values[there] for rows, values in spread.means.items()},
-            doubtful=np.zeros(len(there)) if spread is None else (1.0 - 1.0 / np.square(spread.white))[there],
-        )
-        found = STATISTICS[self.name](self, given, sample_period_s, tolerance)
+        there, given = self.given(raw, white, spread)
         placed = []
-        for series in found:
+        for series in self.of(given, sample_period_s, tolerance):
             values = np.full(len(raw), np.nan)
             values[there] = series.values
             reach = np.zeros(len(raw), dtype=int)
@@ -122,34 +115,86 @@ class Statistic:
             placed.append(replace(series, values=values, reach=reach))
         return placed
 
+    def given(
+        self, raw: FloatArray, white: FloatArray, spread: Spread | None = None
+    ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int_]], Given]:
+        """Return the rows where there is a sample, and what the statistic is made of there."""
+        plain = raw if self.name == "energy" else white
+        there = np.flatnonzero(np.isfinite(plain))
+        most = 1e150 if self.name == "energy" else _MOST
+        clipped = np.clip(plain[there], -most, most)
+        if spread is None:
+            return there, Given(values=clipped, plain=clipped, means={}, doubtful=np.zeros(len(there)))
+        by = spread.raw if self.name == "energy" else spread.white
+        return there, Given(
+            values=np.clip((plain / by)[there], -most, most),
+            plain=clipped,
+            means={rows: values[there] for rows, values in spread.means.items()},
+            doubtful=(1.0 - 1.0 / np.square(spread.white))[there],
+        )
+
+    def of(
+        self,
+        given: Given,
+        sample_period_s: float,
+        tolerance: Tolerance,
+        *,
+        last: int | None = None,
+        carried: Carried | None = None,
+    ) -> list[Series]:
+        """Return the series of samples that exist, one after the other; `reach` counts such samples.
+
+        Parameters
+        ----------
+        given : Given
+        sample_period_s : float
+        tolerance : Tolerance
+        last : int, optional
+            Only of so many at the end; those before are looked back at. `looks_back` of them are enough.
+        carried : dict, optional
+            Where ``cusum`` stood with the sample before the last ones; told anew.
+        """
+        count = len(given.values) if last is None else last
+        return STATISTICS[self.name](self, given, sample_period_s, tolerance, count, {} if carried is None else carried)
+
+    def looks_back(self, sample_period_s: float) -> int:
+        """Return how many samples before one its statistics look at: a baseline and the longest window."""
+        return max(round(self.baseline_s / sample_period_s), 6) + self.rows(sample_period_s)[-1] + 1
+
     def rows(self, sample_period_s: float) -> list[int]:
         """Return the windows' lengths in samples, each once; the shortest has 4."""
         return sorted({max(round(window_s / sample_period_s), 4) for window_s in self.windows_s})
 
 
-def _energy(test: Statistic, given: Given, sample_period_s: float, _: Tolerance) -> list[Series]:
+def _energy(
+    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
+) -> list[Series]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
     found = []
     for rows in test.rows(sample_period_s):
-        norm = np.sqrt(_trailing(np.square(given.values), rows + 1))
+        norm = np.sqrt(_trailing(np.square(given.values), rows + 1, last))
         found += _sides(test, f"energy {rows * sample_period_s:g} s", norm, -norm, rows)
     return found
 
 
-def _whitened_energy(test: Statistic, given: Given, sample_period_s: float, _: Tolerance) -> list[Series]:
+def _whitened_energy(
+    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
+) -> list[Series]:
     """RMS of the whitened residual over a window; healthy: about 1."""
     found = []
     for rows in test.rows(sample_period_s):
-        rms = np.sqrt(_trailing(np.square(given.values), rows) / rows)
+        rms = np.sqrt(_trailing(np.square(given.values), rows, last) / rows)
         found += _sides(test, f"whitened energy {rows * sample_period_s:g} s", rms, -rms, rows)
     return found
 
 
-def _cusum(test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
+def _cusum(
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, carried: Carried
+) -> list[Series]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
     w = given.values
-    base, _ = _baseline(_sums(w), test, sample_period_s, gap=1)  # a sample isn't compared with itself
-    centred = w - base
+    base, _ = _baseline(_sums(w), test, sample_period_s, gap=1, last=last)  # a sample isn't compared with itself
+    centred = w[len(w) - last :] - base
     ready = np.isfinite(centred)
     x = np.where(ready, centred, 0.0)
     square = np.square(x)
@@ -162,17 +207,22 @@ def _cusum(test: Statistic, given: Given, sample_period_s: float, tolerance: Tol
         steps["variance down"] = 0.5 * square / tolerance.low * (1.0 - test.ratio) + 0.5 * np.log(test.ratio)
     found = []
     for label, step in steps.items():
-        sums = np.cumsum(np.where(ready, step, 0.0))
+        stood, since = carried.get(label, (0.0, 0))
+        sums = stood + np.cumsum(np.where(ready, step, 0.0))
         low = np.minimum.accumulate(np.minimum(sums, 0.0))
-        zero = np.maximum.accumulate(np.where(sums <= low, np.arange(len(sums)), 0))
-        values = np.where(ready, sums - low, np.nan)
+        zero = np.maximum.accumulate(np.where(sums <= low, np.arange(len(sums)), -since))
+        values, reach = sums - low, np.arange(len(sums)) - zero
+        if len(values):
+            carried[label] = (float(values[-1]), int(reach[-1]) + 1)
         found.append(
-            Series(label=f"cusum {label}", values=values, reach=np.arange(len(sums)) - zero, looks_per_row=0.1)
+            Series(label=f"cusum {label}", values=np.where(ready, values, np.nan), reach=reach, looks_per_row=0.1)
         )
     return found
 
 
-def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance) -> list[Series]:
+def _glr(
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, _: Carried
+) -> list[Series]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
     Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
@@ -180,15 +230,17 @@ def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Toler
     nearest end of the tolerated range, which is wider where the operator's error dominates.
     """
     found = []
+    low = tolerance.low if test.two_sided else 0.0
     for rows in test.rows(sample_period_s):
-        _, power, _ = _windows(given.values, rows, test, sample_period_s)
-        shift, _, length = _windows(given.plain, rows, test, sample_period_s)
-        beyond = np.maximum(np.abs(shift) - tolerance.mean, 0.0)
-        of_mean = np.square(beyond) / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1) + given.means.get(rows, 0.0)))
-        low = tolerance.low if test.two_sided else 0.0
-        high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * _trailing(given.doubtful, rows) / rows)
-        ratio = power / np.clip(power, low, high)
-        of_energy = 0.5 * rows * (ratio - 1.0 - np.log(ratio))
+        shift, power, length = _windows(given.plain, rows, test, sample_period_s, last)
+        variance: float | FloatArray = 0.0
+        high: float | FloatArray = tolerance.high
+        if given.values is not given.plain:
+            _, power, _ = _windows(given.values, rows, test, sample_period_s, last)
+            doubtful = _trailing(given.doubtful, rows, last) / rows
+            high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * doubtful)
+            variance = given.means[rows][len(given.plain) - last :] if rows in given.means else 0.0
+        of_mean, of_energy = glr(shift, power, rows, length, tolerance.mean, low, high, variance)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
         found.append(Series(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks))
@@ -196,7 +248,24 @@ def _glr(test: Statistic, given: Given, sample_period_s: float, tolerance: Toler
     return found
 
 
-STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance], list[Series]]] = {
+def glr(
+    shift: FloatArray,
+    power: FloatArray,
+    rows: int | FloatArray,
+    length: FloatArray,
+    tolerance: float | FloatArray,
+    low: float | FloatArray,
+    high: float | FloatArray,
+    variance: float | FloatArray = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the two ratios of `_glr`, of arrays of any shape: windows of `rows`, `length` samples before them."""
+    beyond = np.maximum(np.abs(shift) - tolerance, 0.0)
+    of_mean = beyond * beyond / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1) + variance))
+    ratio = power / np.minimum(np.maximum(power, low), high)
+    return of_mean, 0.5 * rows * (ratio - 1.0 - np.log(ratio))
+
+
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried], list[Series]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,
@@ -205,15 +274,14 @@ STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance], list[Series
 
 
 def _windows(
-    w: FloatArray, rows: int, test: Statistic, sample_period_s: float
+    w: FloatArray, rows: int, test: Statistic, sample_period_s: float, last: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the last rows' mean and mean square about the mean before them, and how many rows that stands on."""
-    sums, squares = _sums(w), _sums(np.square(w))
-    base, length = _baseline(sums, test, sample_period_s, gap=rows)
-    mean, power = np.full(len(w), np.nan), np.full(len(w), np.nan)
-    mean[rows - 1 :] = (sums[rows:] - sums[:-rows]) / rows
-    power[rows - 1 :] = (squares[rows:] - squares[:-rows]) / rows
-    return mean - base, np.maximum(power - 2.0 * base * mean + np.square(base), 1e-12), length
+    """Return, at the last samples, `rows` samples' mean and mean square about the mean before, and its length."""
+    sums, squares = _sums(w), _sums(w * w)
+    base, length = _baseline(sums, test, sample_period_s, gap=rows, last=last)
+    mean = (_before(sums, 0, last) - _before(sums, rows, last)) / rows
+    power = (_before(squares, 0, last) - _before(squares, rows, last)) / rows
+    return mean - base, np.maximum(power - 2.0 * base * mean + base * base, 1e-12), length
 
 
 def _sides(test: Statistic, label: str, high: FloatArray, low: FloatArray, rows: int) -> list[Series]:
@@ -221,27 +289,36 @@ def _sides(test: Statistic, label: str, high: FloatArray, low: FloatArray, rows:
     return [up, Series(label=f"{label} low", values=low, reach=rows)] if test.two_sided else [up]
 
 
-def _trailing(values: FloatArray, length: int) -> FloatArray:
-    """Return sums of the last `length` values, NaN before there are so many."""
+def _trailing(values: FloatArray, length: int, last: int) -> FloatArray:
+    """Return sums of `length` values up to each of the last ones, NaN where there aren't so many."""
+    values = values[max(len(values) - last - length + 1, 0) :]
     sums = np.full(len(values), np.nan)
     complete = len(values) - length + 1
     if complete > 0:
         sums[length - 1 :] = moving_sum(values, length)[:complete]
-    return sums
+    return sums[len(values) - last :]
 
 
 def _sums(values: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(values)])
 
 
-def _baseline(sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int) -> tuple[FloatArray, FloatArray]:
+def _before(sums: FloatArray, lag: int, last: int, otherwise: float = np.nan) -> FloatArray:
+    """Return the sums up to `lag` samples before each of the last ones."""
+    stop = len(sums) - lag
+    if stop >= last:
+        return sums[stop - last : stop]
+    return np.concatenate([np.full(last - max(stop, 0), otherwise), sums[: max(stop, 0)]])
+
+
+def _baseline(
+    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, last: int
+) -> tuple[FloatArray, FloatArray]:
     """Return the mean of up to `baseline_s` before the last `gap` rows, and how many rows it stands on."""
     longest = max(round(test.baseline_s / sample_period_s), 6)
-    end = np.arange(1, len(sums)) - gap  # one past the last row of the baseline
-    begin = np.maximum(end - longest, 0)
-    length = end - begin
+    length = np.clip(np.arange(len(sums) - last, len(sums)) - gap, 0, longest)
     enough = length >= longest // 6
-    total = sums[np.maximum(end, 0)] - sums[begin]
+    total = _before(sums, gap, last, 0.0) - _before(sums, gap + longest, last, 0.0)
     return np.where(enough, total / np.maximum(length, 1), np.nan), np.where(enough, length, 0).astype(float)
 
 
@@ -257,7 +334,7 @@ def tolerance_of(
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        shift, power, length = _windows(w, rows, test, sample_period_s)
+        shift, power, length = _windows(w, rows, test, sample_period_s, len(w))
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()

@@ -13,20 +13,19 @@ _CUTOFF = 0.1  # of the sample rate
 
 
 def slow(values: FloatArray) -> FloatArray:
-    """Return columns freed of what lies above a tenth of the sample rate; missing samples are bridged as by `held`.
+    """Return columns without gaps freed of what lies above a tenth of the sample rate.
 
     Zero phase, `HALF` samples to either side; odd reflection at the ends. Above, derivatives are mostly noise.
     """
-    filled = held(values)
-    if len(filled) <= HALF:
-        return filled
-    return smoothed(np.concatenate([reflected(filled[: HALF + 1][::-1])[::-1], filled, reflected(filled)]))
+    if len(values) <= HALF:
+        return values
+    return smoothed(np.concatenate([reflected(values[: HALF + 1][::-1])[::-1], values, reflected(values)]))
 
 
 def held(values: FloatArray) -> FloatArray:
     """Return columns with missing samples as the last before them; those before the first as it, and 0 without any.
 
-    A line across the gap would look at samples that come after it.
+    For what must not look at samples that come after a gap.
 
     >>> held(np.array([[np.nan], [1.0], [np.nan], [3.0]])).T
     array([[1., 1., 1., 3.]])
@@ -37,6 +36,19 @@ def held(values: FloatArray) -> FloatArray:
     rows = np.where(there, np.arange(len(values))[:, np.newaxis], np.argmax(there, axis=0))
     found = np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
     return np.where(there.any(axis=0), found, 0.0)
+
+
+def interpolated(values: FloatArray) -> FloatArray:
+    """Return columns with missing samples on a line across their gap; held at the ends, and 0 without any.
+
+    >>> interpolated(np.array([[np.nan], [1.0], [np.nan], [3.0]])).T
+    array([[1., 1., 2., 3.]])
+    """
+    columns = []
+    for column in values.T:
+        there = np.flatnonzero(np.isfinite(column))
+        columns.append(np.interp(np.arange(len(column)), there, column[there]) if len(there) else np.zeros(len(column)))
+    return np.column_stack(columns)
 
 
 def reflected(values: FloatArray) -> FloatArray:

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.errors import InputError
-from gtmbench.detectors.bank.cautious_calibration import calibrate_cautiously
 from gtmbench.detectors.bank.levels import bank_alarms
+from gtmbench.errors import InputError
 from gtmbench.study.log_watch import bank_between
 from tests.airliner import MANOEUVRES, airliner
 from tests.monitors import record
@@ -62,7 +61,7 @@ AIRLINER_FAULTS = [
 @pytest.mark.parametrize("fault", AIRLINER_FAULTS, ids=lambda fault: f"{type(fault).__name__} {fault.channel}")
 def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault):
     seen = gb.watch(calibrated("late"), gb.inject(airliner("all", 50), fault))
-    assert [finding.sensor for finding in seen.findings] == [fault.channel]
+    assert [alarm.sensor for alarm in seen.faults] == [fault.channel]
     assert fault.onset_s < seen.alarm_s < fault.onset_s + 8.0
     after = seen.record.between(fault.onset_s, 30.0)
     assert np.nanmax(np.abs(after[fault.channel] - airliner("all", 50)[fault.channel][-len(after) :])) > 1.0
@@ -71,22 +70,22 @@ def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault
 @pytest.mark.parametrize("rate_hz", [50, 100])
 def test_a_drift_is_found_at_other_rates(rate_hz):
     broken = gb.inject(airliner("all", 50, rate_hz=rate_hz), gb.Drift(channel="r", onset_s=12.0, slope=0.5))
-    assert [one.sensor for one in gb.watch(calibrated("late", rate_hz=rate_hz), broken).findings] == ["r"]
+    assert [one.sensor for one in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
 
 
 def test_free_operators_stay_quiet_and_find_what_is_large():
     monitor = calibrated("all", duration_s=60, bank=FREE)
     assert alarmed(monitor, duration_s=60) == []
     flight = airliner("late", 50, duration_s=60)
-    (finding,) = gb.watch(monitor, gb.inject(flight, gb.Drift(channel="r", onset_s=30.0, slope=1.0))).findings
-    assert finding.alarm_s > 30.0
-    assert set(finding.last.candidates) == {"r", "p", "beta", "ny"}  # nothing tells which
+    (alarm,) = gb.watch(monitor, gb.inject(flight, gb.Drift(channel="r", onset_s=30.0, slope=1.0))).faults
+    assert alarm.time_s > 30.0
+    assert set(alarm.last.candidates) == {"r", "p", "beta", "ny"}  # nothing tells which
 
 
 def spread(monitor, manoeuvre):
     """Return, of every residual, the spread at rest and the greatest."""
-    seen = gb.watch(monitor, airliner(manoeuvre, 20)).residuals.spread
-    return {output: (np.median(one.white[:50]), one.white.max()) for output, one in seen.items()}
+    seen = gb.watch(monitor, airliner(manoeuvre, 20)).widening
+    return {output: (np.median(white[:50]), white.max()) for output, white in seen.items()}
 
 
 def test_the_spread_is_one_in_motion_that_was_seen_and_large_in_what_nobody_saw():
@@ -102,7 +101,13 @@ def test_a_shared_minimum_of_five_minutes_is_calibrated_on_without_doubt():
     assert gb.calibrate(records, bank=gb.load_bank("C")).doubts == {}
     little = gb.calibrate(records[:2], bank=gb.load_bank("C"))
     assert set(little.doubts) == {"p", "q", "r"}
-    assert all(level.spread.keys() == {"p", "q", "r"} for level in [gb.watch(little, records[2]).residuals])
+    assert gb.watch(little, records[2]).widening.keys() == {"p", "q", "r"}
+    forced = gb.calibrate(records, bank=gb.load_bank("C"), estimator=gb.Bayesian())
+    assert set(forced.doubts) == {"p", "q", "r"}
+    assert forced.provenance["identification_hours"] == forced.provenance["threshold_hours"] == pytest.approx(0.1)
+    least_squares = gb.calibrate(records[:2], bank=gb.load_bank("C"), estimator=gb.LeastSquares())
+    assert least_squares.doubts == {}
+    assert least_squares.provenance["identification_hours"] == pytest.approx(1.0 / 30.0)
 
 
 def test_the_gtm_at_100_hz_too():
@@ -110,7 +115,7 @@ def test_the_gtm_at_100_hz_too():
     monitor = gb.calibrate(flights[0], bank=gb.load_bank("C"))
     assert bank_alarms(monitor, flights[1]) == []
     broken = gb.inject(flights[1], gb.Jam(channel="q", onset_s=20.0))
-    assert [one.sensor for one in gb.watch(monitor, broken).findings] == ["q"]
+    assert [one.sensor for one in gb.watch(monitor, broken).faults] == ["q"]
 
 
 def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
@@ -119,10 +124,10 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
     again = gb.load_monitor(tmp_path / "m.json")
     flight = gb.inject(airliner("all", 3), gb.Drift(channel="p", onset_s=10.0, slope=0.5))
     one, other = gb.watch(monitor, flight), gb.watch(again, flight)
-    assert repr(one.findings) == repr(other.findings) != "()"
-    for output, level in one.levels.items():
-        assert level.values.tobytes() == other.levels[output].values.tobytes()
-        assert one.residuals.spread[output].raw.tobytes() == other.residuals.spread[output].raw.tobytes()
+    assert repr(one.alarms) == repr(other.alarms) != "()"
+    for output, score in one.scores.items():
+        assert score.values.tobytes() == other.scores[output].values.tobytes()
+        assert one.widening[output].tobytes() == other.widening[output].tobytes()
 
 
 HOSTILE = {
@@ -153,9 +158,9 @@ def test_records_calibrate_alike_wherever_their_clock_begins_and_in_any_unit_of_
     later = gb.Record(flight.values, channels=flight.channels, sample_period_s=0.04, start_s=5000.0)
     scaled = flight.replace("ny", 1000.0 * flight["ny"])
     held = airliner("all", 2)
-    seen = gb.watch(gb.calibrate(flight, bank=FREE), held).levels["r"].values
+    seen = gb.watch(gb.calibrate(flight, bank=FREE), held).scores["r"].values
     for given, judged in ((later, held), (scaled, held.replace("ny", 1000.0 * held["ny"]))):
-        other = gb.watch(gb.calibrate(given, bank=FREE), judged).levels["r"].values
+        other = gb.watch(gb.calibrate(given, bank=FREE), judged).scores["r"].values
         np.testing.assert_allclose(other, seen, rtol=1e-4)
 
 
@@ -172,16 +177,16 @@ def gappy(every):
         ([airliner("all").replace("phi", np.zeros(751)).replace("psi", np.zeros(751))], "channel 'p_att' is constant"),
         (
             [airliner("all").replace("q", np.full(751, np.nan))],
-            "751 samples hold too few windows of 5 without a missing one for the residual of q",
+            "751 samples hold too few windows of 5 without a missing one for q",
         ),
-        ([gappy(4)], "751 samples hold too few windows of 5 without a missing one for the residual of p"),
+        ([gappy(4)], "751 samples hold too few windows of 5 without a missing one for p"),
         ([gappy(9)], r"% of the residual of p is missing, for every missing sample takes those around it along"),
     ],
     ids=["short", "one of them short", "at rest", "not there", "no window", "hardly a window"],
 )
 def test_what_cant_be_calibrated_on_is_refused_in_words(records, words):
     with pytest.raises(InputError, match=words):
-        calibrate_cautiously(records, gb.load_bank("C"), false_alarms_per_hour=0.002)
+        gb.calibrate(records, bank=gb.load_bank("C"), estimator=gb.Bayesian())
 
 
 def test_an_attitude_that_moves_in_one_stretch_only_will_do():
@@ -196,8 +201,8 @@ def test_an_attitude_that_moves_in_one_stretch_only_will_do():
 @pytest.mark.parametrize("bank", [None, FREE], ids=["C", "free"])
 def test_levels_stand_on_the_record_up_to_the_time_they_are_known_at(bank):
     monitor, flight = calibrated("late", bank=bank), airliner("all", 4)
-    whole, cut = (gb.watch(monitor, record).levels for record in (flight, flight.between(0.0, 20.0)))
-    for output, level in cut.items():
-        known = level.known_s <= 20.0
-        assert np.isfinite(level.values[known]).sum() > 400
-        np.testing.assert_allclose(level.values[known], whole[output].values[: len(known)][known], rtol=1e-9)
+    whole, cut = (gb.watch(monitor, record).scores for record in (flight, flight.between(0.0, 20.0)))
+    for output, score in cut.items():
+        known = score.known_s <= 20.0
+        assert np.isfinite(score.values[known]).sum() > 400
+        np.testing.assert_allclose(score.values[known], whole[output].values[: len(known)][known], rtol=1e-9)

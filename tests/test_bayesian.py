@@ -1,16 +1,27 @@
-"""Cautious identification: data speak where there is motion, the prior elsewhere; units and gaps don't matter."""
+"""Bayesian estimation: data speak where there is motion, the prior elsewhere; units and gaps don't matter."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-import gtmbench as gb
-from gtmbench.errors import InputError
 from gtmbench.detectors.bank.bank import ResidualSpec
-from gtmbench.detectors.bank.cautious import identify_cautiously
-from gtmbench.detectors.bank.doubt import slow
+from gtmbench.detectors.bank.identification import identified
+from gtmbench.errors import InputError
+from gtmbench.method.estimators.bayesian import Bayesian
+from gtmbench.method.identify import identify
+from gtmbench.method.regression.slow import slow
+from gtmbench.record import Record
 
 PERIOD_S = 0.04
+
+
+def found_on(records, by, scale=None):
+    """Return an operator of a bank's residual, F of its covariance F F', its noise variance and the prior's scale."""
+    operator, scale = identified(records, by, Bayesian(), scale=scale)
+    root, (variance,) = operator.covariance_root(by.output), operator.noise_variance
+    return SimpleNamespace(operator=operator, root=root, variance=variance, scale=scale)
 
 
 def spec(output="p", inputs=("p_att",), look_s=0.08):
@@ -30,7 +41,7 @@ def made(theta, u, names, output="p", noise=0.0, seed=5, start_s=0.0):
     padded = np.pad(u, ((half, half), (0, 0)), mode="edge")
     y = sum(padded[2 * half - j : len(padded) - j] @ theta[j] for j in range(len(theta)))
     y = y + noise * np.random.default_rng(seed).standard_normal(len(y))
-    return gb.Record(np.column_stack([y, u]), channels=[output, *names], sample_period_s=PERIOD_S, start_s=start_s)
+    return Record(np.column_stack([y, u]), channels=[output, *names], sample_period_s=PERIOD_S, start_s=start_s)
 
 
 def predicts(found, record, output="p"):
@@ -43,8 +54,8 @@ PLANT = np.array([[0.1, -0.3], [0.4, 0.2], [0.9, 0.5], [0.3, -0.1], [-0.2, 0.0]]
 def test_much_rich_motion_gives_what_least_squares_give_and_the_plant():
     by = spec(output="r", inputs=("p", "beta"))
     record = made(PLANT, wander(20_000, 2, seed=1), ["p", "beta"], output="r", noise=0.1)
-    found = identify_cautiously([record], by)
-    plain = gb.identify(record, inputs=["p", "beta"], outputs=["r"], causal_order=2, noncausal_order=2)
+    found = found_on([record], by)
+    plain = identify(record, inputs=["p", "beta"], outputs=["r"], causal_order=2, noncausal_order=2)
     fresh = made(PLANT, wander(3000, 2, seed=2), ["p", "beta"], output="r")
     predicted, truth = predicts(found, fresh, "r")
     there = slice(2, -2)
@@ -65,7 +76,7 @@ def test_parameters_drawn_from_the_prior_lie_as_far_off_as_the_covariance_says()
         theta[2] += 0.01 * random.standard_normal()
         theta += 0.05 * random.standard_normal() / PERIOD_S * np.array([0.0, 0.5, 0.0, -0.5, 0.0])
         record = made(theta[:, np.newaxis], 3.0 * wander(800, 1, seed), ["p_att"], noise=0.05, seed=seed)
-        found = identify_cautiously([record], spec())
+        found = found_on([record], spec())
         variances.append(found.variance)
         squares.append(np.square(np.linalg.solve(found.root, found.operator.markov[:, 0, 0] - theta)))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
@@ -76,7 +87,7 @@ def test_parameters_drawn_from_the_prior_lie_as_far_off_as_the_covariance_says()
 @pytest.mark.parametrize("size", [0.001, 0.1, 10.0])
 def test_a_sensor_at_rest_keeps_its_gain_however_noisy_its_attitude_is(size):
     noise = np.random.default_rng(3).standard_normal((800, 2)) * [0.1, size]
-    found = identify_cautiously([gb.Record(noise, channels=["p", "p_att"], sample_period_s=PERIOD_S)], spec())
+    found = found_on([Record(noise, channels=["p", "p_att"], sample_period_s=PERIOD_S)], spec())
     markov = found.operator.markov[:, 0, 0]
     np.testing.assert_allclose(markov[[0, 2, 4]], [0.0, 1.0, 0.0], atol=0.002)
     assert markov.sum() == pytest.approx(1.0, abs=0.002)
@@ -90,8 +101,8 @@ def test_noise_of_the_attitude_in_motion_shrinks_a_gain_less_than_least_squares_
     clean = made(np.array([[0.0], [0.0], [1.01], [0.0], [0.0]]), motion, ["p_att"], noise=0.05)
     noise = size * np.random.default_rng(6).standard_normal(len(clean))
     noisy = clean.replace("p_att", clean["p_att"] + noise)
-    plain = gb.identify(noisy, inputs=["p_att"], outputs=["p"], causal_order=2, noncausal_order=2).markov.sum()
-    shrunk = identify_cautiously([noisy], spec()).operator.markov.sum()
+    plain = identify(noisy, inputs=["p_att"], outputs=["p"], causal_order=2, noncausal_order=2).markov.sum()
+    shrunk = found_on([noisy], spec()).operator.markov.sum()
     assert 0.0 < 1.01 - shrunk < 0.6 * (1.01 - plain)
 
 
@@ -118,24 +129,24 @@ def test_units_of_a_free_input_change_its_parameters_and_nothing_else(channel, f
     record = mixed()
     scaled = record.replace(channel, record[channel] * factor)
     scale = [factor if name == channel else 1.0 for name in NAMES]
-    same(identify_cautiously([scaled], MIXED), identify_cautiously([record], MIXED), scale)
+    same(found_on([scaled], MIXED), found_on([record], MIXED), scale)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e4])
 def test_units_of_a_free_operators_output_scale_all_of_it(factor):
     free = spec(output="r", inputs=("p", "beta"))
     record = made(PLANT, wander(1500, 2, seed=1), ["p", "beta"], output="r", noise=0.1)
-    found = identify_cautiously([record], free)
-    scaled = identify_cautiously([record.replace("r", factor * record["r"])], free)
+    found = found_on([record], free)
+    scaled = found_on([record.replace("r", factor * record["r"])], free)
     np.testing.assert_allclose(scaled.operator.markov, factor * found.operator.markov, rtol=1e-6, atol=1e-9 * factor)
     np.testing.assert_allclose(scaled.root @ scaled.root.T, factor**2 * (found.root @ found.root.T), rtol=1e-5)
 
 
 def test_the_order_of_records_and_the_time_they_begin_at_dont_matter():
     records = [mixed(600, seed) for seed in (1, 2, 3)]
-    found = identify_cautiously(records, MIXED)
-    same(identify_cautiously(records[::-1], MIXED), found)
-    same(identify_cautiously([mixed(600, seed, start_s=1.6e9) for seed in (1, 2, 3)], MIXED), found)
+    found = found_on(records, MIXED)
+    same(found_on(records[::-1], MIXED), found)
+    same(found_on([mixed(600, seed, start_s=1.6e9) for seed in (1, 2, 3)], MIXED), found)
 
 
 def test_mean_offsets_go_into_the_means_alone():
@@ -143,7 +154,7 @@ def test_mean_offsets_go_into_the_means_alone():
     shifted = record
     for channel, offset in {"p": 7.0, "p_att": -40.0, "ny": 3.0}.items():
         shifted = shifted.replace(channel, record[channel] + offset)
-    found, other = (identify_cautiously([one], MIXED) for one in (record, shifted))
+    found, other = (found_on([one], MIXED) for one in (record, shifted))
     same(other, found)
     np.testing.assert_allclose(other.operator.input_means - found.operator.input_means, [-40.0, 3.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(predicts(other, shifted)[0], predicts(found, record)[0] + 7.0, atol=1e-5)
@@ -151,8 +162,8 @@ def test_mean_offsets_go_into_the_means_alone():
 
 def test_the_order_of_inputs_doesnt_matter():
     record, turned = mixed(), [2, 0, 1]
-    found = identify_cautiously([record], MIXED)
-    other = identify_cautiously([record], spec(inputs=[NAMES[i] for i in turned]))
+    found = found_on([record], MIXED)
+    other = found_on([record], spec(inputs=[NAMES[i] for i in turned]))
     np.testing.assert_allclose(other.operator.markov, found.operator.markov[:, :, turned], rtol=1e-6, atol=1e-8)
 
 
@@ -165,7 +176,7 @@ def test_missing_samples_are_as_if_the_record_had_ended_there(channel, rows):
     time_s = record.time_s
     spans = [(0, rows.start), (rows.stop, 1500)]
     parts = [record.between(time_s[a], time_s[b - 1]) for a, b in spans if b > a]
-    found, cut = identify_cautiously([record.replace(channel, values)], MIXED), identify_cautiously(parts, MIXED)
+    found, cut = found_on([record.replace(channel, values)], MIXED), found_on(parts, MIXED)
     off = np.linalg.solve(cut.root, (found.operator.markov - cut.operator.markov).ravel())
     assert np.abs(off).max() < 0.5  # deviations: only the filter's ends differ
     np.testing.assert_allclose(found.operator.input_means, cut.operator.input_means, atol=1e-9)
@@ -176,24 +187,24 @@ def test_what_stands_in_a_missing_row_isnt_used():
     record = mixed()
     one, other = np.array(record["p"]), np.array(record["p"])
     one[300:320], other[300:320] = np.nan, np.inf
-    same(*(identify_cautiously([record.replace("p", values)], MIXED) for values in (one, other)))
+    same(*(found_on([record.replace("p", values)], MIXED) for values in (one, other)))
 
 
 def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
     still = mixed().replace("ny", np.full(1500, 2.0))
-    with pytest.raises(InputError, match="channel 'ny' is constant over the healthy record"):
-        identify_cautiously([still], MIXED)
-    whole = identify_cautiously([mixed()], MIXED)
-    part = identify_cautiously([still], MIXED, rms=whole.rms)
+    with pytest.raises(InputError, match=r"channel 'ny' is constant \(2\) over the record"):
+        found_on([still], MIXED)
+    whole = found_on([mixed()], MIXED)
+    part = found_on([still], MIXED, scale=whole.scale)
     assert np.abs(part.operator.markov[:, 0, 1]).max() < 1e-9
-    expected = 3.0 * whole.rms[3] / whole.rms[1] / np.sqrt(15)
+    expected = 3.0 * whole.scale[3] / whole.scale[1] / np.sqrt(15)
     np.testing.assert_allclose(np.linalg.norm(part.root, axis=1)[1::3], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("record", "words"),
     [
-        (mixed(4), "4 samples hold too few windows of 5 without a missing one for the residual of p"),
+        (mixed(4), "4 samples hold too few windows of 5 without a missing one for p"),
         (mixed(40), "40 samples hold too few windows"),
         (mixed().replace("p", np.full(1500, 3.0)), "channel 'p' is constant"),
         (mixed().replace("p_att", np.full(1500, np.nan)), "1500 samples hold too few windows"),
@@ -202,4 +213,77 @@ def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
 )
 def test_what_cant_be_identified_is_refused_in_words(record, words):
     with pytest.raises(InputError, match=words):
-        identify_cautiously([record], MIXED)
+        found_on([record], MIXED)
+
+
+# as an estimator of its own
+
+
+def by_estimator(records, outputs=("p",), inputs=NAMES, weights=None, **prior):
+    orders = {"causal_order": 2, "noncausal_order": 2}
+    return identify(records, inputs=inputs, outputs=outputs, estimator=Bayesian(**prior), weights=weights, **orders)
+
+
+def alike(one, other, rtol=1e-7):
+    np.testing.assert_allclose(one.markov, other.markov, rtol=rtol, atol=1e-9)
+    for output in one.outputs:
+        expected = other.covariance(output)
+        np.testing.assert_allclose(one.covariance(output), expected, rtol=rtol, atol=1e-9 * expected.max())
+
+
+def test_identify_gives_what_a_bank_gets_of_records_without_gaps():
+    records = [mixed(600, seed) for seed in (1, 2)]
+    operator = by_estimator(records)
+    alike(operator, found_on(records, MIXED).operator)
+    assert operator.estimator == "Bayesian(gain=0.01, delay_s=0.05, tap=0.005, free=3.0)"
+    np.testing.assert_allclose(
+        operator.standard_error**2, np.einsum("lili->li", operator.covariance("p"))[:, np.newaxis]
+    )
+
+
+def test_each_output_has_its_own_posterior():
+    record = mixed()
+    both = record.replace("p", record["p"])
+    r = 3.0 * record["p"] + np.random.default_rng(1).standard_normal(len(record))
+    both = Record(np.column_stack([record.values, r]), channels=[*record.channels, "r"], sample_period_s=PERIOD_S)
+    together = by_estimator(both, ["p", "r"])
+    for o, name in enumerate(["p", "r"]):
+        alone = by_estimator(both, [name])
+        np.testing.assert_allclose(together.markov[:, o], alone.markov[:, 0], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(together.covariance(name), alone.covariance(name), rtol=1e-9)
+
+
+def test_samples_of_weight_0_are_never_looked_at_and_others_count_as_often_as_they_weigh():
+    record, weights = mixed(), np.ones(1500)
+    weights[400:450] = 0.0
+    holed = record.replace("ny", np.where(weights > 0.0, record["ny"], np.nan))
+    time_s = record.time_s
+    pieces = [record.between(time_s[0], time_s[399]), record.between(time_s[450], time_s[-1])]
+    alike(by_estimator(holed, weights=weights), by_estimator(pieces))
+    alike(by_estimator(record, weights=2.0 * np.ones(1500)), by_estimator([record, record]))
+
+
+def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_prior():
+    record = mixed(6000)
+    tight = by_estimator(record, gain=0.0, delay_s=0.0, tap=1e-9, free=1e-9)
+    np.testing.assert_allclose(tight.markov[:, 0].ravel(), np.eye(1, 15, 6)[0], atol=1e-6)
+    loose = by_estimator(record, outputs=["ny"], inputs=["p", "beta"], free=1e6)
+    motion = slow(record.matrix(["p", "beta", "ny"]) - record.matrix(["p", "beta", "ny"]).mean(axis=0))
+    phi = np.column_stack([motion[2 - i : 5998 - i, :2] for i in range(-2, 3)])
+    theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
+    residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
+    assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({"gain": -0.1}, r"gain is -0.1; it must be a finite number"),
+        ({"tap": 0.0}, r"tap is 0.0?; it must be a finite number"),
+        ({"free": np.nan}, r"free is nan"),
+        ({"delay_s": "much"}, r"delay_s is 'much'"),
+    ],
+)
+def test_a_prior_that_isnt_one_is_refused(figures, words):
+    with pytest.raises(InputError, match=words):
+        Bayesian(**figures)

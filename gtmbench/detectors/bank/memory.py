@@ -1,0 +1,113 @@
+"""What a diagnosis may look at: the last minutes of a record, and the residuals and predictions that were made of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.clock import even_times_s
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.bank.spread import Spread
+from gtmbench.record import FloatArray, Record
+
+
+class Memory:
+    """Rows of the bank's channels with residuals, predictions and spread beside them.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    start_s : float
+        Time of row 0.
+    capacity : int
+        How many rows there is room for; the oldest half goes when it is used up.
+    """
+
+    def __init__(self, monitor: CalibratedBank, start_s: float, capacity: int) -> None:
+        self.start_s, self.period_s = start_s, monitor.sample_period_s
+        self.channels, self.outputs = monitor.bank.channels, tuple(monitor.operators)
+        self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
+        self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
+        self._doubted = tuple(output for output in self.outputs if output in monitor.doubts)
+        made = [(kind, output) for output in self.outputs for kind in ("raw", "predicted")]
+        made += [(kind, output) for output in self._doubted for kind in ("spread", "white")]
+        self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
+        self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
+        self._blots: list[tuple[str, range]] = []
+        self.first, self.stop = 0, 0  # rows that are there
+
+    @classmethod
+    def of(cls, monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> Memory:
+        """Return one that holds a whole record."""
+        memory = cls(monitor, record.start_s, len(record))
+        memory.take(record.matrix(memory.channels))
+        for output in memory.outputs:
+            memory.put(output, 0, residuals.raw[output], residuals.predicted[output], residuals.spread.get(output))
+        return memory
+
+    def take(self, values: FloatArray) -> None:
+        """Take the next rows of the channels."""
+        self._make_room(len(values))
+        begin = self.stop - self.first
+        self._table[begin : begin + len(values), : len(self.channels)] = values
+        self.stop += len(values)
+
+    def put(self, output: str, row: int, raw: FloatArray, predicted: FloatArray, spread: Spread | None = None) -> None:
+        """Put a residual and its prediction beside rows that were taken, from `row` on."""
+        made = {("raw", output): raw, ("predicted", output): predicted}
+        if spread is not None:
+            made |= {("spread", output): spread.raw, ("white", output): spread.white}
+        begin = max(row - self.first, 0)
+        for name, values in made.items():
+            late = values[begin - (row - self.first) :]
+            self._table[begin : begin + len(late), self._columns[name]] = late
+
+    def blot(self, output: str, rows: range) -> None:
+        """Treat rows of a residual as missing, and those around that saw them."""
+        reach = self._history[output]
+        self._blots = [blot for blot in self._blots if blot[1].stop > self.first]
+        self._blots.append((output, range(rows.start - reach, rows.stop + reach)))
+
+    def raw(self, output: str, rows: range) -> FloatArray:
+        """Return a residual."""
+        values = self._column(("raw", output), rows).copy()
+        for blotted, out in self._blots:
+            if blotted == output:
+                values[max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
+        return values
+
+    def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
+        """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
+        record = Record(
+            self._table[rows.start - self.first : rows.stop - self.first, : len(self.channels)],
+            channels=self.channels,
+            sample_period_s=self.period_s,
+            start_s=self.start_s + round(rows.start * self.period_s, 9),
+        )
+        known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
+        return record, BankResiduals(
+            raw={output: np.where(known[output], self.raw(output, rows), np.nan) for output in outputs},
+            predicted={
+                output: np.where(known[output], self._column(("predicted", output), rows), np.nan) for output in outputs
+            },
+            spread={
+                output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
+                for output in outputs
+                if output in self._doubted
+            },
+        )
+
+    def time_s(self, row: int) -> float:
+        """Return the time of a row."""
+        return float(even_times_s(self.start_s, self.period_s, range(row, row + 1))[0])
+
+    def _column(self, name: tuple[str, str], rows: range) -> FloatArray:
+        return self._table[rows.start - self.first : rows.stop - self.first, self._columns[name]]
+
+    def _make_room(self, rows: int) -> None:
+        held, capacity = self.stop - self.first, len(self._table)
+        if held + rows <= capacity:
+            return
+        keep = min(held, capacity // 2)
+        larger = np.full((max(capacity, keep + rows), self._table.shape[1]), np.nan)
+        larger[:keep] = self._table[held - keep : held]
+        self._table, self.first = larger, self.stop - keep

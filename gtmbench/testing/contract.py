@@ -1,0 +1,63 @@
+"""The contract suite: what every detector has to hold, each property by its name; for anyone's detector.
+
+>>> import gtmbench as gb
+>>> check_detector("dissertation")
+>>> def hindsight(record):  # an alarm at the greatest p, which nobody knows before the end
+...     return record.time_s[[int(np.nanargmax(record["p"]))]]
+>>> check_detector(hindsight)
+Traceback (most recent call last):
+...
+AssertionError: 'hindsight', cut: of a record cut at 84.42 s the alarms are 84.42 s hindsight, those of the whole by then are none
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gtmbench.bench.fault import Fault
+from gtmbench.record import Record
+from gtmbench.testing.contract_calibration import CALIBRATION
+from gtmbench.testing.contract_case import Case, contract_case
+from gtmbench.testing.contract_stream import STREAM
+from gtmbench.testing.contract_watch import WATCH
+
+CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
+"""By name, each a function of a `contract_case`, for ``pytest.mark.parametrize``."""
+
+
+def check_detector(
+    detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
+) -> None:
+    """Fail where a detector breaks the contract.
+
+    Parameters
+    ----------
+    detector : Detector, Monitor, Bank, callable or str
+        Whatever `gtmbench.find_detector` finds, or could return.
+    records : sequence of Record
+        Healthy, two or more of one flight or several: it is calibrated on all but the last, which is watched. Unless
+        told, what the T2's sensors read on a flight of two minutes, at 50 Hz, thrice.
+    fault : Fault or sequence of Fault
+        Injected into the last record; the detector has to alarm on it. Unless told, two steep drifts, of 12 s each.
+
+    Raises
+    ------
+    AssertionError
+        Naming the detector, the property and the figures.
+    """
+    __tracebackhide__ = True
+    case = contract_case(detector, records, fault=fault)
+    for name in CONTRACT:
+        check_property(case, name)
+
+
+def check_property(case: Case, name: str) -> None:
+    """Fail where a detector breaks one property, by its name in `CONTRACT`; whatever it raises is a breach, too."""
+    __tracebackhide__ = True
+    try:
+        CONTRACT[name](case)
+    except AssertionError as error:
+        raise AssertionError(f"'{case.monitor.name}', {name}: {error}") from None
+    except Exception as error:
+        raise AssertionError(f"'{case.monitor.name}', {name}: it raised {type(error).__name__}: {error}") from error
