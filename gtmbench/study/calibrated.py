@@ -145,9 +145,9 @@ def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
     was, now = monitor.provenance.get("noise"), _noise(setup)
     if isinstance(was, str) and was != now:
         raise InputError(
-            f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would alarm "
-            f"on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated on the "
-            "scenario's sensors"
+            f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would "
+            f"alarm on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated "
+            "on the scenario's sensors"
         )
 
 
