@@ -90,7 +90,7 @@ def run_study(
     own = any(source is own_detector for source in found.values())
     if not own:
         scenarios = [_without_operator(scenario) for scenario in scenarios]
-    if set(found.values()) != {own_detector}:
+    if any(source is not own_detector for source in found.values()):
         scenarios = [_with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
     named = {name: source(setup) if source is own_detector else source for name, source in found.items()}
