@@ -182,7 +182,10 @@ class Engine:
     def _watch(self, stop: int) -> None:
         """Go on to a row, or to the first alarm, if that comes before: it may bring a judgement that is due sooner."""
         levels = [one.track.known(self.row, stop) for one in self.arming]
-        for row in zip(*levels, strict=True):
+        if all(one.low for one in self.arming) and not any((of > 1.0).any() for of in levels):
+            self.row = stop  # so it is nearly always
+            return
+        for row in zip(*(of.tolist() for of in levels), strict=True):
             if self.see(row):
                 return
 

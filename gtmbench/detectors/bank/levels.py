@@ -150,13 +150,13 @@ class Track:
         given = np.zeros((0, 1)) if self._samples is None else self._samples
         return given[max(len(given) - self._looks_back, 0) :, 0]
 
-    def known(self, first: int, stop: int) -> list[float]:
+    def known(self, first: int, stop: int) -> FloatArray:
         """Return the levels that become known with some rows of the record; NaN where there are none."""
         self._judge(stop - self.ahead)
-        missing = min(max(self.ahead - first, 0), stop - first)
-        begin = first + missing - self.ahead - self.first
-        found: list[float] = self.values[begin : begin + stop - first - missing].tolist()
-        return [float("nan")] * missing + found
+        early = min(max(self.ahead - first, 0), stop - first)
+        begin = first + early - self.ahead - self.first
+        found = self.values[begin : begin + stop - first - early]
+        return np.concatenate([np.full(early, np.nan), found]) if early else found
 
     def crossing(self, output: str, row: int, time_s: float) -> Crossing:
         """Return what is to be said of a level that rose at a row."""

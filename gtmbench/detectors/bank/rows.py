@@ -189,7 +189,8 @@ class _Ratios:
         end = line - self._rows
         self._places = np.array([end, end - self._longest, end + len(outputs) * self._capacity])
         self._first = np.array([line, line, line + len(outputs) * self._capacity])
-        self._full = np.full((len(outputs), len(self._rows)), float(self._longest))
+        self._full = np.full(len(self._rows), float(self._longest))
+        self._chance = 1.0 / self._windows + 1.0 / self._full
 
     def load(self, samples: list[FloatArray]) -> None:
         """Begin with the samples before."""
@@ -215,17 +216,18 @@ class _Ratios:
                 sums[0, i, counts[i]], sums[1, i, counts[i]] = total
         least = min(counts)
         steps: int | FloatArray = least if least == max(counts) else np.array(counts)[:, np.newaxis]
-        places, length = self._places + steps, self._full
+        places, length, chance = self._places + steps, self._full, self._chance
         if least < self._most:
-            short = np.clip(np.array(counts)[:, np.newaxis] - self._rows, 0, self._longest)
-            length = np.where(short >= self._longest // 6, short, np.nan).astype(float)
+            short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
+            length = np.where(short >= self._longest // 6, short, np.nan)
+            chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
             places = np.maximum(places, self._first)
-        ends, begins, squares = self._flat[places]
+        ends, begins, squares = self._flat.take(places)
         totals = np.array(self._totals)
         mean = (totals[:, :1] - ends) / self._windows
         base = (ends - begins) / length
         power = np.maximum((totals[:, 1:] - squares) / self._windows - 2.0 * base * mean + base * base, 1e-12)
-        of_mean, of_energy = glr(mean - base, power, self._windows, length, self._mean, self._low, self._high)
+        of_mean, of_energy = glr(mean - base, power, self._windows, chance, self._mean, self._low, self._high)
         level = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
         greatest: list[float] = np.fmax.reduce(level, axis=1).tolist()
         return [value if is_there else math.nan for value, is_there in zip(greatest, there, strict=True)]
