@@ -197,6 +197,13 @@ def test_only_names_are_renewed_not_what_they_stand_in():
     assert in_names_of_now(in_names_of_now(odd)) == in_names_of_now(odd)
 
 
+@pytest.mark.parametrize("name", ["C", "dissertation", "limit check", "installed.one"])
+def test_a_detectors_name_is_none_of_a_file(name, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(new_baseline(path, scenarios=["jam"], detector=name))
+    assert tomllib.loads(path.read_text())["detector"] == read_reference(path).detector == name
+
+
 BAD = {
     "no scenarios": ('scenarios = ["jam"]', "", "no scenarios given"),
     "scenarios aren't a list": ('["jam"]', '"jam"', "scenarios is 'jam'; it must be a list"),

@@ -160,9 +160,14 @@ def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
     return {**found, "score": scores} if scores else found
 
 
+def is_detectors_file(name: str) -> bool:
+    """Whether a bank's or a monitor's file is meant, not a name."""
+    return Path(name).suffix.lower() in (".toml", ".json")
+
+
 def _detector(path: Path, name: str) -> str:
     """Return what watches as it is found from here: a file's path, or a name; a baseline imports no Python."""
-    if Path(name).suffix.lower() in (".toml", ".json"):
+    if is_detectors_file(name):
         return str(path.parent / name)
     if ":" in name:
         raise InputError(

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import printable
-from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, shipped_scenarios, written_aside
-from gtmbench.study.baseline_file import TOLERATED, reference_of
+from gtmbench.study.baseline_file import TOLERATED, is_detectors_file, reference_of
 from gtmbench.study.check_compare import pairs
 from gtmbench.study.check_figures import Group, Value
 from gtmbench.study.check_rules import FORMER, KINDS, RULES
@@ -49,7 +48,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) 
     scenarios : sequence of str
         Shipped names, or files.
     detector : str, optional
-        A name of `gtmbench list`, or a file.
+        A name of `gtmbench list`, a bank's or a monitor's file, or the own name of a detector in Python.
 
     Raises
     ------
@@ -66,7 +65,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) 
         seed=load_scenario(scenarios[0]).setup.seed,
         detector='# detector = "monitor.json"'
         if detector is None
-        else f"detector = {_text(_seen_from(path, detector, detector_names()))}",
+        else f"detector = {_text(_seen_from(path, detector, () if is_detectors_file(detector) else (detector,)))}",
         tolerances="\n".join(
             f"{line:<{width}}  # {RULES[key].meaning}" for line, key in zip(stated, keys, strict=True)
         ),
