@@ -1,7 +1,8 @@
 """Python of the user's own: a detector or a fault in a file or a package, imported because the user named it.
 
 Nothing else in this package imports what a text names. A scenario, a monitor's file and every other data file can only
-choose among what is built in, installed or has been imported by these functions before.
+choose among what is built in, what installed packages announce by entry points (imported when it is chosen) and what
+has been imported by these functions before.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from importlib import import_module
+from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -71,6 +73,39 @@ def load_object(source: str) -> object:
     except AttributeError as error:
         there = ", ".join(own for own in vars(module) if not own.startswith("_")) or "nothing"
         raise InputError(one_line(f"{module_name} has no '{name}'; it holds {there}")) from error
+
+
+def installed(group: str) -> dict[str, str]:
+    """Return what installed packages announce under a group of entry points, by name; nothing is imported.
+
+    The values are sources as `load_object` takes them; where packages don't agree, both of them.
+
+    Examples
+    --------
+    >>> installed("gtmbench.nothing")
+    {}
+    """
+    sources: dict[str, set[str]] = {}
+    with _without_current_folder():
+        for point in entry_points(group=group):
+            sources.setdefault(point.name, set()).add(f"{point.module}:{point.attr}")
+    return {name: " or ".join(sorted(found)) for name, found in sorted(sources.items())}
+
+
+def load_installed(group: str, name: str) -> object:
+    """Import what an installed package announces under a group and a name.
+
+    Raises
+    ------
+    InputError
+        Where none does, several do, or importing it fails.
+    """
+    known = installed(group)
+    if name not in known:
+        raise InputError(f"no installed package announces {shown(name)} under {group}")
+    if " or " in known[name]:
+        raise InputError(f"'{name}' of {group} is {known[name]}: two packages announce it; uninstall one of them")
+    return load_object(known[name])
 
 
 def _of_file(path: Path) -> ModuleType:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.method.residual import windowed_norm
+from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.report.check_text import regression_line
 from gtmbench.study.check_compare import compare
 from gtmbench.study.check_figures import figures_of, rounded, trial_names
@@ -62,7 +62,22 @@ def worse(was, now):
 
 
 def with_baseline(of, **changes):
-    return replace(of, baseline=replace(of.baseline, **changes))
+    return replace(of, baselines=(replace(of.baseline, **changes),))
+
+
+def with_residual(of, values):
+    watch = of.baseline.watch
+    return with_baseline(of, watch=replace(watch, residuals={"r": values}))
+
+
+def with_score(of, **changes):
+    watch = of.baseline.watch
+    return with_baseline(of, watch=replace(watch, scores={"E(k)": replace(watch.scores["E(k)"], **changes)}))
+
+
+def row_at(time_s):
+    """Which row of what is watched that is: watching begins at 25 s."""
+    return round(100.0 * (time_s - 25.0))
 
 
 def with_trial(of, number, **changes):
@@ -73,11 +88,11 @@ def with_trial(of, number, **changes):
 
 def spiked(of, row, size):
     """The study with a healthy residual that is `size` at one sample, and the norm that follows."""
-    values = of.baseline.residual.values.copy()
+    monitor, watch = of.baseline.monitor, of.baseline.watch
+    values = watch.residuals["r"].copy()
     values[row] = size
-    residual = replace(of.baseline.residual, values=values)
-    norm = windowed_norm(residual, window=of.baseline.norm.window)
-    return with_baseline(of, residual=residual, norm=norm)
+    found = replace(residual(monitor.operator, watch.record), values=values[:, np.newaxis])
+    return with_score(with_residual(of, values), values=windowed_norm(found, window=monitor.window).values)
 
 
 def test_nothing_is_worse_than_itself():
@@ -88,17 +103,17 @@ def test_nothing_is_worse_than_itself():
 
 
 def test_windows_are_maxima_from_the_time_on_that_is_watched():
-    residual = study().baseline.residual
+    watch = study().baseline.watch
+    time_s, errors = watch.record.time_s, watch.residuals["r"]
     windows = figures_of(study())[1].values["windows"]
     edges = [25, 35, 45, 55, 65, 75, 85, 95, 105, 115, 121]
     assert len(windows) == len(edges) - 1
     for (start_s, end_s), greatest in zip(pairwise(edges), windows, strict=True):
-        inside = [abs(e) for t, e in zip(residual.time_s, residual.values[:, 0], strict=True) if start_s <= t < end_s]
+        inside = [abs(e) for t, e in zip(time_s, errors, strict=True) if start_s <= t < end_s]
         assert greatest == pytest.approx(np.nanmax(inside), rel=1e-4)
     peak, rms = (figures_of(study())[1].values[name] for name in ("peak", "rms"))
-    watched = residual.values[2500:-5, 0]
     assert peak == max(windows)
-    assert rms == pytest.approx(np.sqrt(np.mean(watched**2)), rel=1e-4)
+    assert rms == pytest.approx(np.sqrt(np.mean(errors[5:-5] ** 2)), rel=1e-4)
 
 
 @pytest.mark.parametrize("at_s", [25.0, 34.99, 35.0, 57.3, 99.0, 119.9])
@@ -107,21 +122,21 @@ def test_one_spike_in_one_sample_fails_the_window_that_holds_it(at_s):
     values = figures_of(study())[1].values
     number = int((at_s - 25.0) / 10.0 + 1e-9)
     size = 1.06 * values["windows"][number]
-    lines = worse(study(), spiked(study(), round(at_s * 100), -size))
+    lines = worse(study(), spiked(study(), row_at(at_s), -size))
     (line,) = [line for line in lines if line.startswith("healthy residual of r, window")]
     where = f"window {25 + 10 * number}..{min(35 + 10 * number, 120)} s, max"
     assert line.startswith(f"healthy residual of r, {where}: was {values['windows'][number]:g}, is {rounded(size):g}, ")
-    assert worse(study(), spiked(study(), round(at_s * 100), 0.98 * size)) == []  # within its 5 %
+    assert worse(study(), spiked(study(), row_at(at_s), 0.98 * size)) == []  # within its 5 %
 
 
 def test_a_spike_that_e_of_k_sees_fails_its_windows_too():
-    lines = worse(study(), spiked(study(), 7730, 40.0))
+    lines = worse(study(), spiked(study(), row_at(77.3), 40.0))
     assert {line.split(":")[0] for line in lines} == {
         "healthy residual of r, peak",
         "healthy residual of r, RMS",
         "healthy residual of r, window 75..85 s, max",
-        "healthy E(k) of r, margin",
-        "healthy E(k) of r, window 75..85 s, max",
+        "healthy score E(k), margin",
+        "healthy score E(k), window 75..85 s, max",
     }
     assert all(line.endswith(" deg/s") or "margin" in line for line in lines)
 
@@ -138,28 +153,28 @@ def test_noise_of_the_last_digits_passes(monkeypatch):
     before = study()
     monkeypatch.setattr(Flown, "sensed", shaken)
     after = run_study([watching.scenario("short", SHORT)])
-    assert (after.baseline.residual.values[2500] != before.baseline.residual.values[2500]).all()
+    assert after.baseline.watch.residuals["r"][100] != before.baseline.watch.residuals["r"][100]
     assert worse(before, after) == []
 
 
 def test_missing_residuals_dont_hide():
-    values = study().baseline.residual.values.copy()
-    values[7500:8500] = np.nan
-    lines = worse(study(), with_baseline(study(), residual=replace(study().baseline.residual, values=values)))
-    assert lines[0] == "healthy residual of r, samples: was 9496, is 8496, allowed down to 9496"
+    values = study().baseline.watch.residuals["r"].copy()
+    values[row_at(75.0) : row_at(85.0)] = np.nan
+    lines = worse(study(), with_residual(study(), values))
+    assert lines[0] == "healthy residual of r, samples: was 9491, is 8491, allowed down to 9491"
     assert lines[1].startswith("healthy residual of r, window 75..85 s, max: was ")
     assert ", is nan, allowed" in lines[1]
 
 
 def test_a_higher_threshold_sees_less_and_a_lower_one_costs_margin():
-    limit = study().baseline.threshold
-    (line,) = worse(study(), with_baseline(study(), threshold=1.1 * limit))
+    limit = study().baseline.monitor.threshold
+    (line,) = worse(study(), with_score(study(), threshold=1.1 * limit))
     assert line == (
-        f"healthy E(k) of r, threshold: was {limit:.5g}, is {1.1 * limit:.5g}, "
+        f"healthy score E(k), threshold: was {limit:.5g}, is {1.1 * limit:.5g}, "
         f"allowed up to {1.02 * rounded(limit):.5g} deg/s"
     )
-    (line,) = worse(study(), with_baseline(study(), threshold=0.9 * limit))
-    assert line.startswith("healthy E(k) of r, margin: was 1.")
+    (line,) = worse(study(), with_score(study(), threshold=0.9 * limit))
+    assert line.startswith("healthy score E(k), margin: was 1.")
     assert " allowed down to 1." in line
 
 
@@ -175,10 +190,10 @@ def test_a_slower_detection_and_a_miss():
     was = study().trials[0].detection_delay_s
     (line,) = worse(study(), with_trial(study(), 0, detection_delay_s=was + 1.0))
     assert line.startswith(f"short: drift of q, delay: was {was:g}, is {was + 1:g}, allowed up to ")
-    missed = {"detected": False, "detection_delay_s": None, "reason": "the norm reached 93 % of the threshold"}
+    missed = {"detected": False, "detection_delay_s": None, "reason": "the score reached 93 % of its threshold"}
     lines = worse(study(), with_trial(study(), 0, **missed, peak_ratio=0.93))
     assert lines[0] == (
-        "short: drift of q, detected: was yes, is no, allowed yes (missed: the norm reached 93 % of the threshold)"
+        "short: drift of q, detected: was yes, is no, allowed yes (missed: the score reached 93 % of its threshold)"
     )
     assert lines[1].startswith("short: drift of q, peak ratio: was ")
     assert len(lines) == 2  # and no word of a delay that isn't there
@@ -206,16 +221,31 @@ def test_an_isolation_that_goes_wrong():
     assert line.startswith("mixed: drift of p, isolation delay: was ")
 
 
-def test_a_bank_has_residuals_levels_and_thresholds_of_every_output():
+def test_a_bank_has_residuals_scores_and_thresholds_of_every_output():
     baseline = watching.study().baseline
     groups = {one.title: one for one in figures_of(watching.study())}
     for name in "pqr":
         assert groups[f"healthy residual of {name}"].unit == "deg/s"
-        level = groups[f"healthy level of {name}"]
-        assert level.values["margin"] == pytest.approx(1.0 / np.nanmax(baseline.watched.levels[name].values), rel=1e-4)
-        assert level.values["thresholds"] == rounded(tuple(baseline.monitor.thresholds[name].values()))
+        score = groups[f"healthy score {name}"]
+        assert score.values["margin"] == pytest.approx(1.0 / np.nanmax(baseline.watch.scores[name].values), rel=1e-4)
+        assert score.values["thresholds"] == rounded(tuple(baseline.monitor.thresholds[name].values()))
     monitor = replace(baseline.monitor, thresholds={**baseline.monitor.thresholds, "q": {"mean 0.08 s": 99.0}})
     assert len(figures_of(with_baseline(watching.study(), monitor=monitor))[5].values["thresholds"]) == 1
+
+
+def test_a_function_has_alarms_and_hours_and_nothing_else_to_compare():
+    found = run_study([watching.scenario("short", SHORT)], detectors=[lambda record: record.time_s[[5, 8000]]])
+    flight, *trials = figures_of(found)
+    assert flight.values == {"false_alarms": 4, "hours": rounded(2 * 95.01 / 3600)}
+    assert {key for trial in trials for key in trial.values} == {"severity", "detected", "delay_s", "peak_ratio"}
+    compared = compare(recorded(figures_of(found)), figures_of(found), {})
+    assert not any(each.regressed or each.better for each in compared)
+
+
+def test_figures_are_of_one_detector():
+    several = replace(study(), baselines=(study().baseline, replace(study().baseline, detector="other")))
+    with pytest.raises(gb.InputError, match="2 detectors watched; a baseline holds the figures of one"):
+        figures_of(several)
 
 
 def test_another_fault_is_no_comparison():
@@ -240,8 +270,8 @@ def test_a_figure_that_the_baseline_lacks_or_has_too_many_is_an_error_not_a_regr
     with pytest.raises(gb.InputError, match="holds no figure of 'healthy residual of r, RMS'; --update records"):
         compare(lacks, groups, TOLERANCES)
     shorter = recorded(groups)
-    shorter["norm"]["r"]["windows"] = shorter["norm"]["r"]["windows"][:4]
-    with pytest.raises(gb.InputError, match=r"no figure of 'healthy E\(k\) of r, window 65..75 s, max' and 5 more"):
+    shorter["score"]["E(k)"]["windows"] = shorter["score"]["E(k)"]["windows"][:4]
+    with pytest.raises(gb.InputError, match=r"no figure of 'healthy score E\(k\), window 65..75 s, max' and 5 more"):
         compare(shorter, groups, TOLERANCES)
     with pytest.raises(gb.InputError, match=r"holds 'short: jam of p, detected' and .* more, which this run doesn't"):
         compare(recorded(groups), [one for one in groups if one.name != "short: jam of p"], TOLERANCES)
@@ -259,7 +289,7 @@ def test_tolerances_are_one_sided_and_the_larger_of_both(was, now, share, absolu
     group = figures_of(study())[2]
     tolerance = Tolerance(share=share, absolute=absolute)
     for figure, sign in (("threshold", 1.0), ("margin", -1.0)):
-        (one,) = compare({"norm": {"r": {figure: was}}}, [replace(group, values={figure: now})], {figure: tolerance})
+        (one,) = compare({"score": {"E(k)": {figure: was}}}, [replace(group, values={figure: now})], {figure: tolerance})
         beyond = sign * (now - was)
         room = max(share * abs(was), absolute)
         slack = 1e-9 * (abs(was) + abs(now) + room)  # of rounding

@@ -1,5 +1,6 @@
 """Baselines as files: what is read is checked, what is written reads back, and what people wrote stays."""
 
+import re
 import tomllib
 from dataclasses import replace
 from functools import cache
@@ -10,20 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.detectors.registry import find_detector
 from gtmbench.files import LARGEST_TOML_BYTES, shipped_baselines
 from gtmbench.study.baseline_file import TOLERATED, read_reference, reference_of
-from gtmbench.study.baseline_write import figures_text, new_baseline, renewed, write_figures
+from gtmbench.study.baseline_write import figures_text, in_names_of_now, new_baseline, renewed, write_figures
 from gtmbench.study.check import check, run_reference
 from gtmbench.study.check_compare import pairs
 from gtmbench.study.check_figures import Group, rounded
 from gtmbench.study.check_rules import KINDS, RULES
-from gtmbench.study.monitored import find_monitor
 from gtmbench.study.scenario import load_scenario
 
 HEALTHY = Group(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})
 NORM = Group(
-    kind="norm",
-    name="r q",
+    kind="score",
+    name="E(k)",
     values={"threshold": 6.25, "margin": 1.5, "windows": (4.0, 3.5, float("nan"))},
     labels={"windows": ("window 25..35 s", "window 35..45 s", "window 45..50 s")},
     unit="deg/s",
@@ -34,7 +35,7 @@ JAM = Group(kind="trials", name="jam of p", values={"detected": True, "delay_s":
 @cache
 def text():
     """A baseline of the jam scenario without figures."""
-    return new_baseline(Path("mine.toml"), scenarios=["jam"], monitor=None)
+    return new_baseline(Path("mine.toml"), scenarios=["jam"], detector=None)
 
 
 def same(recorded, groups):
@@ -57,9 +58,9 @@ def test_a_new_baseline_states_everything_it_takes_for_granted(tmp_path):
     assert stated["seed"] == 1
     of_monitors = {"thresholds", "isolation_delay_s"}
     assert set(stated["tolerances"]) == set(TOLERATED) - of_monitors
-    watched = tomllib.loads(new_baseline(tmp_path / "x.toml", scenarios=["jam"], monitor="C"))
+    watched = tomllib.loads(new_baseline(tmp_path / "x.toml", scenarios=["jam"], detector="C"))
     assert set(watched["tolerances"]) == set(TOLERATED) - {"threshold"}
-    assert watched["monitor"] == "C"
+    assert watched["detector"] == "C"
     for name, tolerance in {**stated["tolerances"], **watched["tolerances"]}.items():
         assert tolerance == RULES[name].tolerance
     lines = text().splitlines()
@@ -124,7 +125,9 @@ def groups(draw):
     kind = draw(st.sampled_from(list(KINDS)))
     names = draw(st.lists(st.sampled_from(KINDS[kind][1]), min_size=1, unique=True))
     name = draw(
-        st.text(st.characters(codec="utf-8"), min_size=1) if kind == "trials" else st.sampled_from(["r", "r q"])
+        st.text(st.characters(codec="utf-8"), min_size=1)
+        if kind == "trials"
+        else st.sampled_from(["r", "r q", "E(k)", "a.b", "ü"])
     )
     values = {one: draw(FIGURES[RULES[one].form]) for one in names}
     labels = {one: tuple("x" * len(value)) for one, value in values.items() if isinstance(value, tuple)}
@@ -149,15 +152,56 @@ def test_scenarios_and_monitors_are_found_from_the_baselines_folder(tmp_path, mo
     own = '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 300.0\n'
     (tmp_path / "shop/own.toml").write_text(own)
     path = tmp_path / "ci/mine.toml"
-    path.write_text(new_baseline(Path("ci/mine.toml"), scenarios=["shop/own.toml", "jam"], monitor="shop/m.json"))
+    path.write_text(new_baseline(Path("ci/mine.toml"), scenarios=["shop/own.toml", "jam"], detector="shop/m.json"))
     stated = tomllib.loads(path.read_text())
     assert stated["scenarios"] == ["../shop/own.toml", "jam"]
-    assert stated["monitor"] == "../shop/m.json"
+    assert stated["detector"] == "../shop/m.json"
     monkeypatch.chdir(tmp_path / "shop")
     reference = read_reference(path)
     assert [one.name for one in reference.scenarios] == ["own", "jam"]
     assert reference.trials == ["own: jam of p", "jam of p", "jam of q", "jam of r"]
-    assert Path(reference.monitor).resolve() == tmp_path / "shop/m.json"
+    assert Path(reference.detector).resolve() == tmp_path / "shop/m.json"
+
+
+def former(of):
+    """The text of a baseline in the names of before: what shipped at first."""
+    text = in_names_of_now(of).replace("\ndetector =", "\nmonitor =").replace("# detector =", "# monitor =")
+    return text.replace('[score."E(k)"]', "[norm.r]").replace("[score.", "[level.")
+
+
+@pytest.mark.parametrize("name", ["bank-C", "dissertation"])
+def test_a_baseline_of_before_reads_as_one_of_now_and_is_renewed_as_such(name, tmp_path):
+    """In memory when it is read; in the file by --update, comments and order kept."""
+    now, path = in_names_of_now(shipped_baselines()[name].read_text()), tmp_path / f"{name}.toml"
+    before = former(now)
+    assert before != now
+    old, new = (reference_of(path, tomllib.loads(one)) for one in (before, now))
+    assert repr(old) == repr(new)
+    assert repr(old.recorded) == repr(new.recorded)
+    assert list(old.recorded["score"]) == (["p", "q", "r"] if name == "bank-C" else ["E(k)"])
+    assert old.detector == (str(tmp_path / "bank-C.json") if name == "bank-C" else None)
+    groups = [
+        Group(kind=kind, name=group, values=values) for kind, of in old.recorded.items() for group, values in of.items()
+    ]
+    write_figures(path, before, seed=1, groups=groups)
+    renewed_text = path.read_text()
+    assert repr(tomllib.loads(renewed_text)) == repr(tomllib.loads(now))
+    assert not any(word in renewed_text for word in ("\n[norm", "\n[level", "\nmonitor ="))
+    assert re.findall(r"^\[.*?\]", renewed_text, re.M) == re.findall(r"^\[.*?\]", now, re.M)
+    assert re.findall("^#.*", renewed_text, re.M) == re.findall("^#.*", now, re.M)
+
+
+def test_only_names_are_renewed_not_what_they_stand_in():
+    odd = '# the monitor = "ours", [level.p] too\nmonitor="m.json"\n[tolerances]\nrms = 1  # [norm.r]\n'
+    assert in_names_of_now(odd) == odd.replace('\nmonitor="', '\ndetector="')
+    assert in_names_of_now(in_names_of_now(odd)) == in_names_of_now(odd)
+
+
+@pytest.mark.parametrize("name", ["C", "dissertation", "limit check", "installed.one"])
+def test_a_detectors_name_is_none_of_a_file(name, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(new_baseline(path, scenarios=["jam"], detector=name))
+    assert tomllib.loads(path.read_text())["detector"] == read_reference(path).detector == name
 
 
 BAD = {
@@ -166,15 +210,23 @@ BAD = {
     "no such scenario": ('["jam"]', '["jim"]', "no scenario '"),
     "unknown key": ("seed = 1\n#", "speed = 1\n#", "unknown key 'speed'; there are scenarios, seed"),
     "seed": ("seed = 1\n#", "seed = -1\n#", "seed is -1; it must be a whole number"),
-    "monitor": ('# monitor = "monitor.json"', "monitor = 3", "monitor is 3; it must be"),
+    "detector": ('# detector = "monitor.json"', "detector = 3", "detector is 3; it must be"),
+    "a detector's former name": ('# detector = "monitor.json"', "monitor = 3", "detector is 3; it must be"),
+    "both names": (
+        '# detector = "monitor.json"',
+        'detector = "C"\nmonitor = "B"',
+        "both detector and monitor are given",
+    ),
+    "Python": ('# detector = "monitor.json"', 'detector = "mine.py:Mine"', "a baseline imports no Python; state the"),
+    "a table's former name": ("[trials]", "[norm.r]\nmargin = 1.0\n[trials]", "both norm.r and score.E(k) are given"),
     "unknown tolerance": ("\nrms =", "\nrmse =", r"unknown key 'rmse' in [tolerances]"),
     "tolerance": ('rms = "2 %"', 'rms = "2"', "tolerances.rms is '2'; give a share"),
     "a huge number": ("\nhours = 0.5", f"\nhours = {10**400}", "healthy.flight.hours is 1"),
-    "a text for a number": ("margin = 1.5", 'margin = "x"', "norm.r q.margin is 'x'; it must be a finite number"),
-    "a number for a list": ("windows = [\n  4.0, 3.5, nan,", "windows = [\n '4',", "norm.r q.windows[0] is '4'"),
+    "a text for a number": ("margin = 1.5", 'margin = "x"', "score.E(k).margin is 'x'; it must be a finite number"),
+    "a number for a list": ("windows = [\n  4.0, 3.5, nan,", "windows = [\n '4',", "score.E(k).windows[0] is '4'"),
     "a number for a flag": ("detected = true", "detected = 1", "trials.jam of p.detected is 1; it must be true or"),
     "a negative count": ("false_alarms = 0\nhours = 0.5", "false_alarms = -1", "false_alarms is -1"),
-    "a strange figure": ("margin = 1.5", "margine = 1.5", r"unknown key 'margine' in [norm.r q]"),
+    "a strange figure": ("margin = 1.5", "margine = 1.5", r"unknown key 'margine' in [score.E(k)]"),
     "a number for a table": ("[healthy.flight]", "[healthy]", "healthy.false_alarms is 0; it must be a table"),
     "no TOML": ("[trials]", "<<<<<<< ours", "isn't a readable TOML file"),
 }
@@ -231,7 +283,7 @@ def test_the_shipped_baselines_are_whole():
         assert all(trial["detected"] for trial in reference.recorded["trials"].values())
         assert reference.recorded["healthy"]["flight"]["false_alarms"] == 0
         assert f"check {path.stem} --update" in path.read_text()
-    assert find_monitor(read_reference(shipped_baselines()["bank-C"]).monitor).bank.name == "C"
+    assert find_detector(read_reference(shipped_baselines()["bank-C"]).detector).bank.name == "C"
 
 
 def test_bank_c_still_names_the_gyro_that_its_baseline_says_it_names():

@@ -122,7 +122,7 @@ def test_what_is_no_detector_is_refused(name, said, own):
         ("nowhere.toml", "no such file"),
         ("nowhere.json", "no such file"),
         ("own.py", "say which object in it is the detector: own.py:OBJECT"),
-        ("nowhere.py:Mine", "no such file"),
+        ("nowhere.py:Mine", "no file nowhere.py"),
     ],
 )
 def test_what_isnt_there_is_refused_in_one_line(source, said):

@@ -273,9 +273,9 @@ def test_a_kind_that_reads_another_channel_can_be_written_down(load, refused, mo
     monkeypatch.setitem(FAULTS, "crosstalk", Crosstalk)
     written = fault(kind="crosstalk", channels=["p", "q"], more='source = "r"\nshare = 0.2')
     specs = load(written).faults
-    assert [(spec.channel, spec.other_channels, spec.severities["share"].value) for spec in specs] == [
-        ("p", {"source": "r"}, 0.2),
-        ("q", {"source": "r"}, 0.2),
+    assert [(spec.fault.reads, spec.severities["share"].value) for spec in specs] == [
+        (("p", "r"), 0.2),
+        (("q", "r"), 0.2),
     ]
     assert build(specs[0], {"share": 0.2}).reads == ("p", "r")
     assert "source" in refused(written.replace('source = "r"\n', ""))

@@ -1,7 +1,7 @@
 """The kinds of faults, and how they are injected into a record.
 
 A new fault is one class with its `kind`, its parameters (each declared by `severity` or `other_channel`) and `distort`
-(and `begin`, where it carries something over), and one entry in `FAULTS`.
+(and `begin`, where it carries something over), and one entry in `FAULTS`; a user's own is registered (`registry`).
 """
 
 from __future__ import annotations

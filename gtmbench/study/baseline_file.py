@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import number, shown, whole
+from gtmbench.detectors.windowed_norm import SCORE
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml, shipped_baselines, shipped_scenarios
 from gtmbench.study.check_compare import Recorded
@@ -149,16 +150,24 @@ def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
     if "monitor" in table and "detector" in table:
         raise InputError("both detector and monitor are given; monitor is its former name, so keep detector")
     found = {("detector" if key == "monitor" else key): value for key, value in table.items() if key not in FORMER}
-    scores = found.setdefault("score", {})
+    scores = dict(_table("score", found.get("score", {})))
     for kind in FORMER:
         for name, figures in _table(kind, table.get(kind, {})).items():
-            scores["E(k)" if kind == "norm" else name] = figures
-    return found
+            now = SCORE if kind == "norm" else name
+            if now in scores:
+                raise InputError(f"both {kind}.{name} and score.{now} are given; the first is a former name, remove it")
+            scores[now] = figures
+    return {**found, "score": scores} if scores else found
+
+
+def is_detectors_file(name: str) -> bool:
+    """Whether a bank's or a monitor's file is meant, not a name."""
+    return Path(name).suffix.lower() in (".toml", ".json")
 
 
 def _detector(path: Path, name: str) -> str:
     """Return what watches as it is found from here: a file's path, or a name; a baseline imports no Python."""
-    if Path(name).suffix.lower() in (".toml", ".json"):
+    if is_detectors_file(name):
         return str(path.parent / name)
     if ":" in name:
         raise InputError(

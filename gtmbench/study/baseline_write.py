@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import tomllib
 from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import printable
-from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, shipped_scenarios, written_aside
-from gtmbench.study.baseline_file import TOLERATED, reference_of
+from gtmbench.study.baseline_file import TOLERATED, is_detectors_file, reference_of
 from gtmbench.study.check_compare import pairs
 from gtmbench.study.check_figures import Group, Value
 from gtmbench.study.check_rules import FORMER, KINDS, RULES
 from gtmbench.study.scenario import load_scenario
 
 _A_LINE = 10  # numbers of a list
+_BARE = re.compile("[A-Za-z0-9_-]+")  # keys that TOML takes without quotes
 _REMEDY = "remove what stands from [recorded] on"
 _HEAD = """\
 # A baseline of `gtmbench check`: what is run, how much worse a figure may get, and the figures of a run that was good.
@@ -47,7 +48,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) 
     scenarios : sequence of str
         Shipped names, or files.
     detector : str, optional
-        A name of `gtmbench list`, or a file.
+        A name of `gtmbench list`, a bank's or a monitor's file, or the own name of a detector in Python.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) 
         seed=load_scenario(scenarios[0]).setup.seed,
         detector='# detector = "monitor.json"'
         if detector is None
-        else f"detector = {_text(_seen_from(path, detector, detector_names()))}",
+        else f"detector = {_text(_seen_from(path, detector, () if is_detectors_file(detector) else (detector,)))}",
         tolerances="\n".join(
             f"{line:<{width}}  # {RULES[key].meaning}" for line, key in zip(stated, keys, strict=True)
         ),
@@ -105,10 +106,10 @@ def renewed(text: str, figures: str) -> str:
     """
     import tomlkit
 
-    document, fresh = tomlkit.parse(text), tomlkit.parse(figures)
+    document, fresh = tomlkit.parse(in_names_of_now(text)), tomlkit.parse(figures)
     own = ("recorded", *KINDS, *FORMER)
     if not any(name in document for name in own):
-        return f"{text.rstrip()}\n\n{figures}"
+        return f"{in_names_of_now(text).rstrip()}\n\n{figures}"
     for name in own:
         if name not in fresh:
             document.pop(name, None)
@@ -117,6 +118,23 @@ def renewed(text: str, figures: str) -> str:
         else:
             document[name] = fresh[name]
     return tomlkit.dumps(document)
+
+
+def in_names_of_now(text: str) -> str:
+    r"""Return a baseline's text with what has got another name under that: ``monitor``, norms and levels.
+
+    >>> in_names_of_now('monitor = "C"  # ours\n[norm.r]\n[level.p]  # rad\n').splitlines()
+    ['detector = "C"  # ours', '[score."E(k)"]', '[score.p]  # rad']
+    """
+    settings, table, figures = text.partition("\n[")
+    settings = re.sub(
+        r"^monitor(?= *=)|^# monitor(?= = \")",
+        lambda found: found[0].replace("monitor", "detector"),
+        settings,
+        flags=re.MULTILINE,
+    )
+    tables = re.sub(r"^\[norm\.[^\]\n]+\]", '[score."E(k)"]', table + figures, flags=re.MULTILINE)
+    return settings + re.sub(r"^\[level\.", "[score.", tables, flags=re.MULTILINE)
 
 
 def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
@@ -142,7 +160,8 @@ def figures_text(seed: int, groups: Sequence[Group]) -> str:
 def _block(group: Group) -> str:
     unit = f"  # {group.unit}" if group.unit else ""
     lines = [f"{figure} = {_value(value, group.labels.get(figure, ()))}\n" for figure, value in group.values.items()]
-    return f"[{group.kind}.{_text(group.name) if ' ' in group.name else group.name}]{unit}\n" + "".join(lines)
+    name = group.name if _BARE.fullmatch(group.name) else _text(group.name)
+    return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
 
 
 def _line(trial: Group) -> str:

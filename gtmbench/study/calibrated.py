@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gtmbench.bench.flight import fly
+from gtmbench.bench.sensors import NOISES
 from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator
@@ -42,6 +44,23 @@ def own_detector(setup: Setup) -> DissertationOperator:
     )
 
 
+def prepared(given: Any) -> Detector | Monitor:
+    """Return whatever can serve as a detector as one; a plain function, which learns nothing, as a monitor at once.
+
+    Raises
+    ------
+    InputError
+        As `as_detector`.
+
+    Examples
+    --------
+    >>> is_ready(prepared(lambda record: [])), is_ready(prepared("C"))
+    (True, False)
+    """
+    found = as_detector(given)
+    return found.calibrate() if isinstance(found, FunctionDetector) else found
+
+
 def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
 
@@ -52,7 +71,7 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for source in detectors or (OWN,):
-        made: Any = own_detector if isinstance(source, str) and source == OWN else as_detector(source)
+        made: Any = own_detector if isinstance(source, str) and source == OWN else prepared(source)
         name = OWN if made is own_detector else made.name
         twins = [other for other in found if other == name or other.startswith(f"{name} (")]
         found[f"{name} ({len(twins) + 1})" if twins else name] = made
@@ -123,14 +142,24 @@ def _is_tied(detector: Detector) -> bool:
 
 def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
     """Refuse a monitor that was calibrated on other sensors: it would alarm on healthy ones, or see little."""
-    was = monitor.provenance.get("noise")
-    now = setup.noise if setup.snr is None else f"snr {setup.snr:g}"
-    if was == "t2" and now != "t2":
+    was, now = monitor.provenance.get("noise"), _noise(setup)
+    if isinstance(was, str) and was != now:
         raise InputError(
-            f"'{name}' was calibrated on sensors with the noise 't2', and the scenario's have {now}: it would alarm on "
-            'healthy ones; state noise = "t2" in the scenario instead of snr, or give the bank, which is calibrated on '
-            "the scenario's sensors"
+            f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would "
+            f"alarm on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated "
+            "on the scenario's sensors"
         )
+
+
+def _remedy(noise: str) -> str:
+    return f'state noise = "{noise}" in the scenario instead of snr, or ' if noise in NOISES else ""
+
+
+def _noise(setup: Setup) -> str:
+    """Return what noise a study's sensors have; a ratio gives another amplitude on another flight."""
+    if setup.snr is None:
+        return setup.noise or "none"
+    return f"snr {setup.snr:g} of a flight with {setup.excitation}, {setup.duration_s:g} s"
 
 
 def _flights(flown: Flown, tell: Tell) -> list[Record]:
@@ -161,7 +190,7 @@ def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
     """Say with a monitor on what it was calibrated, where it keeps such a thing."""
     try:
         return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
-    except TypeError:  # somebody's own class, without such a field
+    except (TypeError, ValueError):  # somebody's own class, without such a field, or one that it fills itself
         return monitor
 
 
@@ -171,6 +200,6 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "excitation": _EXCITATION,
         "flights": FLIGHTS,
         "duration_s": min(setup.duration_s, _LONGEST_S),
-        "noise": f"snr {setup.snr:g} of the study's flight" if setup.snr is not None else setup.noise,
+        "noise": _noise(setup),
         "seed": _seed(setup, 0),
     }

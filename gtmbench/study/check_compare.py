@@ -91,8 +91,8 @@ def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str
 
     Examples
     --------
-    >>> was = {"norm": {"r": {"threshold": 6.0}}}
-    >>> now = Group(kind="norm", name="r", values={"threshold": 7.0}, unit="deg/s")
+    >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
+    >>> now = Group(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
     >>> (found,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
     >>> found.regressed, found.high
     (True, 6.12)

@@ -13,6 +13,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detector import BankMonitor
 from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 from gtmbench.study.check_rules import KINDS, WINDOW_S
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -56,6 +57,11 @@ class Group:
 def figures_of(study: Study) -> tuple[Group, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
+    Raises
+    ------
+    InputError
+        Where several detectors watched.
+
     Examples
     --------
     >>> from gtmbench.study.run import run_study
@@ -64,6 +70,8 @@ def figures_of(study: Study) -> tuple[Group, ...]:
     >>> [group.title for group in groups][:4]
     ['healthy flight', 'healthy residual of r', 'healthy score E(k)', 'jam of p']
     """
+    if len(study.baselines) != 1:
+        raise InputError(f"{len(study.baselines)} detectors watched; a baseline holds the figures of one")
     base = study.baseline
     flight = {"false_alarms": base.false_alarms, "hours": rounded(base.healthy_hours)}
     names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)

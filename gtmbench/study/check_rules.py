@@ -140,7 +140,4 @@ KINDS = {  # the tables of a baseline: what a report calls them, and the figures
     ),
 }
 
-FORMER = {
-    "norm": "score",
-    "level": "score",
-}  # tables of before: E(k), and levels of a bank
+FORMER = ("norm", "level")  # tables of before, scores now: E(k), and levels of a bank

@@ -1,12 +1,13 @@
-"""The ``[[faults]]`` tables of a scenario: one trial for every channel and every severity."""
+"""Trials to come: the ``[[faults]]`` tables of a scenario, one trial a channel and severity, or ready faults."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gtmbench.bench.fault import Fault, Parameter
-from gtmbench.bench.faults import FAULTS
+from gtmbench.bench.registry import find_fault
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import number, shown
 from gtmbench.errors import InputError
@@ -15,14 +16,33 @@ from gtmbench.study.severity import Severity, parse_severity
 
 @dataclass(frozen=True, kw_only=True)
 class FaultSpec:
-    """One trial to come: a kind of fault on a channel, its severities still relative where the file says so."""
+    """One trial to come: a fault, and by name the severities that a file gives, which may be relative to the flight.
 
-    kind: str
-    channel: str
-    onset_s: float
-    duration_s: float | None
-    severities: dict[str, Severity]
-    other_channels: dict[str, str]
+    In `fault` a relative severity is its share (0.5 for half the RMS) until `build` puts the figure there.
+    """
+
+    fault: Fault
+    severities: dict[str, Severity] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """The kind of fault."""
+        return self.fault.kind
+
+    @property
+    def channel(self) -> str:
+        """The channel that breaks."""
+        return self.fault.channel
+
+    @property
+    def onset_s(self) -> float:
+        """When it breaks."""
+        return self.fault.onset_s
+
+    @property
+    def duration_s(self) -> float | None:
+        """For how long; None: for good."""
+        return self.fault.duration_s
 
 
 def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[FaultSpec]:
@@ -33,53 +53,63 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     InputError
         Naming the table, the key, what was given and what is legal.
     """
-    kind = block.get("kind")
-    if not isinstance(kind, str) or kind not in FAULTS:
-        raise InputError(f"{where}: kind is {shown(kind)}; there are {', '.join(FAULTS)}")
-    parameters = FAULTS[kind].parameters()
+    try:
+        cls = find_fault(block.get("kind"))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    parameters = cls.parameters()
     own = [item.name for item in parameters]
     legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
     for key in block:
         if key not in legal:
-            raise InputError(f"{where}: unknown key {shown(key)}; a {kind} has {', '.join(legal)}")
+            raise InputError(f"{where}: unknown key {shown(key)}; a {cls.kind} has {', '.join(legal)}")
     for key in ("channels", "onset_s", *own):
         if key not in block:
-            raise InputError(f"{where}: key '{key}' is missing; a {kind} needs it")
+            raise InputError(f"{where}: key '{key}' is missing; a {cls.kind} needs it")
     channels = _channels(block["channels"], block.get("unit"), where)
     onset_s = number(f"{where}: onset_s", block["onset_s"], 0.0, flight_s)
     duration_s = number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
     others = {item.name: block[item.name] for item in parameters if not item.is_severity}
     for key, name in others.items():
         sensor_list(f"{where}: {key}", [name])
-    specs = [
-        FaultSpec(
-            kind=kind,
-            channel=channel,
-            onset_s=onset_s,
-            duration_s=duration_s,
-            severities=severities,
-            other_channels=others,
-        )
-        for channel in channels
-        for severities in _severities(parameters, block, where)
-    ]
-    for spec in specs:  # the fault itself knows what its parameters may be; a share can't be wrong
-        try:
-            build(spec, {name: figure.value for name, figure in spec.severities.items()})
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from error
+    combinations = _severities(parameters, block, where)
+    specs = []
+    for channel in channels:
+        for severities in combinations:
+            figures = {name: given.value for name, given in severities.items()}
+            try:  # the fault itself knows what its parameters may be; a share can't be wrong
+                fault = cls(channel=channel, onset_s=onset_s, duration_s=duration_s, **figures, **others)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from error
+            specs.append(FaultSpec(fault=fault, severities=severities))
     return specs
+
+
+def spec_of(fault: Fault, flight_s: float = math.inf) -> FaultSpec:
+    """Return the trial of a ready fault, of whatever class, in a flight of `flight_s` seconds.
+
+    Raises
+    ------
+    InputError
+        Where it isn't a fault, its channels aren't sensors, or it begins outside of the flight.
+
+    Examples
+    --------
+    >>> from gtmbench.bench.faults import Jam
+    >>> spec_of(Jam(channel="p", onset_s=300.0)).kind
+    'jam'
+    """
+    if not isinstance(fault, Fault) or not isinstance(getattr(fault, "kind", None), str):
+        raise InputError(f"{shown(fault)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
+    sensor_list(f"{fault.kind}: channels", list(dict.fromkeys(fault.reads)))
+    number(f"{fault.kind}: onset_s", fault.onset_s, 0.0, flight_s)
+    return FaultSpec(fault=fault)
 
 
 def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
     """Return the fault of a trial, its severities now absolute."""
-    return FAULTS[spec.kind](
-        channel=spec.channel,
-        onset_s=spec.onset_s,
-        duration_s=spec.duration_s,
-        **severities,
-        **spec.other_channels,
-    )
+    figures: dict[str, Any] = {**severities}
+    return replace(spec.fault, **figures)
 
 
 def _channels(channels: Any, unit: Any, where: str) -> tuple[str, ...]:

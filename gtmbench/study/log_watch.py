@@ -10,16 +10,14 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank.detector import BankDetector, calibrate
-from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
-from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.pose import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
-from gtmbench.study.calibrated import with_provenance
+from gtmbench.study.calibrated import prepared, with_provenance
 from gtmbench.study.log_open import open_for
 from gtmbench.study.log_parts import first_part, healthy_spans, within, without
 from gtmbench.study.watched_log import WatchedLog
@@ -111,9 +109,7 @@ def watch_log(
     >>> seen.outcome, seen.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
-    found = as_detector(detector)
-    if isinstance(found, FunctionDetector):
-        return _by_monitor(path, found.calibrate(), healthy, mapping, rate_hz, progress)
+    found = prepared(detector)
     if is_ready(found):
         return _by_monitor(path, found, healthy, mapping, rate_hz, progress)
     assert is_recipe(found)

@@ -51,7 +51,7 @@ def run(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     if faults:
-        loaded = replace(loaded, faults=tuple(map(spec_of, faults)))
+        loaded = replace(loaded, faults=tuple(spec_of(fault, loaded.setup.duration_s) for fault in faults))
     return list(run_study([loaded], detectors=detectors, seed=seed).trials)
 
 
@@ -90,7 +90,7 @@ def run_study(
     own = any(source is own_detector for source in found.values())
     if not own:
         scenarios = [_without_operator(scenario) for scenario in scenarios]
-    if set(found.values()) != {own_detector}:
+    if any(source is not own_detector for source in found.values()):
         scenarios = [_with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
     named = {name: source(setup) if source is own_detector else source for name, source in found.items()}

@@ -9,14 +9,13 @@ from typing import Any, NoReturn
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.faults import inject
 from gtmbench.checks import number, shown
-from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
-from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.kept import kept
 from gtmbench.record import Record, is_record
 from gtmbench.report.text import fault_text
-from gtmbench.study.score import altered_share, false_alarms, score
+from gtmbench.study.calibrated import prepared
+from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
 from gtmbench.study.shared_flights import calibration_records, standard_record
 
 _TIE = 1e-9  # seconds
@@ -120,14 +119,14 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
 
 def _monitor(detector: Any) -> Monitor:
     """Return what was given as a monitor, calibrated once a session where it wasn't."""
-    found = as_detector(detector)
+    found = prepared(detector)
     if is_ready(found):
         return found
     for before, monitor in _calibrated:
         if before is detector or (isinstance(detector, str | Path) and before == detector):
             return monitor
     assert is_recipe(found)
-    monitor = found.calibrate([] if isinstance(found, FunctionDetector) else list(calibration_records()))
+    monitor = found.calibrate(list(calibration_records()))
     _calibrated.append((detector, monitor))
     return monitor
 
@@ -137,18 +136,18 @@ def _untimely(watch: Watch, fault: Fault, within_s: float) -> Iterator[str]:
     if early:
         at_s = early[0].time_s
         yield f"false alarm at {at_s:.2f} s, {fault.onset_s - at_s:.2f} s before the onset (allowed: none)"
-    after = [alarm.time_s for alarm in watch.alarms if alarm.time_s >= fault.onset_s - _TIE]
-    allowed = f"(allowed: within {within_s:g} s)"
-    if not after:
+    told, allowed = first_after(watch.alarms, fault.onset_s), f"(allowed: within {within_s:g} s)"
+    if told is None:
         yield f"no alarm until the record's end at {watch.record.end_s:.2f} s {allowed}"
-    elif after[0] > fault.onset_s + within_s + _TIE:
-        yield f"alarm at {after[0]:.2f} s, {after[0] - fault.onset_s:.2f} s after the onset {allowed}"
+    elif told.time_s > fault.onset_s + within_s + _TIE:
+        yield f"alarm at {told.time_s:.2f} s, {told.time_s - fault.onset_s:.2f} s after the onset {allowed}"
 
 
 def _misnamed(watch: Watch, fault: Fault, healthy: Record, named: bool) -> Iterator[str]:
     verdict = score(watch, fault=fault, healthy=healthy, broken=watch.record)
     if not verdict.detected:
-        yield verdict.reason
+        if verdict.reason != NO_ALARM:  # that has been told
+            yield verdict.reason
     elif verdict.sensor != fault.channel and (named or verdict.sensor is not None):
         yield f"verdict: {verdict.verdict} (allowed: {fault.channel} failed)"
 
