@@ -160,5 +160,5 @@ def test_a_recipes_parameters_go_with_its_figures():
         Means().restore({**figures, "recipe": {key: 1 for key in figures["recipe"] if key != "memory_s"}})
     with pytest.raises(InputError, match="figures: unknown key 'more'"):
         Means().restore({**figures, "more": 1})
-    with pytest.raises(InputError, match="'means' can't promise 0.01 false alarms an hour"):
+    with pytest.raises(InputError, match=r"'means' can't promise 0.01 false alarms an hour"):
         Means().calibrate([record([0.0])], 0.01)
