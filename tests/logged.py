@@ -106,7 +106,7 @@ def normed():
 def limited():
     """The same, watched by a plain function, which alarms where q is beyond what it can be."""
     part = jammed().log.segments[2]
-    by = gb.FunctionDetector(lambda record: record.time_s[np.abs(record["q"]) > 14.0], name="limit").calibrate([])
+    by = gb.FunctionDetector(lambda record: record.time_s[np.abs(record["q"]) > 6.0], name="limit").calibrate([])
     return watched_log([part], [part], by)
 
 

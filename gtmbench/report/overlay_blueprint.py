@@ -106,7 +106,7 @@ def _importance(name: Name) -> tuple[int, Name]:
 
 
 def _tab(name: Name) -> str:
-    """Return the tab of a series: a scenario of trials, or the entity's first word; of several detectors, with whose."""
+    """Return the tab of a series: a scenario of trials, or the entity's first word; with whose it is, of several."""
     detector, (root, *more) = _parted(name[0])
     tab = more[0] if root == "trials" and more else "healthy" if root == "threshold" else root
     return f"{detector.rpartition('/')[2]}: {tab}" if detector else tab
