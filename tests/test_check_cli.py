@@ -3,7 +3,6 @@
 import json
 import shutil
 import tomllib
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -14,8 +13,8 @@ from gtmbench.study import check as study_check
 from gtmbench.study.baseline_write import new_baseline, write_figures
 from gtmbench.study.check_figures import figures_of
 from tests.test_check import SHORT, study
+from tests.watching import EXAMPLE
 
-EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 SPIKE = 80.0  # deg/s, in one sample
 
 

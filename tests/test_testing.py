@@ -272,17 +272,23 @@ def test_a_detector_that_isnt_calibrated_is_so_once_a_session(monkeypatch):
     assert "no alarm until the record's end at 119.98 s (allowed: within 5 s); the score reached " in said
 
 
-def test_the_standard_flights_calibrate_and_are_none_of_those_that_are_watched():
-    records = flights.calibration_records()
-    assert len(records) == 6
-    assert all(len(one) == len(standard_record()) for one in records)
-    assert not any((one["p"] == standard_record()["p"]).any() for one in records)
+def test_the_standard_flights_calibrate_and_are_none_of_those_that_are_watched(monkeypatch):
+    flown = []
+    short = gb.fly(duration_s=1.0)
+    monkeypatch.setattr(flights, "_flown", lambda *arguments: flown.append(arguments) or short)
+    records = flights.calibration_records.__wrapped__()
+    assert [arguments[:3] for arguments in flown] == [("gtm", "multisine+turbulence", 200.0)] * 6
+    seeds = [arguments[3] for arguments in flown]
+    assert len({flights.STANDARD_SEED, *seeds}) == 7
+    assert all(
+        (one["p"] == gb.measure(short, noise="t2", seed=s)["p"]).all() for one, s in zip(records, seeds, strict=True)
+    )
 
 
 def test_a_score_that_stands_above_from_the_start_is_no_quiet():
     """It isn't an alarm either: it can't tell."""
-    drifted = gb.inject(monitors.record(seed=9), gb.Drift(channel="q", onset_s=-100.0, slope=10.0))
-    said, _ = failure(assert_quiet, monitors.monitor(), drifted)
+    healthy = monitors.record(seed=9)
+    said, _ = failure(assert_quiet, monitors.monitor(), healthy.replace("q", 10.0 * healthy["q"]))
     assert said == "healthy record: can't tell, for the score of q stood above its threshold all the time"
 
 

@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 
 import gtmbench as gb
 
+EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 EXCITATION = "multisine+turbulence"
 MIXED = """
 duration_s = 120.0
