@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 
@@ -13,8 +14,10 @@ def warn(old: str, new: str, *, stacklevel: int = 3) -> None:
     )
 
 
-def renamed(old: str, new: str) -> Any:
+def renamed(old: str, new: str, made: Callable[[Any], Any] | None = None) -> Any:
     """Return a property under an old name that gives the attribute of a new one (``a.b``: of an attribute).
+
+    Where that is another type than it was, `made` makes the old one from the object.
 
     >>> class Verdict:
     ...     delay_s = 1.0
@@ -27,6 +30,8 @@ def renamed(old: str, new: str) -> Any:
 
     def get(self: Any) -> Any:
         warn(old, new)
+        if made is not None:
+            return made(self)
         for name in new.split("."):
             self = getattr(self, name)
         return self

@@ -1,6 +1,7 @@
 """`gtmbench check` as a team's CI runs it: exit codes, lines, files; from the scenario to the verdict."""
 
 import json
+import shutil
 import tomllib
 from xml.etree import ElementTree as ET
 
@@ -12,6 +13,7 @@ from gtmbench.study import check as study_check
 from gtmbench.study.baseline_write import new_baseline, write_figures
 from gtmbench.study.check_figures import figures_of
 from tests.test_check import SHORT, study
+from tests.watching import EXAMPLE
 
 SPIKE = 80.0  # deg/s, in one sample
 
@@ -21,7 +23,8 @@ def baseline(tmp_path):
     """A committed baseline of a short scenario."""
     path, scenario = tmp_path / "mine.toml", tmp_path / "short.toml"
     scenario.write_text(SHORT)
-    write_figures(path, new_baseline(path, scenarios=[str(scenario)], monitor=None), seed=1, groups=figures_of(study()))
+    text = new_baseline(path, scenarios=[str(scenario)], detector=None)
+    write_figures(path, text, seed=1, groups=figures_of(study()))
     return path
 
 
@@ -76,7 +79,7 @@ def test_one_spike_in_one_sample_of_a_healthy_record_fails(cli, spiked):
 def test_the_worst_comes_first(cli, baseline):
     worst = baseline.read_text().replace("flight]\nfalse_alarms = 0", "flight]\nfalse_alarms = 5")
     values = tomllib.loads(worst)
-    limit, rms = values["norm"]["r"]["threshold"], values["residual"]["r"]["rms"]
+    limit, rms = values["score"]["E(k)"]["threshold"], values["residual"]["r"]["rms"]
     worst = worst.replace(f"threshold = {limit}", f"threshold = {0.5 * limit}").replace(
         f"rms = {rms}", f"rms = {0.9 * rms}"
     )
@@ -84,7 +87,7 @@ def test_the_worst_comes_first(cli, baseline):
     code, out, _ = cli("check", "mine.toml")
     assert code == 1
     names = [line.split(": was")[0] for line in out.splitlines() if ": was " in line]
-    assert names == ["short: jam of altitude, detected", "healthy E(k) of r, threshold", "healthy residual of r, RMS"]
+    assert names == ["short: jam of altitude, detected", "healthy score E(k), threshold", "healthy residual of r, RMS"]
     assert "better: healthy flight: false alarms" in out
     assert "mine.toml: 3 of 40 figures worse than allowed; 1 better, 36 within their tolerances" in out
 
@@ -117,7 +120,8 @@ def test_json_says_everything(cli):
     found = json.loads(out)
     assert (code, err) == (1, "")
     assert found["passed"] is False
-    assert (found["baseline"], found["scenarios"], found["seed"], found["monitor"]) == ("mine.toml", ["short"], 1, None)
+    assert (found["baseline"], found["scenarios"], found["seed"]) == ("mine.toml", ["short"], 1)
+    assert (found["detector"], found["monitor"]) == (None, None)
     assert len(found["figures"]) == 40
     (spike,) = [one for one in found["regressions"] if one["at"] == "window 75..85 s" and "residual" in one["group"]]
     assert (spike["figure"], spike["unit"], spike["allowed_from"]) == ("windows", "deg/s", None)
@@ -138,7 +142,7 @@ def test_junit_has_a_case_for_each_group_and_its_failures(cli, tmp_path):
     assert set(cases) == {
         "healthy flight",
         "healthy residual of r",
-        "healthy E(k) of r",
+        "healthy score E(k)",
         *(f"short: {trial}" for trial in ("drift of q", "drift of r", "jam of p", "jam of altitude")),
     }
     failed = [case for case in suite if case.find("failure") is not None]
@@ -167,21 +171,55 @@ def test_the_dissertations_baseline_holds(cli, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_baseline_of_before_holds_and_is_renewed(cli, baseline):
+    now = baseline.read_text()
+    baseline.write_text(now.replace('[score."E(k)"]', "[norm.r]").replace("# detector =", "# monitor ="))
+    assert baseline.read_text() != now
+    code, out, _ = cli("check", "mine.toml")
+    assert (code, out) == (0, "mine.toml: no figure is worse; 0 better, 40 within their tolerances\n")
+    assert cli("check", "mine.toml", "--update")[:2] == (0, "mine.toml: nothing changes in 40 figures\n")
+    assert baseline.read_text() == now
+
+
+@pytest.mark.usefixtures("baseline")
+def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_command_line(cli, tmp_path, monkeypatch):
+    """The baseline imports nothing: it states the name, and says so where nothing goes by that."""
+    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    shutil.copy(EXAMPLE, tmp_path / "mine.py")
+    own = ("--detector", "mine.py:LimitCheck")
+    code, out, err = cli("check", "limits.toml", "--update", "--scenario", "short.toml", *own)
+    assert (code, err) == (0, "")
+    assert "figures recorded" in out
+    stated = tomllib.loads((tmp_path / "limits.toml").read_text())
+    assert (stated["detector"], list(stated["score"])) == ("limit check", ["p", "q", "r"])
+    assert cli("check", "limits.toml", *own)[0] == 0
+    assert cli("check", "limits.toml", "--update", *own)[0] == 0
+    code, out, err = cli("check", "limits.toml")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "no detector is called 'limit check'" in err
+    code, _, err = cli("check", "limits.toml", "--detector", "C")
+    assert code == 2
+    assert "limits.toml names limit check, and --detector C is 'C'" in err
+
+
 REFUSED = {
     "no baseline": (["nowhere.toml"], "no baseline 'nowhere.toml'; give one of bank-C, dissertation, or record one"),
     "a long name": (["x" * 5000], "no baseline 'xxx"),
-    "a new one without --update": (["new.toml", "--scenario", "jam"], "are for a new baseline, with --update"),
+    "a new one without --update": (
+        ["new.toml", "--scenario", "jam"],
+        "--scenario is for a new baseline, with --update",
+    ),
     "scenarios of one that exists": (["mine.toml", "--update", "--scenario", "jam"], "names its own scenarios"),
-    "a monitor of one that exists": (
+    "a detector that it doesn't name": (
         ["mine.toml", "--update", "--monitor", "C"],
-        "names its own scenarios and monitor",
+        "mine.toml names no detector, and --detector C is 'C'; leave --detector out, or state detector = \"C\" there",
     ),
     "no scenario": (["new.toml", "--update", "--scenario", "jim"], "no scenario 'jim'"),
     "scenarios that differ": (
         ["new.toml", "--update", "--scenario", "jam", "--scenario", "short.toml"],
         "scenarios 'jam' and 'short' differ in duration_s",
     ),
-    "no monitor": (["new.toml", "--update", "--monitor", "none.json"], "no such monitor"),
+    "no monitor": (["new.toml", "--update", "--detector", "none.json"], "none.json"),
     "no ending": (["new", "--update"], "should end in .toml"),
     "no folder": (["nowhere/new.toml", "--update"], "doesn't exist"),
     "no folder for junit": (["mine.toml", "--junit", "nowhere/x.xml"], "doesn't exist"),
@@ -235,7 +273,7 @@ def test_a_bug_in_what_is_run_is_no_regression(cli, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("float division by zero")
 
-    monkeypatch.setattr("gtmbench.study.run.residual", broken)
+    monkeypatch.setattr("gtmbench.detectors.windowed_norm.residual", broken)
     code, out, err = cli("check", "mine.toml")
     assert (code, out) == (2, "")
     assert err.splitlines()[-1] == "gtmbench: the run failed: ZeroDivisionError: float division by zero"

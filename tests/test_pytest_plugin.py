@@ -1,12 +1,14 @@
 """The pytest plugin, as a project that has it installed sees it: fixtures, marker, messages, recordings, processes."""
 
 import re
+import shutil
 import xml.etree.ElementTree as ET
 
 import pytest
 
 from tests.test_report import read_back
 from tests.test_testing import verified
+from tests.watching import EXAMPLE
 
 pytest_plugins = ["pytester"]
 
@@ -100,6 +102,37 @@ def test_a_failure_names_figure_bound_and_recording_and_the_recording_is_whole(p
     assert sorted(told) == [str(path) for path in kept]
     loud = next(path for path in kept if "Loud" in path.name)
     assert len(read_back(loud, "/residuals/r")[0]) == 900
+
+
+def test_an_outsiders_detector_goes_through(pytester, project):
+    """The whole of a project's test file, with the example of the documentation: by its class, and by its name."""
+    shutil.copy(EXAMPLE, pytester.path / "limits.py")
+    pytester.makepyfile(
+        test_limits="""
+        import gtmbench as gb
+        from gtmbench.testing import assert_detects, assert_quiet
+
+        DETECTOR = "limits.py:LimitCheck"
+        JAM, DRIFT = gb.Jam(channel="p", onset_s=120), gb.Drift(channel="p", onset_s=120, slope=5.0)
+
+        def test_quiet():
+            assert_quiet(DETECTOR)
+
+        def test_drift(gtm_record):
+            assert_detects(DETECTOR, DRIFT, within_s=40, record=gtm_record)
+
+        def test_jam():
+            assert_detects(gb.find_detector(DETECTOR), JAM, within_s=10)
+        """
+    )
+    result = project("-q")
+    result.assert_outcomes(passed=2, failed=1)
+    late = "jam of p from 120.00 s: no alarm until the record's end at 200.00 s (allowed: within 10 s)"
+    missed = "the score reached * % of its threshold; recording: gtmbench-artefacts/test_limits-test_jam-*.rrd"
+    result.stdout.fnmatch_lines([f"FAILED test_limits.py::test_jam - AssertionError: {late}; {missed}"])
+    (kept,) = recordings(pytester)
+    assert verified(kept)
+    assert len(read_back(kept, "/levels/p")[0]) > 1000
 
 
 def test_the_artefacts_folder_is_an_option_and_what_passes_leaves_nothing(pytester, project):

@@ -107,7 +107,7 @@ def test_a_class_is_made(own):
         ("number", "'number' is a int, no detector; give a Detector, a Monitor, a Bank or a function"),
         ("Needs", "Needs can't be made without arguments: .*something"),
         ("Half", "a Detector has name, channels, calibrate; 'Half' lacks channels"),
-        ("Watcher", "'Watcher' lacks suspects, .*provenance; gtmbench.BaseMonitor gives what may be left out"),
+        ("Watcher", "'Watcher' lacks suspects, .*provenance, stream; gtmbench.BaseMonitor gives what may be left out"),
     ],
 )
 def test_what_is_no_detector_is_refused(name, said, own):

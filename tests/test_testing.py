@@ -159,7 +159,7 @@ def test_a_watchs_recording_holds_sensors_levels_and_what_was_healthy():
     seen = gb.watch(monitors.monitor(), gb.inject(healthy, jam()))
     assert (read_back(path, "/sensors/q")[1][:, 0] == seen.record["q"]).all()
     assert (read_back(path, "/healthy/q")[1][:, 0] == healthy["q"]).all()
-    for kind, of in (("residuals", seen.residuals.raw["q"]), ("levels", seen.levels["q"].values)):
+    for kind, of in (("residuals", seen.residuals["q"]), ("levels", seen.scores["q"].values)):
         values = read_back(path, f"/{kind}/q")[1][:, 0]
         assert (values == of[np.isfinite(of)][: len(values)]).all()
         assert len(values) > 0.9 * len(healthy)
@@ -169,7 +169,7 @@ def test_a_miss_says_why():
     said, _ = failure(assert_detects, monitors.monitor(), jam("alpha"), within_s=5, record=monitors.record(seed=9))
     assert said == (
         "jam of alpha from 80.00 s: no alarm until the record's end at 119.98 s (allowed: within 5 s); "
-        "bank C doesn't use this channel"
+        "C doesn't use this channel"
     )
 
 
@@ -218,11 +218,12 @@ def test_a_function_of_ones_own_is_a_monitor():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"monitor": 3}, "a int is no monitor"),
-        ({"monitor": "C"}, "C: no such file; `gtmbench calibrate` writes one"),
-        ({"monitor": lambda _: "soon"}, "the detector returned 'soon'; return the times of its alarms in seconds"),
-        ({"monitor": lambda _: [[1.0]]}, "the detector returned"),
-        ({"monitor": lambda _: [], "named": True}, "a function's alarms name no sensor"),
+        ({"detector": 3}, "3 is a int, no detector"),
+        ({"detector": "jim"}, "no detector is called 'jim'; there are dissertation, B"),
+        ({"detector": "mine.json"}, "mine.json: no such file; `gtmbench calibrate` writes one"),
+        ({"detector": lambda _: "soon"}, "returned 'soon'; return the times of its alarms in seconds"),
+        ({"detector": lambda _: [[1.0]]}, "'<lambda>' returned"),
+        ({"detector": lambda _: [], "named": True}, "'<lambda>' names no sensor; leave named=True out"),
         ({"fault": [jam()]}, "is no fault"),
         ({"fault": gb.Saturation(channel="q", onset_s=80.0, limit=1e3)}, "saturation of q, .* changes no sample"),
         ({"within_s": 100}, "an alarm is due at 180 s and the record ends at 119.98 s"),
@@ -231,10 +232,64 @@ def test_a_function_of_ones_own_is_a_monitor():
     ],
 )
 def test_what_cant_be_meant_of_a_watch_is_one_line(change, said, shelf):
-    arguments = {"monitor": monitors.monitor(), "fault": jam(), "within_s": 1, "record": monitors.record(), **change}
+    arguments = {"detector": monitors.monitor(), "fault": jam(), "within_s": 1, "record": monitors.record(), **change}
     with pytest.raises(gb.InputError, match=said):
         assert_detects(**arguments)
     assert not shelf.exists()
+
+
+def test_a_detector_that_isnt_calibrated_is_so_once_a_session(monkeypatch):
+    """Whatever names it: an object, a class, a text; what was found for one isn't used for another."""
+    made = []
+
+    class Limit(gb.SimpleDetector):
+        name, channels, memory_s = "limit", ("q",), 0.0
+        factor = 1.5
+
+        def learn(self, records):
+            made.append(len(records))
+            return {"q": self.factor * max(np.nanmax(np.abs(one["q"])) for one in records)}
+
+        def scores(self, record, learned):
+            return {"q": np.abs(record["q"]) / learned["q"]}
+
+    class Tight(Limit):
+        factor = 0.01
+
+    healthy = monitors.record(seed=9)
+    few = (monitors.record(seed=1), monitors.record(seed=2))
+    monkeypatch.setattr("gtmbench.testing.detects.calibration_records", lambda: few)
+    mine = Limit()
+    for _ in range(2):
+        assert_quiet(mine, healthy)
+        assert_detects(mine, gb.Drift(channel="q", onset_s=60.0, slope=10.0), within_s=5.0, record=healthy)
+    assert made == [2]
+    assert_quiet(Limit, healthy)
+    assert made == [2, 2]
+    said, _ = failure(assert_quiet, Tight(), healthy)
+    assert said.startswith("healthy record: alarm at ")
+    said, _ = failure(assert_detects, mine, gb.Drift(channel="q", onset_s=60.0, slope=0.01), within_s=5, record=healthy)
+    assert "no alarm until the record's end at 119.98 s (allowed: within 5 s); the score reached " in said
+
+
+def test_the_standard_flights_calibrate_and_are_none_of_those_that_are_watched(monkeypatch):
+    flown = []
+    short = gb.fly(duration_s=1.0)
+    monkeypatch.setattr(flights, "_flown", lambda *arguments: flown.append(arguments) or short)
+    records = flights.calibration_records.__wrapped__()
+    assert [arguments[:3] for arguments in flown] == [("gtm", "multisine+turbulence", 200.0)] * 6
+    seeds = [arguments[3] for arguments in flown]
+    assert len({flights.STANDARD_SEED, *seeds}) == 7
+    assert all(
+        (one["p"] == gb.measure(short, noise="t2", seed=s)["p"]).all() for one, s in zip(records, seeds, strict=True)
+    )
+
+
+def test_a_score_that_stands_above_from_the_start_is_no_quiet():
+    """It isn't an alarm either: it can't tell."""
+    healthy = monitors.record(seed=9)
+    said, _ = failure(assert_quiet, monitors.monitor(), healthy.replace("q", 10.0 * healthy["q"]))
+    assert said == "healthy record: can't tell, for the score of q stood above its threshold all the time"
 
 
 def test_quiet_means_no_alarm_where_one_was_possible(shelf):

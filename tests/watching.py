@@ -10,6 +10,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.protocol import Score, came_down, rising
 
+EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 EXCITATION = "multisine+turbulence"
 MIXED = """
 duration_s = 120.0

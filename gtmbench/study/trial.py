@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
+from typing import cast
 
 from gtmbench.bench.fault import Fault
 from gtmbench.bench.trim import Trim
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
+from gtmbench.method.alarms import Alarms, alarms
+from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.record import Record
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
@@ -48,8 +52,9 @@ class Baseline:
     watched = renamed("MonitoredBaseline.watched", "watch")
     operator = renamed("Baseline.operator", "monitor.operator")
     threshold = renamed("Baseline.threshold", "monitor.threshold")
-    norm = renamed("Baseline.norm", "watch.scores")
-    residual = renamed("Baseline.residual", "watch.residuals")
+    armed_s = renamed("Baseline.armed_s", "watch.scores['E(k)'].armed_s", lambda self: self.watch.scores[SCORE].armed_s)
+    norm = renamed("Baseline.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
+    residual = renamed("Baseline.residual", "watch.residuals", lambda self: _residual(self.watch))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,9 +117,11 @@ class Trial(Injection, Verdict):
         }
 
     watched = renamed("MonitoredTrial.watched", "watch")
-    alarms = renamed("Trial.alarms", "watch.alarms")
-    norm = renamed("Trial.norm", "watch.scores")
-    residual = renamed("Trial.residual", "watch.residuals")
+    peak_level = renamed("MonitoredTrial.peak_level", "peak_ratio")
+    window_s = renamed("Trial.window_s", "baseline.monitor.window_s")
+    alarms = renamed("Trial.alarms", "watch.alarms", lambda self: _crossings(self.watch))
+    norm = renamed("Trial.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
+    residual = renamed("Trial.residual", "watch.residuals", lambda self: _residual(self.watch))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,3 +147,16 @@ class Study:
     def trials_of(self, detector: str) -> tuple[Trial, ...]:
         """Return the trials of one detector."""
         return tuple(trial for trial in self.trials if trial.detector == detector)
+
+
+def _residual(watch: Watch) -> Residual:
+    """Return what trials held of the dissertation's operator, one release ago."""
+    return residual(cast(NormMonitor, watch.monitor).operator, watch.record)
+
+
+def _norm(watch: Watch) -> WindowedNorm:
+    return windowed_norm(_residual(watch), window=cast(NormMonitor, watch.monitor).window)
+
+
+def _crossings(watch: Watch) -> Alarms:
+    return alarms(_norm(watch), cast(NormMonitor, watch.monitor).threshold)

@@ -32,9 +32,7 @@ class RowByRow:
         self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
         self._lines = [_Line(monitor, memory, tracks[output], output) for output in self._names]
         self._ratios = _Ratios(monitor, self._names)
-        self._pseudo = tuple(
-            {name for line in self._lines for name in line.inputs if name in PSEUDO_INPUTS}
-        )
+        self._pseudo = tuple({name for line in self._lines for name in line.inputs if name in PSEUDO_INPUTS})
         self._factors = {name: factor_of(name) for name in monitor.bank.channels}
         self._reach = max(line.taps for line in self._lines) + 2
         self._period_s = monitor.sample_period_s

@@ -111,7 +111,9 @@ class BankStream:
             rows = slice(max(begin - track.ahead, 0) - first, max(stop - track.ahead, 0) - first)
             if rows.stop > max(rows.start, 0):
                 spread = made.spread[output].between(rows) if output in made.spread else None
-                self._memory.put(output, rows.start + first, made.raw[output][rows], made.predicted[output][rows], spread)
+                self._memory.put(
+                    output, rows.start + first, made.raw[output][rows], made.predicted[output][rows], spread
+                )
                 before = min(self._monitor.whiteners[output].order, rows.start)
                 track.extend(made.raw[output][rows.start - before : rows.stop], spread, before=before)
         if self._rows is not None:
