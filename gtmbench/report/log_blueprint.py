@@ -24,10 +24,10 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     whole, signals = whole_of(watched), signals_of(watched)
     faults = [same[0] for same in faults_of(watched).values()][:1]
     pages = [
-        _decision(fault.verdict, about(fault, whole), [name for name in signals if name in fault.candidates] or signals)
+        _decision(watched, fault.verdict, about(fault, whole), [name for name in signals if name in fault.candidates])
         for fault in faults
     ]
-    pages += [_decision("Whole log", whole, signals), *_residuals(watched, whole), _sensors(watched, whole)]
+    pages += [_decision(watched, "Whole log", whole, []), *_residuals(watched, whole), _sensors(watched, whole)]
     return opened(*pages)
 
 
@@ -37,12 +37,17 @@ def sensor_entity(channel: str) -> str:
     return entity(f"/sensors/{group}", channel)
 
 
-def _decision(name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
-    """Return levels above, measured and virtual sensors in the middle, what was watched and what was said below."""
-    levels = plot(
-        "levels", ["+ /threshold", "+ /levels/**", "+ /began", "+ /alarm", "+ /named"], span, top=SHOWN_LEVELS
-    )
-    plots = [_signal(signal, span) for signal in signals[:_MOST_SIGNALS]]
+def _decision(watched: WatchedLog, name: str, span: Span, suspected: Sequence[str]) -> rrb.Container:
+    """Return levels above, measured and virtual sensors in the middle, what was watched and what was said below.
+
+    All that is worth looking at, where nothing is suspected. Without scores there are alarms instead of levels.
+    """
+    above = ["+ /threshold", "+ /levels/**"] if scores_of(watched) or not watched.watches else []
+    marks = ["+ /began", "+ /alarm", "+ /named"]
+    levels = plot("levels" if above else "alarms", [*above, *marks], span, top=SHOWN_LEVELS)
+    has_virtual = bool(watched.monitor.suspects or residuals_of(watched))
+    signals = suspected or signals_of(watched)
+    plots = [_signal(signal, span, has_virtual=has_virtual) for signal in signals[:_MOST_SIGNALS]]
     axis = rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rr.TimeRangeBoundary.absolute(seconds=span[0]), end=rr.TimeRangeBoundary.absolute(seconds=span[1])
@@ -58,8 +63,8 @@ def _decision(name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
     )
 
 
-def _signal(name: str, span: Span) -> rrb.TimeSeriesView:
-    title = with_unit(f"{name}: measured and virtual", unit_of(name))
+def _signal(name: str, span: Span, *, has_virtual: bool) -> rrb.TimeSeriesView:
+    title = with_unit(f"{name}: measured and virtual" if has_virtual else f"{name}: measured", unit_of(name))
     return plot(title, [f"+ {sensor_entity(name)}", f"+ {entity('/virtual', name)}"], span)
 
 
