@@ -5,13 +5,13 @@ import pytest
 from scipy import stats
 
 import gtmbench as gb
-from gtmbench.errors import InputError
 from gtmbench.detectors.bank.bank import bank_of
+from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.detector import calibrate
 from gtmbench.detectors.bank.levels import crossings, levels
-from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.statistics import STATISTICS
 from gtmbench.detectors.protocol import watch
+from gtmbench.errors import InputError
 from gtmbench.record import Record
 
 SENSORS = ("inlet", "outlet", "wall")

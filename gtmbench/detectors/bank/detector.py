@@ -117,7 +117,8 @@ def calibrate(
         Healthy measurements with the bank's channels, all of one sample period.
     bank : Bank
     false_alarms_per_hour : float, optional
-        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated tails.
+        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
+        tails.
     provenance : mapping, optional
         Kept with the monitor: where the records come from.
     progress : callable

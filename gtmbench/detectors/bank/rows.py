@@ -46,7 +46,7 @@ class RowByRow:
         return monitor.bank.statistic.name == "glr" and not monitor.doubts and known
 
     def take(self, row: list[float]) -> list[float] | None:
-        """Take a sample of the bank's channels; return the levels, sorted by name, or None where arrays have to do it."""
+        """Take a sample of the bank's channels; return the levels, sorted by name; None where arrays have to."""
         at = self._memory.stop
         if at < 2 * self._reach or math.inf in map(abs, row):
             return None
