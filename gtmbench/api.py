@@ -3,11 +3,12 @@
 from typing import Any
 
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.bench.fault import Fault
+from gtmbench.bench.fault import Fault, severity
 from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.registry import register_fault
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
@@ -138,6 +139,7 @@ __all__ = [
     "open_log",
     "read_log",
     "read_recording",
+    "register_fault",
     "residual",
     "run",
     "run_study",
@@ -145,6 +147,7 @@ __all__ = [
     "score",
     "select_inputs",
     "select_orders",
+    "severity",
     "signatures",
     "threshold",
     "trim",

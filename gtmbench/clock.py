@@ -113,7 +113,7 @@ class ChunkClock:
 
     @classmethod
     def of(cls, time_s: FloatArray, sample_period_s: float, source: str) -> ChunkClock:
-        """Return the clock of a chunk that stands alone."""
+        """Return the clock of a chunk that stands alone, by the times of its rows."""
         start_s = float(time_s[0]) if len(time_s) else float("nan")
         return cls(start_s=start_s, sample_period_s=sample_period_s, source=source, count=len(time_s))
 
@@ -143,7 +143,7 @@ def advanced(clock: ChunkClock | None, chunk: ChunkClock) -> ChunkClock:
             f"the chunk is sampled every {chunk.sample_period_s:.10g} s, those before every "
             f"{clock.sample_period_s:.10g} s; resample it or begin a new stream"
         )
-    due_s = float(clock.times_s(range(clock.count, clock.count + 1))[0])
+    due_s = clock.start_s + clock.count * clock.sample_period_s
     if chunk.count and lateness_s(chunk.start_s, due_s, clock.sample_period_s):
         raise InputError(
             f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; fill the gap with NaN or begin a "

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.detectors.bank.bank import bank_of
+from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.study.watched_log import WatchedLog
 from tests.monitors import monitor, record
 
@@ -55,10 +55,10 @@ def short():
 
 def unexplained():
     """The same, with an alarm that nothing is left to explain of."""
-    (finding, *_), healthy = jammed().findings, short()
-    last = replace(finding.judgements[-1], sensor=None, candidates=(), kind=None, parameters={}, errors={})
-    alarm = replace(finding, alarm_s=20.0, onset_s=19.0, judgements=(replace(last, time_s=21.0),))
-    return replace(healthy, watches=(replace(healthy.watches[0], findings=(alarm,)),))
+    (alarm, *_), healthy = jammed().alarms, short()
+    last = replace(alarm.judgements[-1], sensor=None, candidates=(), kind=None, parameters={}, errors={})
+    false = replace(alarm, time_s=20.0, onset_s=19.0, judgements=(replace(last, time_s=21.0),))
+    return replace(healthy, watches=(replace(healthy.watches[0], alarms=(false,)),))
 
 
 @cache
@@ -93,6 +93,30 @@ def odd():
     return watched_log([flight], [part], by, remarks=remarks, identified=[(1000.0, 1120.0)], name=name)
 
 
+@cache
+def normed():
+    """The third segment of `jammed`, watched by E(k) of the second; q is jammed at 170 s."""
+    before, part = jammed().log.segments[0], jammed().log.segments[2]
+    by = gb.DissertationOperator(inputs=("theta", "nz"), outputs=("q",), causal_order=5, noncausal_order=5, window=50)
+    ready = by.calibrate([before.between(0.0, 30.0), before.between(30.02, 60.0)])
+    return watched_log([part], [part], ready)
+
+
+@cache
+def limited():
+    """The same, watched by a plain function, which alarms where q is beyond what it can be."""
+    part = jammed().log.segments[2]
+    by = gb.FunctionDetector(lambda record: record.time_s[np.abs(record["q"]) > 6.0], name="limit").calibrate([])
+    return watched_log([part], [part], by)
+
+
+@cache
+def silent():
+    """A function that never says anything."""
+    part = jammed().log.segments[0]
+    return watched_log([part], [part], gb.FunctionDetector(lambda _: [], name="nothing").calibrate([]))
+
+
 CASES = {
     "jammed": jammed,
     "passing": passing,
@@ -101,4 +125,7 @@ CASES = {
     "unwatched": unwatched,
     "never armed": never_armed,
     "odd": odd,
+    "E(k)": normed,
+    "function": limited,
+    "silent function": silent,
 }

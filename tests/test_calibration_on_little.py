@@ -147,7 +147,8 @@ HOSTILE = {
 def test_a_doubt_that_isnt_one_is_refused_by_name(change, words, tmp_path):
     gb.save_monitor(calibrated("pitch"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
-    document["residuals"]["p"]["doubt"] = change(document["residuals"]["p"]["doubt"])
+    saved = document["figures"]["residuals"]["p"]
+    saved["doubt"] = change(saved["doubt"])
     (tmp_path / "m.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match=words):
         gb.load_monitor(tmp_path / "m.json")
@@ -198,11 +199,17 @@ def test_an_attitude_that_moves_in_one_stretch_only_will_do():
     assert set(gb.calibrate(flight, bank=gb.load_bank("C")).doubts) == {"p", "q", "r"}
 
 
+@pytest.mark.parametrize("missing", [[], [("phi", 460, 495)], [("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)]])
 @pytest.mark.parametrize("bank", [None, FREE], ids=["C", "free"])
-def test_levels_stand_on_the_record_up_to_the_time_they_are_known_at(bank):
+def test_scores_stand_on_the_record_up_to_the_time_they_are_known_at(bank, missing):
     monitor, flight = calibrated("late", bank=bank), airliner("all", 4)
-    whole, cut = (gb.watch(monitor, record).scores for record in (flight, flight.between(0.0, 20.0)))
-    for output, score in cut.items():
-        known = score.known_s <= 20.0
-        assert np.isfinite(score.values[known]).sum() > 400
-        np.testing.assert_allclose(score.values[known], whole[output].values[: len(known)][known], rtol=1e-9)
+    for channel, start, stop in missing:
+        values = np.array(flight[channel])
+        values[start:stop] = np.nan
+        flight = flight.replace(channel, values)
+    whole = gb.watch(monitor, flight).scores
+    for cut_s in (18.6, 18.68, 19.88, 20.0, 20.12, 20.2):
+        for output, score in gb.watch(monitor, flight.between(0.0, cut_s)).scores.items():
+            known = score.known_s <= cut_s
+            assert np.isfinite(score.values[known]).sum() > 300
+            np.testing.assert_allclose(score.values[known], whole[output].values[: len(known)][known], rtol=1e-9)

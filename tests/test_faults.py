@@ -29,7 +29,18 @@ class Crosstalk(Fault):
         return seen[:, 0] + self.slope * sample_period_s * seen[:, 1], None
 
 
-FAULTS = {**faults.FAULTS, "crosstalk": Crosstalk}
+@dataclass(frozen=True, kw_only=True)
+class BiasStep(Fault):
+    """A user's own kind, as it stands in a file of theirs: nothing is registered."""
+
+    kind: ClassVar[str] = "bias_step"
+    size: float = severity(per_second=False)
+
+    def distort(self, seen, elapsed_s, sample_period_s, carried):
+        return seen[:, 0] + self.size, None
+
+
+FAULTS = {**faults.FAULTS, "crosstalk": Crosstalk, "bias_step": BiasStep}
 # severities that bite on `flight()`; a new kind is tried at 0.7 unless it stands here
 BITING = {"half_width": 0.8, "limit": 1.1, "rate_limit": 6.0}
 SEVERE = {

@@ -18,7 +18,21 @@ from gtmbench.report.log_recording import write_log_recording
 from gtmbench.report.log_results import log_results
 from gtmbench.report.log_spans import State, stretches
 from gtmbench.report.log_text import log_report, outcome_text
-from tests.logged import CASES, ODD, jammed, never_armed, odd, passing, remark, short, unexplained, unwatched
+from tests.logged import (
+    CASES,
+    ODD,
+    jammed,
+    limited,
+    never_armed,
+    normed,
+    odd,
+    passing,
+    remark,
+    short,
+    silent,
+    unexplained,
+    unwatched,
+)
 
 cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 
@@ -37,12 +51,12 @@ def recorded(tmp_path_factory):
 
 
 @cases
-def test_every_finding_and_every_remark_is_named_with_its_time(case):
+def test_every_alarm_and_every_remark_is_named_with_its_time(case):
     watched, text = case(), "\n".join(log_report(case()))
-    for finding in watched.findings:
-        assert f"{finding.alarm_s:.2f} s  " in text
-        assert all(name in text for name in finding.last.candidates)
-        assert finding.last.kind is None or f"; {finding.last.kind}" in text
+    for alarm in watched.alarms[:12]:
+        assert f"{alarm.time_s:.2f} s  " in text
+        assert all(name in text for name in alarm.candidates)
+        assert alarm.last is None or alarm.last.kind is None or f"; {alarm.last.kind}" in text
     for one in watched.log.remarks:
         assert f"remark: {one.start_s:.2f} to {one.end_s:.2f} s  {one.kind}" in text
     assert all(reason in text for reason in watched.reasons)
@@ -54,21 +68,21 @@ def test_the_report_tells_a_fault_from_beginning_to_end():
     assert re.search(r"60\.\d\d s  p failed; saturation 3\.0\d ± 0\.0\d deg/s\n", text)
     assert re.search(r"since about (59\.9|60\.\d)\d s; named at 60\.\d\d s; gone since (89\.9|90\.0)\d s", text)
     assert "psi failed; jam" in text
-    assert "not seen to end; residuals no longer watched: p, q, r" in text
+    assert "not seen to end; no longer watched: p, q, r" in text
     assert outcome_text(passing()).startswith("p failed at 60.")
     assert "; reference attitude failed (psi) at 170." in outcome_text(passing())
 
 
 def test_a_sensor_that_isnt_decided_on_is_said_to_be_so():
-    (finding,) = odd().findings
-    assert outcome_text(odd()) == f"something failed at {finding.alarm_s:.2f} s, undecided: {' or '.join(ODD)}"
+    (alarm,) = odd().alarms
+    assert outcome_text(odd()) == f"something failed at {alarm.time_s:.2f} s, undecided: {' or '.join(ODD)}"
 
 
 def test_a_fault_that_is_found_again_and_again_is_one_fault():
     healthy, broken = jammed().watches
-    later = replace(broken.findings[0], alarm_s=200.0)
-    again = replace(jammed(), watches=(healthy, replace(broken, findings=(broken.findings[0], later))))
-    first_s = broken.findings[0].alarm_s
+    later = replace(broken.alarms[0], number=1, fault=1, time_s=200.0)
+    again = replace(jammed(), watches=(healthy, replace(broken, alarms=(broken.alarms[0], later))))
+    first_s = broken.alarms[0].time_s
     assert outcome_text(again) == f"q failed at {first_s:.2f} s (found 2 times, last at 200.00 s)"
 
 
@@ -94,14 +108,15 @@ def test_the_words_match_the_exit_code(case):
 @cases
 def test_the_bound_is_that_of_the_length_watched(case):
     watched, text = case(), "\n".join(log_report(case()))
-    passed = sum(not finding.last.candidates for finding in watched.findings)
+    passed = sum(alarm.has_passed for alarm in watched.alarms)
     bound = rate_bound(passed, watched.armed_hours)
     found = log_results(watched)
     assert (found["false_alarms_per_hour_at_most"], found["alarms_unexplained"]) == (bound, passed)
     if bound is None:
         assert "no false-alarm rate is bounded" in text
     else:
-        assert f"{3600.0 * watched.armed_hours:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
+        seconds = 3600.0 * watched.armed_hours
+        assert f"{seconds:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
 
 
 def test_twenty_seconds_without_an_alarm_bound_little():
@@ -135,7 +150,7 @@ def test_stretches_say_why_nothing_was_watched():
     assert states(never_armed) == [State.ARMING]
     part = [State.ARMING, State.WATCHED, State.LOST]
     assert states(jammed) == [State.IDENTIFIED, State.GAP, *part, State.GAP, *part]
-    assert states(passing) == [State.ARMING, State.WATCHED, State.GIVEN_UP]
+    assert states(passing) == [State.ARMING, State.WATCHED, State.DISARMED]
     blind = short().log.segments[0].values.copy()
     blind[1000:1010] = np.nan
     log = replace(short().log, segments=(gb.Record(blind, channels=short().log.channels, sample_period_s=0.02),))
@@ -149,32 +164,36 @@ def test_stretches_say_why_nothing_was_watched():
 def test_results_are_plain_data_and_say_what_the_watch_says(case):
     watched, found = case(), log_results(case())
     assert json.loads(json.dumps(found, allow_nan=False)) == found
-    assert (found["schema"], found["study"], found["outcome"]) == (1, "log", watched.outcome.name.lower())
-    for row, finding in zip(found["findings"], watched.findings, strict=True):
-        assert (row["alarm_s"], row["sensor"], row["verdict"]) == (finding.alarm_s, finding.sensor, finding.verdict)
-        assert [one["time_s"] for one in row["judgements"]] == [one.time_s for one in finding.judgements]
-        assert row["parameters"] == finding.last.parameters
+    assert (found["schema"], found["study"], found["outcome"]) == (2, "log", watched.outcome.name.lower())
+    for row, alarm in zip(found["findings"], watched.alarms, strict=True):
+        assert (row["alarm_s"], row["sensor"], row["verdict"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
+        assert [one["time_s"] for one in row["judgements"]] == [one.time_s for one in alarm.judgements]
+        assert (row["parameters"], row["candidates"]) == (
+            alarm.last.parameters if alarm.last else {},
+            list(alarm.candidates),
+        )
+        assert "kind" in row
     assert [one["text"] for one in found["log"]["remarks"]] == [one.text for one in watched.log.remarks]
     assert found["log"]["segments_s"] == [[one.start_s, one.end_s] for one in watched.log.segments]
-    assert len(found["residuals"]) == len(watched.watches) * len(watched.monitor.operators)
+    assert len(found["residuals"]) == sum(len({*one.scores, *one.residuals}) for one in watched.watches)
     assert {"gtmbench", "python", "numpy"} <= set(found["versions"])
 
 
 def test_results_measure_every_residual_on_every_segment():
     rows = {(row["start_s"], row["residual"]): row for row in log_results(jammed())["residuals"]}
     seen = jammed().watches[1]
-    jam, level = rows[146.5, "q"], seen.levels["q"]
+    jam, level = rows[146.5, "q"], seen.scores["q"]
     peak = np.nanmax(level.values)
     assert (jam["peak_level"], jam["unit"]) == (peak, "deg/s")
     assert jam["peak_level_s"] == level.known_s[np.flatnonzero(level.values == peak)[0]] > 170.0
-    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(seen.residuals.raw["q"] ** 2)))
+    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(seen.residuals["q"] ** 2)))
     assert jam["rms_signal"] == pytest.approx(np.nanstd(seen.record["q"]))
     assert jam["rms"] > 5.0 * jam["rms_identified"] > 4.0 * rows[63.0, "q"]["rms"]
     before, missing = rows[63.0, "q"], rows[63.0, "p"]
     assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
 
 
-@pytest.mark.parametrize("case", [jammed, passing, odd, unwatched])
+@pytest.mark.parametrize("case", [jammed, passing, odd, unwatched, normed, limited, silent])
 def test_the_figure_has_something_on_it(case, tmp_path):
     from matplotlib.image import imread
 
@@ -217,11 +236,13 @@ def lines_of(watched):
     for name in groups:
         if name in watched.log.channels:
             yield f"/sensors/{groups[name]}/{escaped(name)}", [(one.time_s, one[name]) for one in watched.log.segments]
-    for output in watched.monitor.operators:
+    for output in watched.watches[0].residuals:
         name = escaped(output)
-        yield f"/residuals/{name}", [(one.record.time_s, one.residuals.raw[output]) for one in watched.watches]
-        yield f"/levels/{name}", [(one.levels[output].known_s, one.levels[output].values) for one in watched.watches]
+        yield f"/residuals/{name}", [(one.record.time_s, one.residuals[output]) for one in watched.watches]
         yield f"/virtual/{name}", [(one.record.time_s, one.virtual(output)) for one in watched.watches]
+    for of in watched.watches[0].scores:
+        scores = [one.scores[of] for one in watched.watches]
+        yield f"/levels/{escaped(of)}", [(score.known_s, score.values / score.threshold) for score in scores]
 
 
 def escaped(name):
@@ -230,7 +251,7 @@ def escaped(name):
     return rr.escape_entity_path_part(name)
 
 
-@pytest.mark.parametrize("case", [jammed, passing, odd])
+@pytest.mark.parametrize("case", [jammed, passing, odd, normed, limited])
 def test_signals_come_back_from_the_recording_bit_for_bit(case, recorded):
     frame = gb.read_recording(recorded(case))
     for entity, parts in lines_of(case()):
@@ -280,21 +301,21 @@ def words_of(path, entity, component):
 
 def test_the_recording_tells_what_happened_when(recorded):
     path, watched = recorded(jammed), jammed()
-    (finding,) = watched.findings
+    (alarm,) = watched.alarms
     told = dict(words_of(path, "/events", "TextLog:text")[::-1])
     texts = [text for _, text in words_of(path, "/events", "TextLog:text")]
     assert all(
         any(one.text in text and f"{one.start_s:.2f} s  remark" in text for text in texts)
         for one in watched.log.remarks
     )
-    assert f"{finding.alarm_s:.2f} s  alarm: residual of q, {finding.series}" in texts
+    assert f"{alarm.time_s:.2f} s  alarm: residual of q, {alarm.test}" in texts
     assert any("q failed; jam" in text for text in texts)
     assert told[239.0] == f"239.00 s  outcome: {outcome_text(watched)}"
     states = words_of(path, "/state", "StateChange:state")
     assert states[:-1] == [(pytest.approx(one.start_s), str(one.state)) for one in stretches(watched)]
     assert states[-1][1] == ""
     frame = gb.read_recording(path)
-    for entity, time_s in (("/alarm", finding.alarm_s), ("/named", finding.isolated_s)):
+    for entity, time_s in (("/alarm", alarm.time_s), ("/named", alarm.isolated_s)):
         assert of(frame, entity)[0] == pytest.approx([time_s])
 
 
@@ -309,7 +330,7 @@ def test_the_recording_holds_outcome_and_findings_for_programs(recorded):
     assert not (frame.entity == "/findings/3/verdict").any()
 
 
-@pytest.mark.parametrize("case", [odd, unwatched])
+@pytest.mark.parametrize("case", [odd, unwatched, normed, limited, silent])
 def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, tmp_path, capfd):
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped

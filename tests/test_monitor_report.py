@@ -1,25 +1,24 @@
-"""What a monitored study leaves behind, from the table to the recording; and the command line that makes it."""
+"""What studies of banks, and of several detectors at once, leave behind, from the table to the recording."""
 
 import csv
 import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.cli.app import main
+from gtmbench.report.figures import write_figures
 from gtmbench.report.lines import trial_paths
-from gtmbench.report.monitor_figures import write_monitored_figures
-from gtmbench.report.monitor_recording import write_monitored_recording
-from gtmbench.report.monitor_results import monitored_results, write_monitored_results
-from gtmbench.report.monitor_text import judgement_text, monitored_rows, summary_lines
+from gtmbench.report.recording import write_recording
+from gtmbench.report.results import plain, results, write_results
+from gtmbench.report.text import estimate_text, fault_text, judgement_text, summary_lines, trial_rows
 from tests.test_report import read_back
-from tests.watching import MIXED, monitor, scenario, study
+from tests.watching import MIXED, monitor, scenario, several, study
 
 SHORT = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 
@@ -27,36 +26,13 @@ SHORT = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "study.rrd"
-    write_monitored_recording(study(), path)
+    write_recording(study(), path)
     return path
 
 
-@pytest.fixture
-def cli(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("short.toml").write_text(SHORT)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as ended:
-            main([str(argument) for argument in arguments])
-        return ended.value.code, *capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture
-def stored(tmp_path, monkeypatch):
-    """A monitor's file, and a reader in place of the package's."""
-    files = ModuleType("gtmbench.detectors.bank.files")
-    files.load_monitor = lambda path: monitor() if path.read_text() == "C" else None
-    monkeypatch.setitem(sys.modules, files.__name__, files)
-    (tmp_path / "mine.json").write_text("C")
-    return "mine.json"
-
-
 def test_results_say_what_watched_and_what_came_of_it():
-    found = monitored_results(study())
-    assert (found["schema"], found["study"], found["seed"]) == (1, "monitored", 1)
+    found = results(study())
+    assert (found["schema"], found["seed"], len(found["detectors"])) == (2, 1, 1)
     assert (found["detected"], found["isolated"], found["kind_right"], found["kind_right_20s"]) == (3, 3, 3, 3)
     assert (found["false_alarms"], len(found["trials"])) == (0, 6)
     assert found["false_alarms_per_hour_at_most"] == pytest.approx(3.0 / found["healthy_hours"], rel=0.01)
@@ -75,8 +51,8 @@ def test_results_say_what_watched_and_what_came_of_it():
 
 
 def test_files_say_what_the_study_says(tmp_path):
-    write_monitored_results(study(), tmp_path)
-    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(monitored_results(study())))
+    write_results(study(), tmp_path)
+    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results(study())))
     with (tmp_path / "trials.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["alarm_time_s"] for row in rows] == [str(trial.alarm_time_s or "") for trial in study().trials]
@@ -88,23 +64,28 @@ def test_files_say_what_the_study_says(tmp_path):
 
 
 def test_what_isnt_a_finite_number_is_null_in_json(monkeypatch):
-    row = {**study().trials[0].row(), "peak_level": math.inf, "parameters": [{"error": np.float64("nan")}]}
-    monkeypatch.setattr(gb.MonitoredTrial, "row", lambda _: row)
-    trial = monitored_results(study())["trials"][0]
-    assert (trial["peak_level"], trial["parameters"]) == (None, [{"error": None}])
+    row = {**study().trials[0].row(), "peak_ratio": math.inf, "parameters": [{"error": np.float64("nan")}]}
+    monkeypatch.setattr(gb.Trial, "row", lambda _: row)
+    trial = results(study())["trials"][0]
+    assert (trial["peak_ratio"], trial["parameters"]) == (None, [{"error": None}])
+    assert plain({"a": np.arange(2), "b": Path("c"), 3: (np.bool_(True), None)}) == {
+        "a": [0, 1],
+        "b": "c",
+        "3": [True, None],
+    }
 
 
 def test_the_table_names_sensor_kind_and_parameters_with_their_errors():
-    columns, rows, right = monitored_rows(study())
+    columns, rows, right = trial_rows(study())
     assert columns[:4] == ["scenario", "fault", "channel", "severity"]
     assert right == ["severity", "delay (s)", "isolated after (s)"]
     drift, _, ended, jam, unwatched, harmless = (dict(zip(columns, row, strict=True)) for row in rows)
     assert (drift["verdict"], drift["kind"][:10]) == ("p failed", "drift 0.30")
-    assert " ± 0.000" in drift["kind"]
+    assert " ± 0.00" in drift["kind"]
     assert drift["kind"].endswith(" deg/s²")
     assert ended["verdict"].startswith("q failed, ended at ")
     assert jam["kind"].endswith(" deg/s")
-    assert unwatched["verdict"] == "missed: bank C doesn't use this channel"
+    assert unwatched["verdict"] == "missed: C doesn't use this channel"
     assert (harmless["delay (s)"], harmless["isolated after (s)"], harmless["kind"]) == ("-", "-", "-")
     text = "\n".join(summary_lines(study()))
     assert "detected: 3 of 6; the right sensor named: 3; the right kind of fault 20 s after the alarm: 3" in text
@@ -128,7 +109,7 @@ def test_judgements_are_said_in_words():
 def test_figures_are_pictures_with_something_on_them(tmp_path):
     from matplotlib.image import imread
 
-    paths = write_monitored_figures(study(), tmp_path)
+    paths = write_figures(study(), tmp_path)
     assert [path.name for path in paths] == ["levels_mixed.png", "virtual_mixed.png"]
     for path in paths:
         picture = imread(path)[:, :, :3]
@@ -145,11 +126,11 @@ def test_the_recording_is_small_and_whole(recording):
 def test_a_trials_signals_come_back_bit_for_bit(recording):
     for number, output in ((0, "p"), (3, "r")):
         trial, root = study().trials[number], trial_paths(study().trials)[number]
-        seen, level = trial.watched, trial.watched.levels[output]
+        seen, level = trial.watch, trial.watch.scores[output]
         for entity, time_s, values in (
             ("measured", trial.record.time_s, trial.record[output]),
             ("virtual", seen.record.time_s, seen.virtual(output)),
-            (f"residuals/{output}", seen.record.time_s, seen.residuals.raw[output]),
+            (f"residuals/{output}", seen.record.time_s, seen.residuals[output]),
             (f"levels/{output}", level.known_s, level.values),
         ):
             logged = np.isfinite(values) & (time_s >= 30.0 - 1e-9)  # from 30 s before the onset on
@@ -161,10 +142,10 @@ def test_a_trials_signals_come_back_bit_for_bit(recording):
 def test_what_a_fault_doesnt_enter_stands_there_once(recording):
     root = trial_paths(study().trials)[0]
     assert len(read_back(recording, f"{root}/levels/q")[0]) == 0
-    level = study().baseline.watched.levels["q"]
+    level = study().baseline.watch.scores["q"]
     _, found = read_back(recording, "/healthy/levels/q")
     assert (found[:, 0] == level.values[np.isfinite(level.values)]).all()
-    trial = study().trials[0].watched.levels["q"]
+    trial = study().trials[0].watch.scores["q"]
     np.testing.assert_array_equal(trial.values, level.values)
 
 
@@ -185,80 +166,89 @@ def test_marks_and_events_tell_the_decision_in_time(recording):
     assert "p failed; drift 0.30" in told[-1]
 
 
-def test_run_with_a_monitor_of_a_file_writes_and_prints_its_study(cli, stored, tmp_path):
-    code, out, _ = cli("run", "short.toml", "--monitor", stored, "--out", "here")
-    assert code == 0
-    assert "bank C: 1 trials" in out
-    assert "p failed" in out
-    assert "detected: 1 of 1; the right sensor named: 1" in out
-    names = {path.name for path in (tmp_path / "here").iterdir()}
-    assert names == {"results.json", "trials.csv", "study.rrd", "levels_short.png", "virtual_short.png"}
-    code, out, err = cli("run", "short.toml", "--monitor", stored, "--json")
-    printed = json.loads(out)
-    assert (code, err, printed.pop("out")) == (0, "", "study")
-    assert printed == json.loads((tmp_path / "study/results.json").read_text())
-    assert cli("run", "short.toml", "--monitor", stored, "--out", "still", "-q") == (0, "", "")
-
-
-def test_run_with_a_bank_calibrates_it_first(cli, monkeypatch):
-    given = {}
-
-    def calibrated(bank, flown, _tell):
-        given.update(bank=bank, setup=flown.setup)
-        return monitor()
-
-    monkeypatch.setattr("gtmbench.study.monitored.calibrated", calibrated)
-    assert cli("run", "short.toml", "--monitor", "C", "-q") == (0, "", "")
-    assert given["bank"] == gb.load_bank("C")
-    assert given["setup"].noise == "t2"
-
-
-BAD = {
-    "no such file": ("nowhere.json", "nowhere.json: no such monitor"),
-    "unknown bank": ("Z", "no bank of that name; there are B, C"),
-    "no bank": ("short.toml", "unknown key 'duration_s'"),
-    "other rate": ("slow.json", "the monitor was calibrated at 0.02 s"),
-    "other channels": ("strange.json", "bank strange needs"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_a_bad_monitor_is_one_line_exit_code_2_and_nothing_written(cli, name, tmp_path, monkeypatch):
-    from dataclasses import replace
-
-    files = ModuleType("gtmbench.detectors.bank.files")
-    odd = replace(monitor().bank, name="strange", residuals=(replace(monitor().bank.residuals[0], output="strain"),))
-    made = {"slow": replace(monitor(), sample_period_s=0.02), "strange": replace(monitor(), bank=odd)}
-    files.load_monitor = lambda path: made[path.stem]
-    monkeypatch.setitem(sys.modules, files.__name__, files)
-    for stem in made:
-        (tmp_path / f"{stem}.json").write_text("")
-    before = set(tmp_path.iterdir())
-    source, message = BAD[name]
-    code, out, err = cli("run", "short.toml", "--monitor", source)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert message in err
-    assert set(tmp_path.iterdir()) - before == {tmp_path / "short.toml"} - before
-    code, out, err = cli("run", "short.toml", "--monitor", source, "--json")
-    assert (code, err) == (2, "")
-    assert message in json.loads(out)["error"]
-
-
-def test_a_disk_that_fills_up_leaves_nothing(cli, stored, tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("gtmbench.report.monitor_recording.write_monitored_recording", full)
-    code, _, err = cli("run", "short.toml", "--monitor", stored)
-    assert code == 2
-    assert "No space left on device" in err
-    assert {path.name for path in tmp_path.iterdir()} == {"short.toml", "mine.json"}
-
-
 def test_scenarios_by_any_name_are_drawn_and_recorded(tmp_path, capfd):
-    odd = gb.run_monitored([scenario("my scénario (2) #1+x", SHORT)], monitor())
-    write_monitored_recording(odd, tmp_path / "study.rrd")
-    write_monitored_figures(odd, tmp_path)
+    odd = gb.run_study([scenario("my scénario (2) #1+x", SHORT)], detectors=[monitor()])
+    write_recording(odd, tmp_path / "study.rrd")
+    write_figures(odd, tmp_path)
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
     root = trial_paths(odd.trials)[0]
     assert len(read_back(tmp_path / "study.rrd", f"{root}/measured")[0]) == 9001
+
+
+DETECTORS = ["dissertation", "C", "spike", "swing"]
+
+
+def test_several_detectors_share_a_table_a_file_and_a_summary(tmp_path):
+    columns, rows, _ = trial_rows(several())
+    assert (columns[0], "kind" in columns) == ("detector", True)
+    assert [row[0] for row in rows] == [name for name in DETECTORS for _ in range(6)]
+    lines = summary_lines(several())
+    assert [line for line in lines if not line.startswith(" ")] == [f"{name}:" for name in DETECTORS]
+    assert sum("the right sensor named" in line for line in lines) == 1
+    found = results(several())
+    assert [one["name"] for one in found["detectors"]] == DETECTORS
+    assert [one["isolated"] for one in found["detectors"]] == [None, 3, None, None]
+    assert "threshold" not in found
+    assert found["detectors"][3]["provenance"] == {"limit": 100.0, "unknown": None}
+    write_results(several(), tmp_path)
+    with (tmp_path / "trials.csv").open(newline="") as file:
+        assert [row["detector"] for row in csv.DictReader(file)] == [row[0] for row in rows]
+
+
+def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(tmp_path):
+    names = [path.name for path in write_figures(several(), tmp_path)]
+    assert names == [
+        "markov_dissertation.png",
+        "prediction_dissertation.png",
+        "norm_mixed_dissertation.png",
+        "levels_mixed_C.png",
+        "virtual_mixed_C.png",
+        "alarms_mixed_spike.png",
+        "norm_mixed_swing.png",
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == set(names)
+
+
+def test_a_recording_of_several_holds_each_below_its_name(tmp_path, capfd):
+    write_recording(several(), tmp_path / "study.rrd")
+    assert capfd.readouterr().err == ""
+    frame = gb.read_recording(tmp_path / "study.rrd")
+    entities = set(frame.entity.cat.categories)
+    assert "/truth/rates" in entities
+    for name in DETECTORS:
+        trials = several().trials_of(name)
+        for trial, path in zip(trials, trial_paths(trials), strict=True):
+            root = f"/detectors/{name}{path}"
+            verdict = frame[frame.entity == f"{root}/verdict"].set_index("series")
+            assert bool(verdict.value["detected"]) == trial.detected
+            assert len(frame[frame.entity == f"{root}/measured"]) > 5000
+    swing = several().trials_of("swing")[3].watch.scores["swing"]
+    rows = frame[frame.entity == "/detectors/swing/trials/mixed/r_1/norm"]
+    np.testing.assert_array_equal(rows.value, swing.values)
+    alone = {entity for entity in entities if not entity.startswith("/detectors/")}
+    assert {entity.split("/")[1] for entity in alone} <= {"truth", "sensors", "surfaces", "path", "attitude"}
+
+
+class Wobble(gb.Fault):
+    """A kind of one's own, without a word in any table."""
+
+    kind = "wobble_and_drift"
+    depth: float = 2.0
+
+
+def test_a_kind_of_ones_own_is_told_without_a_table():
+    fault = Wobble(channel="p", onset_s=1.0)
+    assert fault_text(fault) == "wobble and drift of p"
+    assert estimate_text("unheard of", {"depth": 2.0, "onset_s": 1.0}, {"depth": 0.1}, "deg/s") == "2.0 ± 0.1"
+    assert estimate_text(fault.kind, {"depth": 2.0}, {}, "deg/s", fault) == "2 deg/s"
+
+
+def test_a_score_that_stood_above_from_the_start_is_said_to_tell_nothing():
+    base = several().baselines[3]
+    score = base.watch.scores["swing"]
+    none = np.zeros(len(score.values), dtype=bool)
+    stuck = replace(score, values=np.full_like(score.values, 200.0), armed=none)
+    base = replace(base, watch=replace(base.watch, scores={"swing": stuck}))
+    lines = summary_lines(replace(study(), baselines=(base,), trials=()))
+    assert "can't tell: on the healthy record swing stood above the threshold from 5 s on" in "\n".join(lines)
+    assert any("never armed" in line for line in lines)

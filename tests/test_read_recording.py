@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.report import read_recording as module
 from gtmbench.report.lines import log_events, log_lines, log_verdict, trial_paths
-from gtmbench.report.monitor_recording import write_monitored_recording
 from gtmbench.report.read_recording import check_recording
 from gtmbench.report.recording import write_recording
 from tests.watching import study as monitored_study
@@ -35,7 +34,7 @@ def frame(study, tmp_path_factory):
 @pytest.fixture(scope="module")
 def monitored(tmp_path_factory):
     path = tmp_path_factory.mktemp("monitored") / "study.rrd"
-    write_monitored_recording(monitored_study(), path)
+    write_recording(monitored_study(), path)
     return gb.read_recording(path)
 
 
@@ -92,22 +91,24 @@ def plain(value):
 
 def test_residual_norm_and_threshold_come_back_bit_for_bit(study, frame):
     for trial, root in zip(study.trials, trial_paths(study.trials), strict=True):
-        same_line(rows_of(frame, f"{root}/residual", "r"), trial.residual.time_s, trial.residual.values[:, 0])
-        same_line(rows_of(frame, f"{root}/norm", "norm"), trial.norm.known_s, trial.norm.values)
+        norm = trial.watch.scores["E(k)"]
+        same_line(rows_of(frame, f"{root}/residual", "r"), trial.watch.record.time_s, trial.watch.residuals["r"])
+        same_line(rows_of(frame, f"{root}/norm", "norm"), norm.known_s, norm.values)
         same_line(rows_of(frame, f"{root}/measured", trial.channel), trial.record.time_s, trial.record[trial.channel])
         alarm = rows_of(frame, f"{root}/alarm", "alarm")
-        assert (alarm.time_s.item(), alarm.value.item()) == (trial.alarm_time_s, study.baseline.threshold)
+        assert (alarm.time_s.item(), alarm.value.item()) == (trial.alarm_time_s, norm.threshold)
     threshold = rows_of(frame, "/threshold", "threshold")
-    assert set(bits(threshold.value)) == set(bits([study.baseline.threshold]))
+    assert set(bits(threshold.value)) == set(bits([study.baseline.monitor.threshold]))
     assert list(threshold.time_s) == [0.0, 500.0]
-    same_line(rows_of(frame, "/healthy/norm", "norm"), study.baseline.norm.known_s, study.baseline.norm.values)
+    norm = study.baseline.watch.scores["E(k)"]
+    same_line(rows_of(frame, "/healthy/norm", "norm"), norm.known_s, norm.values)
 
 
 def test_signals_are_found_by_channel_and_the_operator_by_lag(study, frame):
     for channel, entity in (("p", "/sensors/rates"), ("beta", "/sensors/wind"), ("tas", "/sensors/speed")):
         same_line(rows_of(frame, entity, channel), study.baseline.healthy.time_s, study.baseline.healthy[channel])
     same_line(rows_of(frame, "/surfaces", "rudder"), study.baseline.flight.time_s, study.baseline.flight["rudder"])
-    operator = study.baseline.operator
+    operator = study.baseline.monitor.operator
     for i, name in enumerate(operator.inputs):
         rows = rows_of(frame, f"/operator/r/{name}", "markov")
         np.testing.assert_array_equal(bits(rows.value), bits(operator.markov[:, 0, i]))
@@ -119,8 +120,9 @@ def test_verdicts_come_back_field_for_field(study, frame):
     for trial, root in zip(study.trials, trial_paths(study.trials), strict=True):
         assert row_of(frame, root) == plain(trial.row())
     healthy = row_of(frame, "/healthy")
-    assert healthy == {name: getattr(study.baseline, name) for name in healthy}
-    assert set(healthy) == {"threshold", "armed_s", "false_alarms", "healthy_hours"}
+    base, norm = study.baseline, study.baseline.watch.scores["E(k)"]
+    known = {"false_alarms": base.false_alarms, "healthy_hours": base.healthy_hours}
+    assert healthy == {"threshold": norm.threshold, "armed_s": norm.armed_s, **known}
 
 
 def test_events_come_back_in_time_with_their_level(study, frame):
@@ -143,8 +145,8 @@ def test_a_monitored_study_comes_back_too(monitored):
     assert found == [plain(trial.row()) for trial in trials]
     assert [row["alarm_time_s"] is None for row in found] == [not trial.detected for trial in trials]
     for number, output in ((0, "p"), (3, "r")):
-        root, seen = trial_paths(trials)[number], trials[number].watched
-        level, from_s = seen.levels[output], 30.0 - 1e-9  # from 30 s before the onset on
+        root, seen = trial_paths(trials)[number], trials[number].watch
+        level, from_s = seen.scores[output], 30.0 - 1e-9  # from 30 s before the onset on
         late = level.known_s >= from_s
         same_line(rows_of(monitored, f"{root}/levels/{output}", output), level.known_s[late], level.values[late])
         late = seen.record.time_s >= from_s

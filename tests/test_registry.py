@@ -107,7 +107,7 @@ def test_a_class_is_made(own):
         ("number", "'number' is a int, no detector; give a Detector, a Monitor, a Bank or a function"),
         ("Needs", "Needs can't be made without arguments: .*something"),
         ("Half", "a Detector has name, channels, calibrate; 'Half' lacks channels"),
-        ("Watcher", "'Watcher' lacks suspects, .*provenance; gtmbench.BaseMonitor gives what may be left out"),
+        ("Watcher", "'Watcher' lacks suspects, .*provenance, stream; gtmbench.BaseMonitor gives what may be left out"),
     ],
 )
 def test_what_is_no_detector_is_refused(name, said, own):
@@ -122,7 +122,7 @@ def test_what_is_no_detector_is_refused(name, said, own):
         ("nowhere.toml", "no such file"),
         ("nowhere.json", "no such file"),
         ("own.py", "say which object in it is the detector: own.py:OBJECT"),
-        ("nowhere.py:Mine", "no such file"),
+        ("nowhere.py:Mine", "no file nowhere.py"),
     ],
 )
 def test_what_isnt_there_is_refused_in_one_line(source, said):

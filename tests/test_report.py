@@ -49,11 +49,14 @@ def read_back(path, entity):
 
 def test_results_have_the_promised_keys(study):
     found = results(study)
-    assert found["schema"] == 1
-    assert {"trim", "operator", "threshold", "trials", "false_alarms", "healthy_hours", "versions", "seed"} <= set(
-        found
-    )
-    promised = {"scenario", "fault", "channel", "onset_s", "detected", "alarm_time_s", "detection_delay_s"}
+    assert found["schema"] == 2
+    top = {"trim", "operator", "threshold", "armed_s", "false_alarms", "healthy_hours", "versions", "seed"}
+    assert {*top, "trials", "detectors", "threshold_unit", "false_alarms_per_hour_at_most"} <= set(found)
+    (detector,) = found["detectors"]
+    assert {name: found[name] for name in detector} == detector
+    assert (detector["name"], detector["detected"], detector["isolated"]) == ("dissertation", 15, None)
+    assert (detector["window_s"], detector["threshold_unit"], detector["look_ahead_s"]) == (10.01, "deg/s", 0.5)
+    promised = {"detector", "scenario", "fault", "channel", "onset_s", "detected", "alarm_time_s", "detection_delay_s"}
     assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in found["trials"])
     assert found["versions"]["jsbsim"] == "1.3.3"
     assert json.loads(json.dumps(found, allow_nan=False)) == json.loads(json.dumps(found))
@@ -96,14 +99,14 @@ def test_the_recording_is_small_and_whole(recording):
 @pytest.mark.parametrize("number", [0, 7, 14])
 def test_a_trials_series_come_back_bit_for_bit(study, recording, number):
     trial, root = study.trials[number], trial_paths(study.trials)[number]
-    known = np.isfinite(trial.norm.values)
+    norm, residual = trial.watch.scores["E(k)"], trial.watch.residuals["r"]
     times, values = read_back(recording, f"{root}/norm")
-    assert (values[:, 0] == trial.norm.values[known]).all()
-    np.testing.assert_array_equal(np.rint(times * 100), np.rint(trial.norm.known_s[known] * 100))
+    assert (values[:, 0] == norm.values[norm.exists]).all()
+    np.testing.assert_array_equal(np.rint(times * 100), np.rint(norm.known_s[norm.exists] * 100))
     times, values = read_back(recording, f"{root}/residual")
-    there = np.isfinite(trial.residual.values[:, 0])
-    assert (values[:, 0] == trial.residual.values[there, 0]).all()
-    np.testing.assert_allclose(times, trial.residual.time_s[there], atol=1e-9)
+    there = np.isfinite(residual)
+    assert (values[:, 0] == residual[there]).all()
+    np.testing.assert_allclose(times, trial.watch.record.time_s[there], atol=1e-9)
     _, values = read_back(recording, f"{root}/measured")
     assert (values[:, 0] == trial.record[trial.channel]).all()
 

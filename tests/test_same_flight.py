@@ -101,3 +101,18 @@ def test_rounded_unknowns_still_trim():
         unknowns = (trim.alpha_deg, trim.roll_deg, *trim.commands.values())
         assert unknowns == tuple(round(value, 8) for value in unknowns)
         assert max(abs(fdm[name]) for name in ACCELERATIONS) < TOLERANCE
+
+
+def test_a_condition_leaves_no_trace_of_the_one_before():
+    """What a search has tried before decides nothing: attitude and accelerations are those of a fresh engine."""
+    craft = load_aircraft("gtm")
+    fdm, trim = trimmed_engine(craft)
+    at = {"altitude": trim.altitude_ft, "tas": craft.tas_kt, "psi": trim.yaw_deg, "beta": 0.0}
+    at |= {"alpha": trim.alpha_deg, "phi": trim.roll_deg, "theta": trim.pitch_deg, **trim.commands}
+    names = [*ACCELERATIONS, *(f"attitude/{angle}-deg" for angle in ("phi", "theta", "psi")), "aero/alpha-deg"]
+    fresh = [fdm[name] for name in names]
+    set_condition(
+        fdm, craft, at | {"alpha": 8.0, "phi": 20.0, "psi": 10.0, "beta": 3.0, "altitude": 3000.0, "tas": 80.0}
+    )
+    set_condition(fdm, craft, at)
+    np.testing.assert_allclose([fdm[name] for name in names], fresh, rtol=0.0, atol=1e-11)

@@ -9,12 +9,11 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.report.log_recording import write_log_recording
-from gtmbench.report.monitor_recording import write_monitored_recording
 from gtmbench.report.recording import write_recording
 from gtmbench.study.run import run_study
 from tests.logged import watched_log
 from tests.monitors import monitor, record
-from tests.watching import study
+from tests.watching import several, study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
 
@@ -35,11 +34,19 @@ def test_the_viewer_shows_lines_in_the_colours_of_the_trials(tmp_path):
         assert close(seen, colour) > 150, f"no line in the colour of {name}"
 
 
-def test_the_viewer_opens_a_monitored_study_with_the_decision(tmp_path):
+def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(tmp_path):
     path = tmp_path / "study.rrd"
-    write_monitored_recording(study(), path)
+    write_recording(study(), path)
     seen = looked_at(path, 70.0)
     for name, colour in {**COLOURS, "virtual sensor": (214, 64, 159)}.items():
+        assert close(seen, colour) > 150, f"no line in the colour of {name}"
+
+
+def test_the_viewer_opens_a_study_of_several_detectors(tmp_path):
+    path = tmp_path / "study.rrd"
+    write_recording(several(), path)
+    seen = looked_at(path, 70.0)
+    for name, colour in COLOURS.items():
         assert close(seen, colour) > 150, f"no line in the colour of {name}"
 
 

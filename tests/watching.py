@@ -3,8 +3,12 @@
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import ClassVar
+
+import numpy as np
 
 import gtmbench as gb
+from gtmbench.detectors.protocol import Score, came_down, rising
 
 EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 EXCITATION = "multisine+turbulence"
@@ -63,3 +67,48 @@ def scenario(name="mixed", text=MIXED):
 def study():
     """Six trials: a drift, one too slow, a saturation that ends, a jam, one that nobody watches, one without effect."""
     return gb.run_study([scenario()], detectors=[monitor()])
+
+
+def spike(record):
+    """Return when q is far from the sample before: a detector of no scores."""
+    return record.time_s[1:][np.abs(np.diff(record["q"])) > 20.0]
+
+
+class Swing:
+    """A detector of one's own: how far yaw is from its mean of the last second, in deg/s; calibrated it is itself."""
+
+    name = "swing"
+    channels = ("r",)
+    suspects = ()
+    sample_period_s = None
+    look_ahead_s = 0.0
+    memory_s = 1.0
+    provenance: ClassVar = {"limit": np.float64(100.0), "unknown": float("nan")}
+
+    def watch(self, record):
+        """Return the swing, and alarms where it is above 100 deg/s."""
+        mean = np.convolve(record["r"], np.ones(100) / 100.0)[: len(record)]
+        values = np.abs(record["r"] - mean)
+        armed = came_down(values, 100.0)
+        score = Score(
+            name="swing",
+            values=values,
+            known_s=record.time_s,
+            threshold=100.0,
+            unit="deg/s",
+            channels=("r",),
+            armed=armed,
+        )
+        times = record.time_s[rising(values, 100.0)].tolist()
+        alarms = [gb.Alarm(number=i, time_s=at, onset_s=at, source="swing") for i, at in enumerate(times)]
+        return gb.Watch(monitor=self, record=record, scores={"swing": score}, alarms=tuple(alarms))
+
+    def stream(self):
+        """Return none: nothing here needs one."""
+        raise NotImplementedError
+
+
+@cache
+def several():
+    """The same trials, watched by all kinds of detectors: the scenario's own, a bank, a function, one of one's own."""
+    return gb.run_study([scenario()], detectors=["dissertation", monitor(), gb.FunctionDetector(spike), Swing()])

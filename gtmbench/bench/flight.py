@@ -26,7 +26,7 @@ _TURBULENCE = {
     "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
     "atmosphere/turbulence/milspec/severity": 3,
 }
-_BREATH_FT_S = 1e-9  # a head wind too weak to be felt, and far above what rounding leaves (1e-13)
+_BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
 
 
 def fly(
@@ -90,15 +90,16 @@ def _commands(aircraft: Aircraft, trimmed: Trim, moved: excitations.Excitation, 
 
 
 def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> None:
-    """Make the air turbulent, its axes turned by a head wind.
+    """Make the air turbulent, with the gusts' axes along and across the track, as MIL-F-8785C means them.
 
     JSBSim turns the gusts' axes by the heading of the steady wind. In still air that is the heading of what rounding
     leaves of airspeed less ground speed, 1e-14 ft/s any way, which other bits of the trim or another CPU's sines turn
-    by any angle: the flight would be another one. A breath of wind gives the axes a direction.
+    by any angle: the flight would be another one. A breath of wind gives the axes a direction. JSBSim turns them the
+    other way round (by the transposed matrix), hence the sign.
     """
     fdm["atmosphere/wind-north-fps"] = _BREATH_FT_S
     fdm["atmosphere/wind-east-fps"] = fdm["atmosphere/wind-down-fps"] = 0.0
-    fdm["atmosphere/psiw-rad"] = math.radians(heading_deg + 180.0)  # turns the wind, and the first step's gusts with it
+    fdm["atmosphere/psiw-rad"] = math.radians(-heading_deg)  # turns the wind, and the first step's gusts with it
     fdm["simulation/randomseed"] = seed
     for name, value in _TURBULENCE.items():
         fdm[name] = value

@@ -93,16 +93,18 @@ def find_fault(kind: Any) -> type[Fault]:
     return register_fault(cls)
 
 
-def import_faults(source: str) -> tuple[str, ...]:
-    """Import a module, ``FILE.py`` or ``package.module``, for the kinds that it registers; return these.
+def import_package(source: str) -> tuple[str, ...]:
+    """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these.
+
+    What ``--import`` does. A module that registers none is fine.
 
     Raises
     ------
     InputError
         Where there is no such module or importing it fails.
     """
-    module = load_module(source)
-    return tuple(kind for kind, cls in _registered.items() if cls.__module__ == module.__name__)
+    name = load_module(source).__name__
+    return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))
 
 
 def _checked(cls: object) -> type[Fault]:

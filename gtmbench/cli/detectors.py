@@ -47,10 +47,10 @@ def import_option(command: F) -> F:
 
     def brought(_context: click.Context, _option: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
         if value:
-            from gtmbench.imports import load_module
+            from gtmbench.bench.registry import import_package
 
             for source in value:
-                load_module(source)
+                import_package(source)
         return value
 
     return click.option(

@@ -21,6 +21,7 @@ _MONITOR = (
     "memory_s",
     "provenance",
     "watch",
+    "stream",
 )
 
 

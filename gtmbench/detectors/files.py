@@ -24,7 +24,7 @@ from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
 VERSION = 2
-BUILT_IN: dict[str, Callable[[dict[str, Any], dict[str, Any]], Monitor]] = {
+BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
 }

@@ -7,7 +7,7 @@ through `for_data_file`, which doesn't know that form.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gtmbench.checks import shown
 from gtmbench.detectors.adapt import adapted
@@ -52,7 +52,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
         return found
     if not hasattr(found, "calibrate"):
         raise InputError(f"{source} is a monitor, calibrated already; leave --calibrated {calibrated} out")
-    return load_monitor(calibrated, detector=found)
+    return load_monitor(calibrated, cast(Detector, found))
 
 
 def as_detector(given: Any) -> Detector | Monitor:

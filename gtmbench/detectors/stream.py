@@ -44,7 +44,9 @@ class RollingBuffer:
         """
         is_record(chunk)
         new = chunk.select(self._channels) if self._channels else chunk
-        clock = advanced(self._clock, ChunkClock.of(new.time_s, new.sample_period_s, f"{', '.join(new.channels)}"))
+        source = ", ".join(new.channels)
+        here = ChunkClock(start_s=new.start_s, sample_period_s=new.sample_period_s, source=source, count=len(new))
+        clock = advanced(self._clock, here)
         if self._kept is None or not len(self._kept):
             return clock, new
         values = np.concatenate([self._kept.values, new.values])

@@ -208,13 +208,17 @@ def raw_needs(name: str) -> set[str]:
     return {raw for need in PSEUDO_INPUTS[name].needs for raw in raw_needs(need)}
 
 
+def factor_of(name: str) -> float:
+    """Return what turns a channel into radians, m/s or g, as the formulas take it."""
+    unit = PSEUDO_INPUTS[name].unit if name in PSEUDO_INPUTS else unit_of(name)
+    return _M_S_PER_KT if unit == "kt" else np.pi / 180.0 if "deg" in unit else 1.0
+
+
 def _computed(name: str, record: Record, cache: dict[str, FloatArray]) -> FloatArray:
     """Return a channel or a pseudo input in radians, m/s or g."""
     if name not in cache:
         if name in record:
-            values = record[name]
-            unit = PSEUDO_INPUTS[name].unit if name in PSEUDO_INPUTS else unit_of(name)
-            cache[name] = values * _M_S_PER_KT if unit == "kt" else np.deg2rad(values) if "deg" in unit else values
+            cache[name] = record[name] * factor_of(name)
         else:
             cache[name] = PSEUDO_INPUTS[name].compute(
                 lambda channel: _computed(channel, record, cache),

@@ -52,7 +52,10 @@ class ResidualStream:
             Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
         is_record(record)
-        clock = advanced(self._clock, ChunkClock.of(record.time_s, record.sample_period_s, "the operator"))
+        chunk = ChunkClock(
+            start_s=record.start_s, sample_period_s=record.sample_period_s, source="the operator", count=len(record)
+        )
+        clock = advanced(self._clock, chunk)
         values = np.concatenate([self._tail, record.matrix(self._channels)])
         joined = Record(values, channels=self._channels, sample_period_s=clock.sample_period_s)
         found = residual(self._operator, joined)

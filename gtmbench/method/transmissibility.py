@@ -119,7 +119,7 @@ class Transmissibility:
 
         noise variance times (Phi' Phi)^-1 for least squares (Phi projected by the instruments, or filtered by the noise
         model; a ridge counts as equations, as if what it assumes had been measured). It takes what is left over as
-        white; `PredictionError` makes it so.
+        white; `PredictionError` makes it so. For `Bayesian` that of the parameters given the records.
 
         Raises
         ------

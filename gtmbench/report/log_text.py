@@ -58,7 +58,8 @@ def outcome_text(watched: WatchedLog) -> str:
 def _fault_text(same: Sequence[Alarm]) -> str:
     first, at = same[0], f"at {same[0].time_s:.2f} s"
     if len(same) > 1:
-        at += f" (found {len(same)} times, last at {same[-1].time_s:.2f} s)"
+        often = f"{len(same)} alarms" if first.last is None else f"found {len(same)} times"
+        at += f" ({often}, last at {same[-1].time_s:.2f} s)"
     if first.last is None:
         return f"something failed {at}"
     named = not first.verdict.startswith("undecided")
@@ -129,7 +130,7 @@ def _spans(spans: Sequence[Span]) -> str:
 def _monitor_lines(watched: WatchedLog) -> list[str]:
     monitor, on = watched.monitor, watched.identified_s
     known = facts(monitor)
-    title = f"{title_text(monitor)}: {known['title']}" if "title" in known else title_text(monitor)
+    title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
     return [title, *origin, *_score_lines(watched, known)]
 
@@ -233,11 +234,10 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
         return ["no false-alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
-    monitor = watched.monitor
-    of = ", ".join(monitor.suspects or monitor.channels or watched.log.channels)
-    slower = "the drifts above" if isinstance(monitor, BankMonitor) else "it can tell"
-    above = "above the thresholds" if monitor.suspects else "that it tells of"
+    if not watched.monitor.suspects:
+        return ["that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
+    slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
     return [
-        f"that is: no fault of {of} {above} began while watched;",
+        f"that is: no fault of {', '.join(watched.monitor.suspects)} above the thresholds began while watched;",
         f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]

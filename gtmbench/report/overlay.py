@@ -92,7 +92,7 @@ def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame)
     told = {"both": of_a & of_b, "only A": of_a - of_b, "only B": of_b - of_a}
     rows = [(event[1], which, event) for which, of in told.items() for event in of.elements()]
     for time_s, which, (entity, _, level, text) in sorted(rows):
-        trial = entity.removeprefix("/trials/").removesuffix("/events")
+        trial = "/".join(word for word in entity.split("/") if word not in ("", "detectors", "trials", "events"))
         set_time(recording, time_s)
         recording.log("/events", rr.TextLog(f"{which}: {trial} {text}" if trial else f"{which}: {text}", level=level))
 

@@ -73,12 +73,13 @@ def _difference(name: Name, shown_s: Span) -> rrb.TimeSeriesView:
 
 def _beside(name: Name, parts: Parts) -> list[Name]:
     """Return what belongs into the plot of a norm or a level: the threshold, and the marks of its trial."""
+    detector, _ = _parted(name[0])
     root, _, last = name[0].rpartition("/")
     if last != "norm":
         root, _, last = root.rpartition("/")
     if last not in ("norm", "levels"):
         return []
-    wanted = [("/threshold", "threshold"), *((f"{root}/{mark}", mark) for mark in _MARKS)]
+    wanted = [(f"{detector}/threshold", "threshold"), *((f"{root}/{mark}", mark) for mark in _MARKS)]
     return [one for one in wanted if any(one in part for part in parts.values())]
 
 
@@ -100,16 +101,21 @@ def _is_chart(name: Name, parts: Parts) -> bool:
 
 
 def _importance(name: Name) -> tuple[int, Name]:
-    root = name[0].split("/")[1]
+    root = _parted(name[0])[1][0]
     return (_ROOTS.index(root) if root in _ROOTS else len(_ROOTS)), name
 
 
 def _tab(name: Name) -> str:
-    """Return the tab of a series: a scenario of trials, or the entity's first word."""
-    root, *more = name[0].split("/")[1:]
-    if root == "trials" and more:
-        return more[0]
-    return "healthy" if root == "threshold" else root
+    """Return the tab of a series: a scenario of trials, or the entity's first word; with whose it is, of several."""
+    detector, (root, *more) = _parted(name[0])
+    tab = more[0] if root == "trials" and more else "healthy" if root == "threshold" else root
+    return f"{detector.rpartition('/')[2]}: {tab}" if detector else tab
+
+
+def _parted(entity: str) -> tuple[str, list[str]]:
+    """Return the entity of the detector that one belongs to, empty where there is one only, and the words below it."""
+    words = entity.split("/")[1:]
+    return (f"/{'/'.join(words[:2])}", words[2:]) if words[0] == "detectors" and len(words) > 2 else ("", words)
 
 
 def _title(name: Name) -> str:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from gtmbench.bench.fault import Fault
-from gtmbench.bench.faults import FAULTS
+from gtmbench.bench.registry import loaded_faults
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.tails import rate_bound
@@ -71,7 +71,7 @@ def estimate_text(
     >>> estimate_text("wobble", {"depth": 2.0}, {}, "deg/s")
     '2'
     """
-    known = injected if injected is not None and injected.kind == kind else FAULTS.get(kind)
+    known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
     slopes = {item.name for item in known.parameters() if item.per_second} if known else set()
     parts = []
     for name, value in parameters.items():

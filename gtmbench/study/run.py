@@ -51,7 +51,7 @@ def run(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     if faults:
-        loaded = replace(loaded, faults=tuple(map(spec_of, faults)))
+        loaded = replace(loaded, faults=tuple(spec_of(fault, loaded.setup.duration_s) for fault in faults))
     return list(run_study([loaded], detectors=detectors, seed=seed).trials)
 
 

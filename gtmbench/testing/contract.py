@@ -1,14 +1,4 @@
-"""The contract suite: what every detector has to hold, each property by its name; for anyone's detector.
-
->>> import gtmbench as gb
->>> check_detector("dissertation")
->>> def hindsight(record):  # an alarm at the greatest p, which nobody knows before the end
-...     return record.time_s[[int(np.nanargmax(record["p"]))]]
->>> check_detector(hindsight)
-Traceback (most recent call last):
-...
-AssertionError: 'hindsight', cut: of a record cut at 84.42 s the alarms are 84.42 s hindsight, those of the whole by then are none
-"""
+"""The contract suite: what every detector has to hold, each property by its name; for anyone's detector."""
 
 from __future__ import annotations
 
@@ -45,6 +35,17 @@ def check_detector(
     ------
     AssertionError
         Naming the detector, the property and the figures.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> check_detector("dissertation")
+    >>> def hindsight(record):  # an alarm at the greatest p, which nobody knows before the end
+    ...     return record.time_s[[int(np.nanargmax(record["p"]))]]
+    >>> check_detector(hindsight)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    AssertionError: 'hindsight', cut: of a record cut at ... s the alarms are ..., those of the whole ...
     """
     __tracebackhide__ = True
     case = contract_case(detector, records, fault=fault)

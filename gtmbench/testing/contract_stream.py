@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,12 +27,12 @@ def _cut(case: Case, kind: str) -> list[int]:
     return [0, *inner, count]
 
 
-def _pushed(case: Case, stream: Stream, record: Record, edges: Sequence[int], kind: str) -> None:
+def _pushed(stream: Stream, record: Record, edges: Sequence[int], kind: str) -> None:
     """Push a record in chunks; fail where an alarm doesn't come with the samples that make it known."""
     slack_s = 1e-3 * record.sample_period_s
     before_s, numbers = -np.inf, 0
     held: dict[int, Alarm] = {}
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in pairwise(edges):
         chunk = rows_of(record, begin, end)
         for alarm in stream.push(chunk):
             old = held.get(alarm.number)
@@ -51,7 +52,7 @@ def _pushed(case: Case, stream: Stream, record: Record, edges: Sequence[int], ki
 
 def _batch(case: Case, record: Record, kind: str) -> None:
     stream = case.monitor.stream()
-    _pushed(case, stream, record, _cut(case, kind), kind)
+    _pushed(stream, record, _cut(case, kind), kind)
     seen = case.seen if record is case.record else case.monitor.watch(record)
     what = f"in chunks of {kind} the stream's"
     same(case.told(stream.alarms), case.told(seen.alarms), f"{what} alarms are", "those of watch are")
@@ -65,27 +66,27 @@ def _ends(alarms: Iterable[Alarm]) -> list[str]:
 
 
 def all_at_once(case: Case) -> None:
-    """A record pushed as one chunk gives the alarms of `watch`."""
+    """Check that a record pushed as one chunk gives the alarms of `watch`."""
     _batch(case, case.record, "all")
 
 
 def hundreds(case: Case) -> None:
-    """Chunks of 100 samples give the alarms of `watch`."""
+    """Check that chunks of 100 samples give the alarms of `watch`."""
     _batch(case, case.record, "100")
 
 
 def sevens(case: Case) -> None:
-    """Chunks of 7 samples, around the first alarm, give the alarms of `watch`."""
+    """Check that chunks of 7 samples, around the first alarm, give the alarms of `watch`."""
     _batch(case, case.record, "7")
 
 
 def singles(case: Case) -> None:
-    """Single samples, around the first alarm, give the alarms of `watch`, each with the sample that makes it known."""
+    """Check that single samples, around the first alarm, give the alarms of `watch`, each when it becomes known."""
     _batch(case, case.record, "1")
 
 
 def gaps(case: Case) -> None:
-    """A record with missing samples gives the alarms of `watch`."""
+    """Check that a record with missing samples gives the alarms of `watch`."""
     values = np.array(case.record.values)
     first = case.cuts[0]
     values[max(first - 60, 0) : max(first - 45, 1)] = np.nan
@@ -99,7 +100,7 @@ def gaps(case: Case) -> None:
 
 
 def refused_chunks(case: Case) -> None:
-    """A chunk that is refused changes nothing."""
+    """Check that a chunk that is refused changes nothing."""
     stream, half = case.monitor.stream(), max(case.cuts[0] - 5, 1)
     stream.push(rows_of(case.record, 0, half))
     for what, chunk in _wrong(case, half):
@@ -125,7 +126,7 @@ def _wrong(case: Case, half: int) -> Iterator[tuple[str, Record]]:
 
 
 def armed(case: Case) -> None:
-    """`armed` says of each score whether it could raise an alarm; one that raised an alarm has been armed."""
+    """Check that `armed` says of each score whether it could raise an alarm: just before one, it could."""
     stream = case.monitor.stream()
     stream.push(rows_of(case.record, 0, case.cuts[0]))
     said = stream.armed

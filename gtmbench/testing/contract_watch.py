@@ -11,12 +11,12 @@ from gtmbench.testing.contract_case import Case, refused, rows_of, same
 
 
 def detects(case: Case) -> None:
-    """It alarms on the fault: without an alarm there is nothing to check."""
+    """Check that it alarms on the fault: without an alarm there is nothing to check."""
     assert case.seen.alarms, "no alarm on the record with a fault; give fault=, one that it detects, or other records"
 
 
 def in_time(case: Case) -> None:
-    """Alarms come sorted and numbered from 0, within the record; what is said of one is said in time, and not before."""
+    """Check that alarms come sorted and numbered from 0, within the record, and that judgements follow them."""
     alarms, record = case.seen.alarms, case.record
     numbers = [alarm.number for alarm in alarms]
     assert numbers == list(range(len(alarms))), f"alarms are numbered {numbers[:5]}; number them 0, 1, 2 ..."
@@ -37,7 +37,7 @@ def in_time(case: Case) -> None:
 
 
 def scores_fit(case: Case) -> None:
-    """Scores stand row for row beside the record, are known at or after their samples, and carry the alarms' sources."""
+    """Check that scores stand row for row beside the record, known after their samples, and are the alarms' sources."""
     record, scores = case.record, case.seen.scores
     for name, score in scores.items():
         for what, of in (("values", score.values), ("known_s", score.known_s), ("armed", score.armed)):
@@ -46,14 +46,14 @@ def scores_fit(case: Case) -> None:
         assert not early.any(), f"score '{name}' is known before its sample at {record.time_s[early][:1]} s"
         known = score.known_s[score.exists]
         assert not len(known) or known.max() <= record.end_s + 1e-6, (
-            f"score '{name}' has values that are known at {known.max():g} s, after the record's end at {record.end_s:g} s"
+            f"score '{name}' has values known at {known.max():g} s, after the record's end at {record.end_s:g} s"
         )
     odd = {alarm.source for alarm in case.seen.alarms} - set(scores)
     assert not scores or not odd, f"alarms of {', '.join(odd)}, and scores of {', '.join(scores)}"
 
 
 def untouched(case: Case) -> None:
-    """Watching leaves the record as it is."""
+    """Check that watching leaves the record as it is."""
     before = case.record.values.tobytes()
     case.monitor.watch(case.record)
     assert case.record.values.tobytes() == before, "the record's samples have changed"
@@ -61,13 +61,13 @@ def untouched(case: Case) -> None:
 
 
 def repeatable(case: Case) -> None:
-    """Watching twice says the same, whatever was watched between."""
+    """Check that watching twice says the same, whatever was watched between."""
     case.monitor.watch(case.healthy[0])
     same(case.told(case.monitor.watch(case.record).alarms), case.told(case.seen.alarms), "the second time", "the first")
 
 
 def cut(case: Case) -> None:
-    """Of a record that ends earlier, the alarms are those of the whole by then: nothing is known beforehand."""
+    """Check that a record that ends earlier has the alarms that the whole has by then: nothing is known beforehand."""
     for count in case.cuts:
         part = rows_of(case.record, 0, count)
         same(
@@ -79,7 +79,7 @@ def cut(case: Case) -> None:
 
 
 def later_samples(case: Case) -> None:
-    """Other samples later change no alarm before, and no score that was known."""
+    """Check that other samples later change no alarm before, and no score that was known."""
     count = case.cuts[-1] if len(case.cuts) == 1 else case.cuts[-2]
     until_s = case.record.start_s + round((count - 1) * case.record.sample_period_s, 9)
     values = np.array(case.record.values)
@@ -99,15 +99,14 @@ def later_samples(case: Case) -> None:
 
 
 def missing_samples(case: Case) -> None:
-    """Missing samples raise nothing: a gap gives no odd times and changes nothing before it; without any, no alarm."""
+    """Check that missing samples raise no exception and give no times that are none; without samples, no alarm."""
     first = case.cuts[0]
     values = np.array(case.record.values)
     values[max(first - 40, 0) : max(first - 20, 1)] = np.nan
     values[len(values) // 4, 0] = np.nan
     for alarm in case.monitor.watch(_with(case.record, values)).alarms:
-        assert np.isfinite([alarm.time_s, alarm.onset_s]).all(), (
-            f"an alarm at {alarm.time_s} s, since {alarm.onset_s} s"
-        )
+        times = alarm.time_s, alarm.onset_s
+        assert np.isfinite(times).all(), f"with missing samples, an alarm at {times[0]} s, since {times[1]} s"
     nothing = _with(case.record, np.full(values.shape, np.nan))
     told = case.told(case.monitor.watch(nothing).alarms)
     same(told, [], "of a record without a single sample the alarms are", "they must be")
@@ -116,7 +115,7 @@ def missing_samples(case: Case) -> None:
 
 
 def declared_channels(case: Case) -> None:
-    """It reads what it declares and nothing else; what it declares has to be there."""
+    """Check that it reads what it declares and nothing else, and that what it declares has to be there."""
     if not case.monitor.channels:
         return
     alone = case.monitor.watch(case.record.select(case.monitor.channels))
@@ -130,7 +129,7 @@ def declared_channels(case: Case) -> None:
 
 
 def sample_period(case: Case) -> None:
-    """Where it states a sample period, another is refused."""
+    """Check that another sample period than the one it states is refused."""
     if case.monitor.sample_period_s is None:
         return
     other = Record(

@@ -11,6 +11,7 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
+from gtmbench.detectors.bank.stream import BankStream
 from gtmbench.detectors.bank.watch import scores_and_alarms
 from gtmbench.detectors.protocol import Progress, Watch, silent
 from gtmbench.errors import InputError
@@ -49,6 +50,10 @@ class BankMonitor(CalibratedBank):
     def memory_s(self) -> float:
         """Infinite: a fault that lasts is remembered for as long."""
         return float("inf")
+
+    def stream(self) -> BankStream:
+        """Return a fresh stream: what `watch` says of a record, as its samples come in."""
+        return BankStream(self)
 
     def watch(self, record: Record) -> Watch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.

@@ -21,7 +21,7 @@ from gtmbench.method.regression.slow import fir, held, reflected, regressors, sm
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
 
-_CHUNK = 4096
+_CHUNK = 512  # rows: what they are turned into stays in the cache
 _Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
@@ -193,7 +193,8 @@ class SpreadStream:
         phi = np.concatenate([self._phi, new], axis=1)
         self._phi = phi[:, len(slow) :]
         complete, self._complete = self._complete[: len(slow)], self._complete[len(slow) :]
-        return np.where(complete, np.square(regressors(phi, self._lags) @ self._root).sum(axis=-1), 0.0)
+        of_noise = regressors(phi, self._lags) @ self._root
+        return np.where(complete, np.vecdot(of_noise, of_noise), 0.0)
 
     def _shifts(self, white: FloatArray) -> FloatArray:
         """Return, of every window, the mean of its rows less that of up to the baseline's before, row for row."""

@@ -164,6 +164,12 @@ class Engine:
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
 
+    def is_quiet(self, levels: Iterable[float]) -> bool:
+        """Tell whether levels that the next row makes known raise no alarm, and no judgement is due with it."""
+        return self.row < self.due and not any(
+            level > 1.0 and one.low and one.disarmed_row is None for one, level in zip(self.arming, levels, strict=True)
+        )
+
     def see(self, levels: Iterable[float]) -> bool:
         """Take the levels that the next row makes known, where no judgement is due; return whether one is an alarm."""
         row = self.row
@@ -176,7 +182,10 @@ class Engine:
     def _watch(self, stop: int) -> None:
         """Go on to a row, or to the first alarm, if that comes before: it may bring a judgement that is due sooner."""
         levels = [one.track.known(self.row, stop) for one in self.arming]
-        for row in zip(*levels, strict=True):
+        if all(one.low for one in self.arming) and not any((of > 1.0).any() for of in levels):
+            self.row = stop  # so it is nearly always
+            return
+        for row in zip(*(of.tolist() for of in levels), strict=True):
             if self.see(row):
                 return
 
@@ -248,9 +257,10 @@ class Engine:
         """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose."""
         for each in self._earlier(fault):
             told = each.alarm.last
-            if told is not None and (told.sensor is not None or not fault.is_judged):
-                if fault.alarm.source in entered(self._bank, told.candidates):
-                    return each
+            if told is None or (fault.is_judged and told.sensor is None):
+                continue
+            if fault.alarm.source in entered(self._bank, told.candidates):
+                return each
         return None
 
     def _trusted(self, fault: Fault) -> tuple[str, ...]:
@@ -337,7 +347,7 @@ class Engine:
         )
 
     def _close(self, fault: Fault, **end: float) -> None:
-        """A fault is over, with all that counted to it: take its rows out and watch anew."""
+        """End a fault, with all that counted to it: take its rows out and watch anew."""
         told = fault.alarm.last
         outputs = {fault.alarm.source} | entered(self._bank, () if told is None else told.candidates)
         if end:

@@ -71,7 +71,7 @@ def _posed(
     scaling = Scaling(rows=np.arange(len(centre)), centre=centre, rms=scale)
     return Problem(
         stretches=tuple(
-            Stretch(values=interpolated(record.values).T, weights=some.astype(np.float64), scaling=scaling)
+            Stretch(values=interpolated(record.values).T, weights=np.asarray(some, dtype=np.float64), scaling=scaling)
             for record, some in zip(records, there, strict=True)
         ),
         instruments=(),

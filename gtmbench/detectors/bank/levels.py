@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.spread import Given, Spread
-from gtmbench.detectors.bank.statistics import Carried
+from gtmbench.detectors.bank.statistics import MOST, Carried
 from gtmbench.detectors.protocol import rising
 from gtmbench.record import FloatArray, Record, frozen
 
@@ -88,11 +89,11 @@ class Track:
         self._history = round(monitor.history_of(output) / self._period_s)
         self._looks_back = self._test.looks_back(self._period_s)
         self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
-        self._tail = np.zeros(0)  # of the raw residual, for whitening
         self._rows = np.zeros(0, dtype=int)  # of the samples that exist,
         self._samples: FloatArray | None = None  # and they: values, plain, doubtful share, variances of means
         self._judged = 0  # so many of them
         self._carried: Carried = {}
+        self._fresh: list[tuple[int, float]] = []  # taken one by one
         self._missing = range(0)
         self._whole = True  # no rows have been taken out yet
         self._from = 0  # levels of rows before have been told
@@ -105,31 +106,57 @@ class Track:
         """One past the last row that came in."""
         return self.first + len(self.values)
 
-    def extend(self, raw: FloatArray, spread: Spread | None = None) -> None:
-        """Take the next rows of the residual."""
-        begin, order = self.stop, self._whitener.order
-        longer = np.concatenate([self._tail, raw])
-        white = self._whitener.whiten(longer)[len(self._tail) :]
-        self._tail = longer[max(len(longer) - order, 0) :].copy()
+    def extend(self, raw: FloatArray, spread: Spread | None = None, *, before: int = 0) -> None:
+        """Take the next rows of the residual; of those given, the first `before` were taken already.
+
+        As many as the whitening filter is long are looked at.
+        """
+        begin = self.stop
+        white = self._whitener.whiten(raw)[before:]
+        raw = raw[before:]
         there, given = self._test.given(raw, white, spread)
         samples = _matrix(given)
         rows = there + begin
         if self._missing and len(rows):
             kept = (rows < self._missing.start) | (rows >= self._missing.stop)
             rows, samples = rows[kept], samples[kept]
+        self._flush()
         self._rows = np.concatenate([self._rows, rows])
         self._samples = samples if self._samples is None else np.concatenate([self._samples, samples])
-        self.values = np.concatenate([self.values, np.full(len(raw), np.nan)])
-        self.leading = np.concatenate([self.leading, np.zeros(len(raw), dtype=int)])
-        self.onset_row = np.concatenate([self.onset_row, np.zeros(len(raw), dtype=int)])
+        self._open(len(raw))
 
-    def known(self, first: int, stop: int) -> list[float]:
+    def take(self, row: int, white: float) -> bool:
+        """Take the next row, whitened; return whether there is a sample."""
+        there = math.isfinite(white) and row not in self._missing
+        if there:
+            self._fresh.append((row, min(max(white, -MOST), MOST)))
+            if len(self._fresh) > _BLOCK:
+                self._flush()
+        return there
+
+    def pass_over(self) -> None:
+        """Say nothing of the row that was taken."""
+        self.first += 1
+
+    def reopen(self, there: bool) -> None:
+        """Work out the level of the row that was taken, after all."""
+        self._flush()
+        self._judged -= there
+        self._open(1)
+
+    def latest(self) -> FloatArray:
+        """Return the samples that a next one's statistics look back at."""
+        self._flush()
+        given = np.zeros((0, 1)) if self._samples is None else self._samples
+        return given[max(len(given) - self._looks_back, 0) :, 0]
+
+    def known(self, first: int, stop: int) -> FloatArray:
         """Return the levels that become known with some rows of the record; NaN where there are none."""
         self._judge(stop - self.ahead)
-        missing = min(max(self.ahead - first, 0), stop - first)
-        begin = first + missing - self.ahead - self.first
-        found: list[float] = self.values[begin : begin + stop - first - missing].tolist()
-        return [float("nan")] * missing + found
+        early = min(max(self.ahead - first, 0), stop - first)
+        begin = first + early - self.ahead - self.first
+        found = self.values[begin : begin + stop - first - early]
+        return np.concatenate([np.full(early, np.nan), found]) if early else found
 
     def crossing(self, output: str, row: int, time_s: float) -> Crossing:
         """Return what is to be said of a level that rose at a row."""
@@ -141,6 +168,7 @@ class Track:
         """Treat rows of the record as missing, and those around that saw them; levels change from `row` on."""
         order = 0 if self._test.name == "energy" else self._whitener.order
         self._missing = range(rows.start - self._history, rows.stop + self._history + order)
+        self._flush()
         before = int(np.searchsorted(self._rows, row))
         kept = slice(max(before - self._most, 0), None)
         out = (self._rows[kept] >= self._missing.start) & (self._rows[kept] < self._missing.stop)
@@ -148,19 +176,36 @@ class Track:
         if self._samples is not None:
             self._samples = self._samples[kept][~out]
         self._judged, self._carried, self._whole = 0, {}, False
-        self.values[row - self.first :] = np.nan
+        self.values[max(row - self.first, 0) :] = np.nan
         self._from = row
 
     def forget(self) -> None:
-        """Drop what will not be looked back at."""
+        """Drop the levels that have been told, and the samples that won't be looked back at."""
+        self._trim()
+        self.first += len(self.values)
+        self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+
+    def _trim(self) -> None:
         surplus = self._judged - self._most
         if surplus > 0 and self._samples is not None:
             self._rows, self._samples = self._rows[surplus:], self._samples[surplus:]
             self._judged -= surplus
-        drop = len(self.values) - 2
-        if drop > 0:
-            self.first += drop
-            self.values, self.leading, self.onset_row = self.values[drop:], self.leading[drop:], self.onset_row[drop:]
+
+    def _open(self, rows: int) -> None:
+        self.values = np.concatenate([self.values, np.full(rows, np.nan)])
+        self.leading = np.concatenate([self.leading, np.zeros(rows, dtype=int)])
+        self.onset_row = np.concatenate([self.onset_row, np.zeros(rows, dtype=int)])
+
+    def _flush(self) -> None:
+        """Put single rows to the others; they have been judged."""
+        if self._fresh:
+            rows, samples = (np.array(column) for column in zip(*self._fresh, strict=True))
+            self._rows = np.concatenate([self._rows, rows])
+            known = samples[:, np.newaxis]
+            self._samples = known if self._samples is None else np.concatenate([self._samples, known])
+            self._judged += len(rows)
+            self._fresh.clear()
+            self._trim()
 
     def _judge(self, stop: int) -> None:
         """Work out the levels of rows before `stop`."""
@@ -179,6 +224,7 @@ class Track:
             values[higher] = level[higher]
             leading[higher] = i
             reach[higher] = one.reach if isinstance(one.reach, int) else one.reach[higher]
+        reach = np.minimum(reach, self._looks_back)
         values[np.isneginf(values)] = np.nan
         rows = self._rows[self._judged : end]
         onset = self._rows[np.maximum(np.arange(self._judged, end) - reach, 0)]
@@ -226,18 +272,17 @@ def over(values: FloatArray, threshold: float) -> FloatArray:
 
 def crossings(level: Mapping[str, Level]) -> list[Crossing]:
     """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
-    found = []
-    for output, one in level.items():
-        for row in rising(one.values, 1.0).tolist():
-            found.append(
-                Crossing(
-                    output=output,
-                    row=row,
-                    time_s=float(one.known_s[row]),
-                    onset_row=int(one.onset_row[row]),
-                    series=one.series[one.leading[row]],
-                )
-            )
+    found = [
+        Crossing(
+            output=output,
+            row=row,
+            time_s=float(one.known_s[row]),
+            onset_row=int(one.onset_row[row]),
+            series=one.series[one.leading[row]],
+        )
+        for output, one in level.items()
+        for row in rising(one.values, 1.0).tolist()
+    ]
     return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
 
 

@@ -1,4 +1,4 @@
-"""What a diagnosis may look at: the last minutes of a record, and the residuals and predictions that were made of it."""
+"""What a diagnosis may look at: the last minutes of a record, with residuals and predictions beside it."""
 
 from __future__ import annotations
 
@@ -60,6 +60,26 @@ class Memory:
         for name, values in made.items():
             late = values[begin - (row - self.first) :]
             self._table[begin : begin + len(late), self._columns[name]] = late
+
+    def take_one(self, row: list[float]) -> None:
+        """Take the next row of the channels."""
+        if self.stop - self.first == len(self._table):
+            self._make_room(1)
+        self._table[self.stop - self.first, : len(row)] = row
+        self.stop += 1
+
+    def put_one(self, output: str, channel: int, row: int, predicted: float) -> float:
+        """Put a prediction beside a row; return the residual that it leaves of a channel."""
+        at, column = row - self.first, self._columns["raw", output]
+        raw = float(self._table[at, channel]) - predicted
+        self._table[at, column : column + 2] = raw, predicted
+        return raw
+
+    def raw_before(self, output: str, stop: int) -> FloatArray:
+        """Return the residuals that are known before a row of the record, at most a thousand."""
+        end = stop - self._ahead[output]
+        rows = range(max(end - 1000, self.first, 0), end)
+        return self._column(("raw", output), rows)
 
     def blot(self, output: str, rows: range) -> None:
         """Treat rows of a residual as missing, and those around that saw them."""

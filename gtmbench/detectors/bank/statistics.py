@@ -17,7 +17,7 @@ from gtmbench.record import FloatArray
 
 _LONG_S = 20.0
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
-_MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
+MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
 Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how many samples ago it left zero
@@ -121,7 +121,7 @@ class Statistic:
         """Return the rows where there is a sample, and what the statistic is made of there."""
         plain = raw if self.name == "energy" else white
         there = np.flatnonzero(np.isfinite(plain))
-        most = 1e150 if self.name == "energy" else _MOST
+        most = 1e150 if self.name == "energy" else MOST
         clipped = np.clip(plain[there], -most, most)
         if spread is None:
             return there, Given(values=clipped, plain=clipped, means={}, doubtful=np.zeros(len(there)))
@@ -231,16 +231,18 @@ def _glr(
     """
     found = []
     low = tolerance.low if test.two_sided else 0.0
+    plain, values = _Sums.of(given.plain), None if given.values is given.plain else _Sums.of(given.values)
     for rows in test.rows(sample_period_s):
-        shift, power, length = _windows(given.plain, rows, test, sample_period_s, last)
+        shift, power, length = _windows(plain, rows, test, sample_period_s, last)
         variance: float | FloatArray = 0.0
         high: float | FloatArray = tolerance.high
-        if given.values is not given.plain:
-            _, power, _ = _windows(given.values, rows, test, sample_period_s, last)
+        if values is not None:
+            _, power, _ = _windows(values, rows, test, sample_period_s, last)
             doubtful = _trailing(given.doubtful, rows, last) / rows
             high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * doubtful)
             variance = given.means[rows][len(given.plain) - last :] if rows in given.means else 0.0
-        of_mean, of_energy = glr(shift, power, rows, length, tolerance.mean, low, high, variance)
+        chance = 1.0 / rows + 1.0 / np.maximum(length, 1) + variance
+        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
         found.append(Series(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks))
@@ -252,17 +254,15 @@ def glr(
     shift: FloatArray,
     power: FloatArray,
     rows: int | FloatArray,
-    length: FloatArray,
+    chance: float | FloatArray,
     tolerance: float | FloatArray,
     low: float | FloatArray,
     high: float | FloatArray,
-    variance: float | FloatArray = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the two ratios of `_glr`, of arrays of any shape: windows of `rows`, `length` samples before them."""
+    """Return the two ratios of `_glr`, of arrays of any shape: windows of `rows`, `chance` the shift's variance."""
     beyond = np.maximum(np.abs(shift) - tolerance, 0.0)
-    of_mean = beyond * beyond / (2.0 * (1.0 / rows + 1.0 / np.maximum(length, 1) + variance))
     ratio = power / np.minimum(np.maximum(power, low), high)
-    return of_mean, 0.5 * rows * (ratio - 1.0 - np.log(ratio))
+    return beyond * beyond / (2.0 * chance), 0.5 * rows * (ratio - 1.0 - np.log(ratio))
 
 
 STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried], list[Series]]] = {
@@ -273,14 +273,25 @@ STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried
 }
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sums:
+    """Sums of samples and of their squares, up to each."""
+
+    plain: FloatArray
+    squares: FloatArray
+
+    @classmethod
+    def of(cls, w: FloatArray) -> _Sums:
+        return cls(plain=_sums(w), squares=_sums(w * w))
+
+
 def _windows(
-    w: FloatArray, rows: int, test: Statistic, sample_period_s: float, last: int
+    w: _Sums, rows: int, test: Statistic, sample_period_s: float, last: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return, at the last samples, `rows` samples' mean and mean square about the mean before, and its length."""
-    sums, squares = _sums(w), _sums(w * w)
-    base, length = _baseline(sums, test, sample_period_s, gap=rows, last=last)
-    mean = (_before(sums, 0, last) - _before(sums, rows, last)) / rows
-    power = (_before(squares, 0, last) - _before(squares, rows, last)) / rows
+    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, last=last)
+    mean = (_before(w.plain, 0, last) - _before(w.plain, rows, last)) / rows
+    power = (_before(w.squares, 0, last) - _before(w.squares, rows, last)) / rows
     return mean - base, np.maximum(power - 2.0 * base * mean + base * base, 1e-12), length
 
 
@@ -330,11 +341,11 @@ def tolerance_of(
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
     (four deviations) is left out; of the mean squares `noise` deviations, which matter where windows are short.
     """
-    given = [np.clip(white[np.isfinite(white)], -_MOST, _MOST) for white in whites]
+    given = [np.clip(white[np.isfinite(white)], -MOST, MOST) for white in whites]
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        shift, power, length = _windows(w, rows, test, sample_period_s, len(w))
+        shift, power, length = _windows(_Sums.of(w), rows, test, sample_period_s, len(w))
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()

@@ -53,8 +53,18 @@ class Bayesian:
 
     Examples
     --------
-    >>> Bayesian()
-    Bayesian(gain=0.01, delay_s=0.05, tap=0.005, free=3.0)
+    The gain of a sensor at rest, from noise alone:
+
+    >>> from gtmbench.method.identify import identify
+    >>> from gtmbench.record import Record
+    >>> noise = np.random.default_rng(1).standard_normal((750, 2))
+    >>> record = Record(0.1 * noise, channels=["p", "p_att"], sample_period_s=0.04)
+    >>> names = {"inputs": ["p_att"], "outputs": ["p"], "causal_order": 2, "noncausal_order": 2}
+    >>> operator = identify(record, estimator=Bayesian(), **names)
+    >>> operator.markov.sum().round(2), np.sqrt(operator.covariance("p").sum()).round(3)  # and its deviation
+    (np.float64(1.0), np.float64(0.015))
+    >>> bool(abs(identify(record, **names).markov.sum()) < 0.3)  # least squares
+    True
     """
 
     instruments: ClassVar[tuple[str, ...]] = ()
