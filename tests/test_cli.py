@@ -129,7 +129,16 @@ def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_pa
 def test_list_names_everything_there_is(cli):
     _, out, _ = cli("list", "--json")
     listed = json.loads(out)
-    assert set(listed) == {"aircraft", "channels", "excitations", "faults", "scenarios", "detectors", "banks", "pseudo inputs"}
+    assert set(listed) == {
+        "aircraft",
+        "channels",
+        "excitations",
+        "faults",
+        "scenarios",
+        "detectors",
+        "banks",
+        "pseudo inputs",
+    }
     assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}
     assert set(listed["scenarios"]) == {"drift", "deadzone", "saturation", "rate_saturation", "jam"}
     _, text, _ = cli("list")
@@ -221,7 +230,9 @@ app.main(["run", "jam"])
 """
 
 
-@pytest.mark.parametrize("step", ["trim", "fly", "calibrate dissertation", "jam of q", "figures", "recording", "results"])
+@pytest.mark.parametrize(
+    "step", ["trim", "fly", "calibrate dissertation", "jam of q", "figures", "recording", "results"]
+)
 def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path, step):
     command = [sys.executable, "-c", INTERRUPTED, step]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)

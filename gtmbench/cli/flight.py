@@ -10,9 +10,9 @@ import click
 from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.excitation import EXCITATIONS
 from gtmbench.bench.flight import fly
+from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.registry import GROUP as FAULT_GROUP
 from gtmbench.bench.registry import loaded_faults
-from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
