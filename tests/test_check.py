@@ -289,7 +289,9 @@ def test_tolerances_are_one_sided_and_the_larger_of_both(was, now, share, absolu
     group = figures_of(study())[2]
     tolerance = Tolerance(share=share, absolute=absolute)
     for figure, sign in (("threshold", 1.0), ("margin", -1.0)):
-        (one,) = compare({"score": {"E(k)": {figure: was}}}, [replace(group, values={figure: now})], {figure: tolerance})
+        (one,) = compare(
+            {"score": {"E(k)": {figure: was}}}, [replace(group, values={figure: now})], {figure: tolerance}
+        )
         beyond = sign * (now - was)
         room = max(share * abs(was), absolute)
         slack = 1e-9 * (abs(was) + abs(now) + room)  # of rounding

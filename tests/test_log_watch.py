@@ -107,13 +107,13 @@ def test_a_span_that_ends_on_a_sample_has_it_and_the_watch_begins_with_the_next(
 def test_a_bank_learns_from_what_is_healthy_and_watches_the_rest(logs):
     seen = watch_log(logs("broken"), C, healthy=[(100.0, 130.0)])
     assert seen.outcome is Outcome.FAILED
-    assert [one.sensor for one in seen.findings] == ["q"]
+    assert [one.sensor for one in seen.alarms] == ["q"]
     assert seen.identified_s == ((100.0, 130.0),)
     assert [(one.record.start_s, one.record.end_s) for one in seen.watches] == [(130.04, 160.0)]
     assert seen.monitor.provenance["healthy_s"] == [[100.0, 130.0]]
     assert seen.reasons == ()
     healthy = watch_log(logs("healthy"), C, healthy=[(100.0, 130.0)])
-    assert (healthy.outcome, healthy.findings) == (Outcome.HEALTHY, ())
+    assert (healthy.outcome, healthy.alarms) == (Outcome.HEALTHY, ())
     assert 25.0 < 3600.0 * healthy.armed_hours < 30.0
 
 
@@ -122,7 +122,7 @@ def test_it_is_the_same_as_cutting_by_hand(logs):
     record = gb.read_log(logs("healthy")).select(QUICK.channels)
     monitor = gb.calibrate(record.between(100.0, 130.0), bank=QUICK, false_alarms_per_hour=1.0)  # as for all energies
     by_hand = gb.watch(monitor, record.between(130.04, 160.0))
-    np.testing.assert_allclose(seen.watches[0].levels["r"].values, by_hand.levels["r"].values, rtol=1e-9)
+    np.testing.assert_allclose(seen.watches[0].scores["r"].values, by_hand.scores["r"].values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_other_logs_teach_and_all_of_this_one_is_watched(logs):
     seen = watch_log(logs("broken"), C, healthy=[logs("other")])
     assert seen.identified_s == ()
     assert (seen.watches[0].record.start_s, seen.watches[0].record.end_s) == (100.0, 160.0)
-    assert [one.sensor for one in seen.findings] == ["q"]
+    assert [one.sensor for one in seen.alarms] == ["q"]
     assert [log["name"] for log in seen.monitor.provenance["logs"]] == ["other.csv"]
     both = watch_log(logs("broken"), QUICK, healthy=[(100.0, 130.0), str(logs("other"))])
     assert [log["name"] for log in both.monitor.provenance["logs"]] == ["other.csv", "broken.csv"]
@@ -203,7 +203,7 @@ def test_nothing_left_and_too_little_left_cant_be_told(logs):
 
 def test_motion_beyond_what_was_identified_on_is_said(logs):
     seen = watch_log(logs("healthy"), C, healthy=[(100.0, 110.5)])  # nobody had rolled
-    wide = max(float(np.mean(one.white > 3.0)) for one in seen.watches[0].residuals.spread.values())
+    wide = max(float(np.mean(one > 3.0)) for one in seen.watches[0].widening.values())
     assert wide > 0.1
     assert any("% of the time the motion was beyond what identification held" in one for one in seen.reasons)
 
@@ -232,3 +232,72 @@ def test_a_monitor_that_is_ready_takes_no_other_orders(logs):
         watch_log(logs("other"), ready, healthy=[(100.0, 120.0)])
     with pytest.raises(InputError, match="a rate of 50 Hz is given, and the monitor has its own, 25 Hz"):
         watch_log(logs("other"), ready, rate_hz=50.0)
+
+
+class Limit(gb.SimpleDetector):
+    """Somebody's own: it learns the greatest |p|, and promises no rate."""
+
+    name, channels, memory_s = "limit", ("p",), 0.0
+
+    def learn(self, records):
+        return {"p": 1.2 * max(np.nanmax(np.abs(one["p"])) for one in records)}
+
+    def scores(self, record, learned):
+        return {"p": np.abs(record["p"]) / learned["p"]}
+
+
+def test_a_detector_of_ones_own_learns_from_what_is_healthy_and_watches_the_rest(logs):
+    seen = watch_log(logs("healthy"), Limit(), healthy=[(100.0, 120.0), logs("other")])
+    assert (seen.outcome, seen.reasons) == (Outcome.HEALTHY, ())
+    largest = max(
+        np.abs(gb.read_log(logs("other"))["p"]).max(), np.abs(gb.read_log(logs("healthy")).between(100, 120)["p"]).max()
+    )
+    assert seen.monitor.learned["p"] == pytest.approx(1.2 * largest)
+    assert seen.monitor.provenance["healthy_s"] == [[100.0, 120.0]]
+    assert [log["name"] for log in seen.monitor.provenance["logs"]] == ["other.csv", "healthy.csv"]
+    assert 3600.0 * seen.armed_hours == pytest.approx(40.0, abs=0.1)
+    with pytest.raises(InputError, match=r"'limit' can't promise 0\.1 false alarms an hour; leave the rate out"):
+        watch_log(logs("healthy"), Limit(), false_alarms_per_hour=0.1)
+
+
+def test_a_function_learns_nothing_and_watches_all_of_it(logs):
+    def fast(record):
+        return record.time_s[[20, 300]]
+
+    seen = watch_log(logs("gap"), fast)
+    assert seen.identified_s == ()
+    assert [one.time_s for one in seen.alarms] == [one.record.time_s[k] for one in seen.watches for k in (20, 300)]
+    assert (seen.outcome, seen.monitor.name, len(seen.watches)) == (Outcome.FAILED, "fast", 2)
+    assert watch_log(logs("gap"), lambda _: []).outcome is Outcome.HEALTHY
+    assert watch_log(logs("fast"), fast, rate_hz=50.0).log.sample_period_s == 0.02
+    with pytest.raises(InputError, match="isn't identified anew"):
+        watch_log(logs("gap"), fast, healthy=[(100.0, 110.0)])
+
+
+def test_the_dissertations_operator_takes_two_healthy_stretches(logs):
+    between = gb.DissertationOperator(inputs=("p", "beta", "ny"), causal_order=10, noncausal_order=10, window=50)
+    seen = watch_log(logs("healthy"), between, healthy=[(100.0, 115.0), (120.0, 140.0)])
+    assert (seen.outcome, seen.alarms) == (Outcome.HEALTHY, ())
+    by_hand = gb.identify(
+        gb.read_log(logs("healthy")).between(100.0, 115.0),
+        inputs=between.inputs,
+        outputs=["r"],
+        causal_order=10,
+        noncausal_order=10,
+    )
+    np.testing.assert_allclose(seen.monitor.operator.markov, by_hand.markov, rtol=1e-9, atol=1e-12)
+    with pytest.raises(InputError, match="takes its threshold from another; 1 given"):
+        watch_log(logs("healthy"), between, healthy=[(100.0, 115.0)])
+
+
+def test_a_score_that_stands_above_from_the_start_cant_be_told_and_that_is_said(logs, folder):
+    """No alarm, and not healthy either: a fault from the beginning, or other sensors."""
+    ready = watch_log(logs("healthy"), Limit()).monitor
+    shaken = gb.read_log(logs("healthy"))
+    gb.write_log(shaken.replace("p", shaken["p"] + 50.0), folder / "shaken.csv")
+    seen = watch_log(folder / "shaken.csv", ready)
+    assert (seen.outcome, seen.alarms, seen.armed_hours, seen.stuck_above) == (Outcome.UNKNOWN, (), 0.0, ("p",))
+    (reason,) = seen.reasons
+    assert reason.startswith(
+        "the score of p stood above its threshold from 100.00 s on and never came down, so nothing"
+    )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.bench.fault import Fault, severity
 from tests.watching import EXCITATION, MIXED, monitor, scenario, study
 
 JAM = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
@@ -55,8 +56,8 @@ def test_faults_are_found_named_and_told_in_kind():
         assert (trial.sensor, trial.candidates) == (trial.channel, (trial.channel,))
         assert (trial.kind, trial.kind_right, trial.kind_right_20s) == (trial.fault, True, True)
         assert trial.verdict == f"{trial.channel} failed"
-        assert trial.detection_delay_s == pytest.approx(trial.alarm_time_s - 60.0, abs=1e-9)
-        assert trial.isolation_delay_s == pytest.approx(trial.isolated_s - 60.0, abs=1e-9)
+        assert trial.detection_delay_s == pytest.approx(trial.alarm_time_s - trial.onset_s, abs=1e-9)
+        assert trial.isolation_delay_s == pytest.approx(trial.isolated_s - trial.onset_s, abs=1e-9)
         assert 0.0 < trial.detection_delay_s < trial.isolation_delay_s < 15.0
         assert (trial.reason, trial.false_alarms) == ("", 0)
         assert trial.peak_ratio > 1.0
@@ -318,3 +319,24 @@ def test_faults_may_be_given_instead_of_the_scenarios():
         ("jam", "q", {}),
         ("drift", "r", {"slope": 0.5}),
     ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bias(Fault):
+    """A kind of the user's own, registered nowhere."""
+
+    kind = "bias"
+    step: float = severity(per_second=False)
+
+    def distort(self, seen, elapsed_s, sample_period_s, carried):
+        return seen[:, 0] + self.step, carried
+
+
+def test_a_fault_of_ones_own_is_a_trial_like_any_other():
+    own = Bias(channel="p", onset_s=21.0, step=60.0)
+    quiet, shifted = gb.run(short_jam(), detectors=[spikes], faults=[Bias(channel="p", onset_s=21.0, step=0.5), own])
+    assert (shifted.fault, shifted.severity, shifted.unit, shifted.injected) == ("bias", {"step": 60.0}, "deg/s", own)
+    assert (shifted.detected, quiet.detected) == (True, False)
+    assert shifted.detection_delay_s < 0.1
+    after = shifted.record.time_s >= 21.0
+    np.testing.assert_allclose((shifted.record["p"] - shifted.baseline.healthy["p"])[after], 60.0)

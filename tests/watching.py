@@ -31,8 +31,8 @@ slope = [0.3, 1e-5]
 [[faults]]
 kind = "saturation"
 channels = ["q"]
-onset_s = 60.0
-duration_s = 20.0
+onset_s = 50.0
+duration_s = 30.0
 limit = "20 % of peak"
 [[faults]]
 kind = "jam"
