@@ -103,10 +103,12 @@ def normed():
 
 
 @cache
-def limited():
-    """The same, watched by a plain function, which alarms where q is beyond what it can be."""
+def standing():
+    """The same, watched by a plain function, which alarms at every sample where q stands still: often."""
     part = jammed().log.segments[2]
-    by = gb.FunctionDetector(lambda record: record.time_s[np.abs(record["q"]) > 6.0], name="limit").calibrate([])
+    by = gb.FunctionDetector(
+        lambda record: record.time_s[1:][np.diff(record["q"]) == 0.0][:300], name="still"
+    ).calibrate([])
     return watched_log([part], [part], by)
 
 
@@ -126,6 +128,6 @@ CASES = {
     "never armed": never_armed,
     "odd": odd,
     "E(k)": normed,
-    "function": limited,
+    "function": standing,
     "silent function": silent,
 }

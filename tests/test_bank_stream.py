@@ -1,4 +1,4 @@
-"""Banks in the stream and in the batch: one engine, so the same alarms, whatever the chunks and wherever a record is cut."""
+"""Banks in the stream and in the batch: one engine, so the same alarms in any chunks and wherever a record is cut."""
 
 from dataclasses import replace
 from functools import cache
@@ -76,6 +76,7 @@ FLIGHTS = {
     "ended, then another": lambda: drifting(jammed(healthy(), "q", 1500, 1900), "q", 2900, 1.0),
     "angle": lambda: drifting(healthy(), "phi", 2800, 2.0),
     "gaps": lambda: gappy(drifting(healthy(), "r", 2800, 1.0)),
+    "gaps, short": lambda: flight_of("gaps").between(0.0, 61.0),
     "wild from the start": lambda: changed(healthy(), "p", 0, lambda of: of * 3.0),
 }
 
@@ -104,6 +105,10 @@ def fed(used, given, size):
     """Return a stream and what its pushes returned."""
     stream = used.stream()
     return stream, [stream.push(chunk) for chunk in chunks(given, size)]
+
+
+def figures(judged):
+    return judged.time_s, judged.sensor, judged.candidates, judged.kind
 
 
 def said(alarms, until_s=np.inf):
@@ -154,12 +159,16 @@ def known(score, given):
 
 @pytest.mark.parametrize("name", shipped_banks())
 def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
-    check_stream(monitor(name), "gaps", 100)
+    check_stream(monitor(name), "gaps, short", 100)
 
 
 @pytest.mark.parametrize(
     ("flight", "size"),
-    [*((flight, size) for flight in FLIGHTS for size in (1, 100)), ("gaps", 7), ("two at once", 4000)],
+    [
+        *((flight, size) for flight in FLIGHTS if flight != "gaps, short" for size in (1, 100)),
+        ("gaps", 7),
+        ("two at once", 4000),
+    ],
 )
 def test_chunks_of_any_size_say_the_same(flight, size):
     check_stream(monitor("C"), flight, size)
@@ -184,7 +193,8 @@ def test_two_faults_are_two_and_an_ended_one_makes_room_for_the_next():
 
 
 @pytest.mark.parametrize(
-    ("name", "flight"), [*(("C", flight) for flight in ("two at once", "ended, then another", "angle")), ("B", "gaps")]
+    ("name", "flight"),
+    [*(("C", flight) for flight in ("two at once", "ended, then another", "angle")), ("B", "gaps, short")],
 )
 def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight):
     given, whole = flight_of(flight), watched_by(monitor(name), flight)
@@ -206,7 +216,8 @@ def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
         first = one.armed_s
         for alarm in watched.alarms:
             if alarm.source == output:
-                assert first is not None and first < alarm.time_s
+                assert first is not None
+                assert first < alarm.time_s
     above = np.flatnonzero(score.exists)[0]
     assert score.armed[above] == (score.values[above] <= 1.0)
 

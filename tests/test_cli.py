@@ -96,7 +96,7 @@ def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli,
     assert code == 0
     assert "[p q beta] -> r: 1 trials" in out
     assert "x[red]y" in out
-    assert "missed: the detector doesn't" in out
+    assert "missed: dissertation doesn't use" in out
     assert "detected: 0 of 1" in out
 
 
@@ -129,7 +129,17 @@ def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_pa
 def test_list_names_everything_there_is(cli):
     _, out, _ = cli("list", "--json")
     listed = json.loads(out)
-    assert set(listed) == {"aircraft", "channels", "excitations", "faults", "scenarios", "banks", "pseudo inputs"}
+    assert set(listed) == {
+        "aircraft",
+        "channels",
+        "excitations",
+        "faults",
+        "scenarios",
+        "detectors",
+        "banks",
+        "pseudo inputs",
+    }
+    assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}
     assert set(listed["scenarios"]) == {"drift", "deadzone", "saturation", "rate_saturation", "jam"}
     _, text, _ = cli("list")
     assert all(name in text for section in listed.values() for name in section)
@@ -212,15 +222,17 @@ def strike(step):
 def run_study(*given, progress, **more):
     return whole[0](*given, progress=lambda step, done, of: (strike(step), progress(step, done, of)), **more)
 
-def write(written, folder, tell):
-    whole[1](written, folder, lambda step: (strike(step), tell(step)))
+def write(written, folder, parts, tell):
+    whole[1](written, folder, parts, lambda step: (strike(step), tell(step)))
 
 study.run_study, study._write = run_study, write
 app.main(["run", "jam"])
 """
 
 
-@pytest.mark.parametrize("step", ["trim", "fly", "identify", "jam of q", "figures", "recording", "results"])
+@pytest.mark.parametrize(
+    "step", ["trim", "fly", "calibrate dissertation", "jam of q", "figures", "recording", "results"]
+)
 def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path, step):
     command = [sys.executable, "-c", INTERRUPTED, step]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)

@@ -95,7 +95,7 @@ def test_a_log_of_gtmbench_fly_will_do(cli, tmp_path):
     assert cli(*fly)[0] == 0
     assert cli("calibrate", "flight.parquet", "-q") == (0, "", "")
     found = gb.load_monitor("monitor.json")
-    assert gb.watch(found, gb.read_log("flight.parquet")).findings == ()
+    assert gb.watch(found, gb.read_log("flight.parquet")).alarms == ()
     assert names(tmp_path) == ["flight.parquet", "monitor.json"]
 
 
@@ -127,7 +127,7 @@ def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, l
 
 BAD = {
     "no log": (["nowhere.csv"], "nowhere.csv: No such file"),
-    "no bank": (["log1.csv", "--bank", "Z"], "no bank of that name; there are B, C"),
+    "no bank": (["log1.csv", "--bank", "Z"], "no detector is called 'Z'; there are dissertation, B, C"),
     "no json": (["log1.csv", "--out", "m.pkl"], "a monitor's file ends in .json"),
     "no folder": (["log1.csv", "--out", "nowhere/m.json"], "doesn't exist; create it first"),
     "a folder": (["log1.csv", "--out", "folder.json"], "folder.json is a folder"),

@@ -121,7 +121,7 @@ def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
     code, out, err = cli("monitor", "healthy.csv")
     assert code == 2
     assert err.count("\n") == 1
-    assert "nothing was said about how to watch healthy.csv: give --monitor C" in err
+    assert "nothing was said about how to watch healthy.csv: give --detector C" in err
     assert "bank C: possible" in out
     assert "bank B: no, alpha, nz, tas missing" in out
     assert "pseudo inputs: p_att, q_att, r_att" in out
@@ -149,14 +149,14 @@ def test_a_span_may_be_written_in_many_ways(cli, text):
 
 
 BAD = {
-    "both ways": (["--monitor", "C", *GYROS], "both --monitor and --inputs/--outputs are given"),
+    "both ways": (["--monitor", "C", *GYROS], "both --detector and --inputs/--outputs are given"),
     "no outputs": (["--inputs", "p,beta"], "--outputs is missing"),
     "no inputs": (["--outputs", "r"], "--inputs is missing"),
     "itself": (["--inputs", "r,p", "--outputs", "r"], "'r' is both pseudo input and pseudo output"),
     "nothing named": (["--inputs", ",", "--outputs", "r"], "at least one pseudo input"),
     "no such channel": (["--inputs", "p,rpm", "--outputs", "r"], "rpm"),
-    "no such bank": (["--monitor", "Z"], "no bank of that name"),
-    "no such monitor": (["--monitor", "z.json"], "z.json: no such monitor"),
+    "no such bank": (["--monitor", "Z"], "no detector is called 'Z'; there are dissertation, B, C"),
+    "no such monitor": (["--monitor", "z.json"], "z.json: no such file; `gtmbench calibrate` writes one"),
     "a bank that lacks channels": (["--monitor", "B"], "bank B needs"),
     "no such other log": ([*GYROS, "--identify", "nowhere.csv"], "nowhere.csv"),
     "the log itself": ([*GYROS, "--identify", "healthy.csv"], "healthy.csv is the log that is watched"),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.errors import InputError
 from gtmbench.detectors.bank.levels import over
+from gtmbench.errors import InputError
 from gtmbench.record import Record
 
 GYROS = ("p", "q", "r")

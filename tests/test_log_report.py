@@ -22,7 +22,6 @@ from tests.logged import (
     CASES,
     ODD,
     jammed,
-    limited,
     never_armed,
     normed,
     odd,
@@ -30,6 +29,7 @@ from tests.logged import (
     remark,
     short,
     silent,
+    standing,
     unexplained,
     unwatched,
 )
@@ -193,7 +193,7 @@ def test_results_measure_every_residual_on_every_segment():
     assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
 
 
-@pytest.mark.parametrize("case", [jammed, passing, odd, unwatched, normed, limited, silent])
+@pytest.mark.parametrize("case", [jammed, passing, odd, unwatched, normed, standing, silent])
 def test_the_figure_has_something_on_it(case, tmp_path):
     from matplotlib.image import imread
 
@@ -251,7 +251,7 @@ def escaped(name):
     return rr.escape_entity_path_part(name)
 
 
-@pytest.mark.parametrize("case", [jammed, passing, odd, normed, limited])
+@pytest.mark.parametrize("case", [jammed, passing, odd, normed, standing])
 def test_signals_come_back_from_the_recording_bit_for_bit(case, recorded):
     frame = gb.read_recording(recorded(case))
     for entity, parts in lines_of(case()):
@@ -330,7 +330,7 @@ def test_the_recording_holds_outcome_and_findings_for_programs(recorded):
     assert not (frame.entity == "/findings/3/verdict").any()
 
 
-@pytest.mark.parametrize("case", [odd, unwatched, normed, limited, silent])
+@pytest.mark.parametrize("case", [odd, unwatched, normed, standing, silent])
 def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, tmp_path, capfd):
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped

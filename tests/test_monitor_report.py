@@ -76,14 +76,16 @@ def test_what_isnt_a_finite_number_is_null_in_json(monkeypatch):
 
 
 def test_the_table_names_sensor_kind_and_parameters_with_their_errors():
-    columns, rows, right = trial_rows(study())
+    drift, slow, limited, *rest = study().trials
+    trials = (drift, slow, replace(limited, ended_s=80.0), *rest)
+    columns, rows, right = trial_rows(replace(study(), trials=trials))
     assert columns[:4] == ["scenario", "fault", "channel", "severity"]
     assert right == ["severity", "delay (s)", "isolated after (s)"]
     drift, _, ended, jam, unwatched, harmless = (dict(zip(columns, row, strict=True)) for row in rows)
     assert (drift["verdict"], drift["kind"][:10]) == ("p failed", "drift 0.30")
     assert " ± 0.00" in drift["kind"]
     assert drift["kind"].endswith(" deg/s²")
-    assert ended["verdict"].startswith("q failed, ended at ")
+    assert ended["verdict"] == "q failed, ended at 80.00 s"
     assert jam["kind"].endswith(" deg/s")
     assert unwatched["verdict"] == "missed: C doesn't use this channel"
     assert (harmless["delay (s)"], harmless["isolated after (s)"], harmless["kind"]) == ("-", "-", "-")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors import installed as installed_module
 from gtmbench.detectors.bank.detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.registry import as_detector, detector_names, find_detector, for_data_file
@@ -61,7 +60,7 @@ def packages(monkeypatch):
         EntryPoint(name="broken", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
         EntryPoint(name="C", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
     ]
-    monkeypatch.setattr(installed_module, "entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr("gtmbench.imports.entry_points", lambda group: [p for p in points if p.group == group])
 
 
 class Theirs(FunctionDetector):
@@ -148,7 +147,7 @@ def test_installed_ones_are_listed_without_importing_and_found_by_name():
     assert detector_names()["C"] == gb.load_bank("C").title
     assert "a_package_that_isnt_there" not in sys.modules
     assert find_detector("theirs").name == for_data_file("theirs").name == "theirs"
-    with pytest.raises(gb.InputError, match=r"the installed detector 'broken' .* can't be imported: No module named"):
+    with pytest.raises(gb.InputError, match=r"a_package_that_isnt_there"):
         find_detector("broken")
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from gtmbench.errors import InputError
 from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
+from gtmbench.errors import InputError
 
 AR2 = [1.0, -1.6, 0.8]  # poles at 0.8 +- 0.4i
 SAMPLES = 40_000

@@ -9,9 +9,10 @@ import click
 
 from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.excitation import EXCITATIONS
-from gtmbench.bench.faults import FAULTS
 from gtmbench.bench.flight import fly
 from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.registry import GROUP as FAULT_GROUP
+from gtmbench.bench.registry import loaded_faults
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
@@ -20,6 +21,7 @@ from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
+from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.scenario import load_scenario
@@ -128,7 +130,8 @@ def list_command(as_json: bool, quiet: bool) -> None:
         "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()},
         "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
         "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
-        "faults": {name: _first_line(of) for name, of in FAULTS.items()},
+        "faults": {name: _first_line(of) for name, of in loaded_faults().items()}
+        | {name: f"installed: {place}" for name, place in installed(FAULT_GROUP).items()},
         "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
         "detectors": detector_names(),
         "banks": {name: load_bank(name).title for name in shipped_banks()},

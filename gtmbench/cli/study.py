@@ -173,11 +173,10 @@ def _run_seeds(
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
-    from gtmbench.report.text import summary_lines, trial_rows
+    from gtmbench.report.text import summary_lines, title, trial_rows
 
     columns, rows, right = trial_rows(study)
-    names = ", ".join(base.detector for base in study.baselines)
-    print_table(f"{names}: {len(rows)} trials", columns, rows, right=right)
+    print_table(f"{', '.join(map(title, study.baselines))}: {len(rows)} trials", columns, rows, right=right)
     for line in summary_lines(study):
         echo(line)
     written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]

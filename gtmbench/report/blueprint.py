@@ -10,15 +10,13 @@ import rerun.blueprint as rrb
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.record import Span
 from gtmbench.report.lines import entity
-from gtmbench.report.scores import SHOWN_LEVELS, norm_of
+from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.text import trial_label
 from gtmbench.report.units import with_unit
 from gtmbench.report.views import event_log, opened, path_tab, plot, sensors_tab, whole
 from gtmbench.study.trial import Baseline, Trial
 
-_BEFORE_S, _AFTER_S, _MISSED_S = 5.0, 15.0, 60.0
 _BESIDE = 3  # trials on a page
 
 Page = Sequence[tuple[Trial, str]]  # trials of a scenario, each with its entity
@@ -44,8 +42,10 @@ class Placed:
     paths: Sequence[str]
 
     def entered(self, trial: Trial) -> tuple[str, ...]:
-        """Return the scores, and residuals by the same name, that a trial's channel enters; the others are healthy."""
-        return tuple(name for name, score in trial.watch.scores.items() if trial.channel in score.channels)
+        """Return the scores and residuals that a trial's channel may enter; the others are the healthy ones."""
+        scores = trial.watch.scores
+        free = {name for name, score in scores.items() if score.channels and trial.channel not in score.channels}
+        return tuple(name for name in tints(trial.watch) if name not in free)
 
 
 def blueprint(placed: Sequence[Placed]) -> rrb.Blueprint:
@@ -113,7 +113,7 @@ def _decision_page(placed: Placed, page: Page) -> rrb.Container:
     """Return levels above, measured and virtual sensor in the middle, the log of events below; a column a trial."""
     levels, signals = [], []
     for trial, path in page:
-        span, names = _shown_s(trial), trial.watch.scores
+        span, names = around(trial, before_s=5.0, after_s=15.0), trial.watch.scores
         healthy = [entity("/healthy/levels", name) for name in names if name not in placed.entered(trial)]
         shared = [f"+ {placed.root}{of}" for of in (["/threshold", *healthy] if names else [])]
         own = [f"+ {path}/{name}" for name in ("levels/**", "onset", "alarm", "named")]
@@ -146,9 +146,3 @@ def _residuals(placed: Placed) -> list[rrb.Container]:
     if not watch.alarms:
         return [grid]
     return [rrb.Horizontal(grid, event_log([f"+ {root}/events"]), column_shares=[5, 2], name="Residuals")]
-
-
-def _shown_s(trial: Trial) -> Span:
-    told = [time_s for time_s in (trial.alarm_time_s, trial.isolated_s) if time_s is not None]
-    last_s = max(told) + _AFTER_S if told else trial.onset_s + _MISSED_S
-    return max(trial.onset_s - _BEFORE_S, trial.record.start_s), min(last_s, trial.record.end_s)

@@ -18,7 +18,7 @@ All on the timeline ``time``; values are doubles, bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,6 +41,7 @@ from gtmbench.report.lines import (
     log_judged,
     log_lines,
     log_mark,
+    log_marks,
     log_threshold,
     recorded,
 )
@@ -131,8 +132,7 @@ def write_watch_recording(path: Path, failed: FailedWatch) -> None:
             _log_virtual(recording, watch.record, output, predicted)
         if watch.scores:
             log_threshold(recording, whole(watch.record))
-        for name, time_s, tint, shape in _marks(failed):
-            log_mark(recording, f"/{name}", time_s, 1.0, name, tint, shape)
+        log_marks(recording, "", _marks(failed))
         log_events(recording, "/events", _events(failed))
         _log_said(recording, failed.said)
 
@@ -154,13 +154,13 @@ def _channels(failed: FailedWatch) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*broken, *used)))
 
 
-def _marks(failed: FailedWatch) -> Iterator[tuple[str, float, str, SHAPES]]:
-    if failed.fault is not None:
-        yield "onset", failed.fault.onset_s, ONSET, SHAPES.Up
+def _marks(failed: FailedWatch) -> list[tuple[str, float]]:
+    marks = [("alarms", alarm.time_s) for alarm in failed.watch.alarms[:MOST_ALARMS]]
     if failed.due_s is not None:
-        yield "due", failed.due_s, COLOURS["beta"], SHAPES.Diamond
-    for alarm in failed.watch.alarms[:MOST_ALARMS]:
-        yield "alarms", alarm.time_s, COLOURS["threshold"], SHAPES.Down
+        marks.append(("due", failed.due_s))
+    if failed.fault is not None:
+        marks.append(("onset", failed.fault.onset_s))
+    return marks
 
 
 def _events(failed: FailedWatch) -> list[Event]:
@@ -173,7 +173,7 @@ def _events(failed: FailedWatch) -> list[Event]:
 
 
 def _shown_s(failed: FailedWatch) -> Span:
-    marks = [time_s for _, time_s, _, _ in _marks(failed)]
+    marks = [time_s for _, time_s in _marks(failed)]
     start_s, end_s = whole(failed.watch.record)
     return (max(min(marks) - _BEFORE_S, start_s), min(max(marks) + _AFTER_S, end_s)) if marks else (start_s, end_s)
 

@@ -15,7 +15,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.monitor import title_text
-from gtmbench.report.scores import HIGHEST, LOWEST, level, norm_of, part, safe, tints
+from gtmbench.report.scores import HIGHEST, LOWEST, around, level, norm_of, part, safe, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.text import alarm_text, counting_alarm, repetitions, trial_label
 from gtmbench.report.units import with_unit
@@ -31,7 +31,6 @@ _DPI = 130
 _STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
 _MOST_TRIALS = 15  # of a figure with a place for each
 _COLUMNS = 3
-_BEFORE_S, _AFTER_S, _MISSED_S, _LONGEST_S = 4.0, 8.0, 60.0, 120.0
 _TITLE = 62  # letters in a line
 _MOST_ALARMS = 100  # that are drawn: a function may call every sample above a threshold one
 
@@ -209,11 +208,7 @@ def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequenc
 
 
 def _shown_s(trial: Trial) -> Span:
-    """Return the span around a trial's onset, alarm and decision, within the flight; longer where it was missed."""
-    told = [time_s for time_s in (trial.alarm_time_s, trial.isolated_s) if time_s is not None]
-    last_s = max(told) + _AFTER_S if told else trial.onset_s + _MISSED_S
-    start_s = max(trial.onset_s - _BEFORE_S, trial.record.start_s)
-    return start_s, min(last_s, start_s + _LONGEST_S, trial.record.end_s)
+    return around(trial, before_s=4.0, after_s=8.0, longest_s=120.0)
 
 
 def _levels(axis: Axes, trial: Trial, span: Span) -> None:

@@ -34,6 +34,14 @@ GROUPS = {
 }
 ONSET = "#d0d0d0"  # a mark's colour that is seen on light and on dark
 SHAPES = rr.components.MarkerShape
+_MARKS = {
+    "onset": (ONSET, SHAPES.Up),
+    "began": (ONSET, SHAPES.Up),
+    "due": (COLOURS["beta"], SHAPES.Diamond),
+    "alarm": (COLOURS["threshold"], SHAPES.Down),
+    "alarms": (COLOURS["threshold"], SHAPES.Down),
+    "named": (COLOURS["beta"], SHAPES.Diamond),
+}
 
 
 @contextmanager
@@ -178,6 +186,13 @@ def log_mark(
     recording.log(entity, style, static=True)
     set_time(recording, time_s)
     recording.log(entity, rr.Scalars(level))
+
+
+def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[str, float | None]]) -> None:
+    """Log points beside levels, at 1, each of a name in the same look everywhere; what has no time stays out."""
+    for name, time_s in marks:
+        if time_s is not None:
+            log_mark(recording, f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
 
 
 def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:

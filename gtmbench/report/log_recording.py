@@ -27,17 +27,14 @@ import rerun as rr
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
-from gtmbench.detectors.alarm import Alarm
 from gtmbench.report.events import MOST_ALARMS, Event, watch_events
 from gtmbench.report.lines import (
-    ONSET,
-    SHAPES,
     across,
     entity,
     log_events,
     log_judged,
     log_lines,
-    log_mark,
+    log_marks,
     log_threshold,
     log_verdict,
     recorded,
@@ -77,7 +74,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
             log_judged(recording, "", watched.watches, {name: tints[name] for name in judged})
         log_threshold(recording, whole_of(watched))
         for alarm in watched.alarms[:MOST_ALARMS]:
-            _marks(recording, alarm)
+            log_marks(recording, "", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
         _states(recording, watched)
         log_events(recording, "/events", _events(watched))
         _verdicts(recording, watched)
@@ -100,13 +97,6 @@ def _virtual(recording: rr.RecordingStream, watched: WatchedLog) -> None:
             label = [with_unit(f"{name} virtual sensor", unit_of(name))]
             tint = [COLOURS["virtual"]]
             log_lines(recording, entity("/virtual", name), time_s, values, label, tint, channels=[name])
-
-
-def _marks(recording: rr.RecordingStream, alarm: Alarm) -> None:
-    log_mark(recording, "/began", began_s(alarm), 1.0, "began", ONSET, SHAPES.Up)
-    log_mark(recording, "/alarm", alarm.time_s, 1.0, "alarm", COLOURS["threshold"], SHAPES.Down)
-    if alarm.isolated_s is not None:
-        log_mark(recording, "/named", alarm.isolated_s, 1.0, "named", COLOURS["beta"], SHAPES.Diamond)
 
 
 def _states(recording: rr.RecordingStream, watched: WatchedLog) -> None:

@@ -183,7 +183,7 @@ def facts_text(monitor: BankMonitor) -> list[str]:
 def origin_text(monitor: Monitor) -> list[str]:
     """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
     known = monitor.provenance
-    lines = [f"calibrated on: {_origin(known)}"] if known else []
+    lines = [f"calibrated on: {_origin(known)}"] if known or isinstance(monitor, BankMonitor) else []
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
     hours: list[Any] = [known.get(key) for key in ("identification_hours", "threshold_hours")]

@@ -57,7 +57,6 @@ from gtmbench.record import Span
 from gtmbench.report.blueprint import Placed, blueprint
 from gtmbench.report.events import Event, trial_events, watch_events
 from gtmbench.report.lines import (
-    ONSET,
     SHAPES,
     entity,
     lighter,
@@ -65,6 +64,7 @@ from gtmbench.report.lines import (
     log_judged,
     log_lines,
     log_mark,
+    log_marks,
     log_sensors,
     log_threshold,
     log_verdict,
@@ -148,7 +148,8 @@ def _log_levels(recording: rr.RecordingStream, placed: Placed) -> None:
         _log_measured(recording, trial, path, with_unit(f"{trial.channel} measured", trial.unit), tint, span)
         _log_virtual(recording, trial, path, span)
         log_judged(recording, path, [trial.watch], {name: of[name] for name in placed.entered(trial)}, "", span)
-        _log_marks(recording, trial, path)
+        marks = {"onset": trial.onset_s, "alarm": trial.alarm_time_s, "named": trial.isolated_s}
+        log_marks(recording, path, marks.items())
         log_verdict(recording, f"{path}/verdict", trial.row())
         log_events(recording, f"{path}/events", events)
 
@@ -206,14 +207,6 @@ def _log_virtual(recording: rr.RecordingStream, trial: Trial, path: str, span: S
     if np.isfinite(virtual[1]).any():
         names = [with_unit("virtual sensor", trial.unit)]
         log_lines(recording, f"{path}/virtual", *virtual, names, [COLOURS["virtual"]], channels=[trial.channel])
-
-
-def _log_marks(recording: rr.RecordingStream, trial: Trial, path: str) -> None:
-    log_mark(recording, f"{path}/onset", trial.onset_s, 1.0, "onset", ONSET, SHAPES.Up)
-    if trial.alarm_time_s is not None:
-        log_mark(recording, f"{path}/alarm", trial.alarm_time_s, 1.0, "alarm", COLOURS["threshold"], SHAPES.Down)
-    if trial.isolated_s is not None:
-        log_mark(recording, f"{path}/named", trial.isolated_s, 1.0, "named", COLOURS["beta"], SHAPES.Diamond)
 
 
 def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:

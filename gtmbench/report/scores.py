@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.style import colour
+from gtmbench.study.trial import Trial
 
 LOWEST, HIGHEST = 0.03, 1e6  # of levels on a logarithmic axis
+_MISSED_S = 60.0
 SHOWN_LEVELS = 4.0  # a plain axis ends at this many thresholds: what lies above has alarmed anyway
 
 
@@ -33,6 +37,14 @@ def part(time_s: FloatArray, values: FloatArray, span: Span) -> tuple[FloatArray
     """Return the times and values within a span."""
     shown = (time_s >= span[0] - 1e-9) & (time_s <= span[1] + 1e-9)
     return time_s[shown], values[shown]
+
+
+def around(trial: Trial, *, before_s: float, after_s: float, longest_s: float = np.inf) -> Span:
+    """Return the span about a trial's onset, alarm and decision, within the flight; a minute where it was missed."""
+    told = [time_s for time_s in (trial.alarm_time_s, trial.isolated_s) if time_s is not None]
+    last_s = max(told) + after_s if told else trial.onset_s + _MISSED_S
+    start_s = max(trial.onset_s - before_s, trial.record.start_s)
+    return start_s, min(last_s, start_s + longest_s, trial.record.end_s)
 
 
 def safe(name: str) -> str:

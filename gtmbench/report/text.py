@@ -11,6 +11,7 @@ from gtmbench.bench.registry import loaded_faults
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.tails import rate_bound
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.monitor import monitor_lines
 from gtmbench.report.units import counted, per_second, with_error
 from gtmbench.study.score import first_after
@@ -103,6 +104,12 @@ def counting_alarm(trial: Trial) -> Alarm | None:
     """Return the alarm that counts: the first after the onset, or the one that first told of the same fault."""
     told = first_after(trial.watch.alarms, trial.onset_s)
     return None if told is None else next(alarm for alarm in trial.watch.alarms if alarm.number == told.fault)
+
+
+def title(baseline: Baseline) -> str:
+    """Name what watched: ``dissertation, [p q beta] -> r``, ``C``."""
+    operator = getattr(baseline.monitor, "operator", None)
+    return f"{baseline.detector}, {operator.name}" if isinstance(operator, Transmissibility) else baseline.detector
 
 
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.bank.levels import Track
+from gtmbench.detectors.bank.levels import IntArray, Track
 from gtmbench.detectors.bank.memory import Memory
 from gtmbench.detectors.bank.statistics import MOST, glr
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive, factor_of
@@ -36,7 +37,9 @@ class RowByRow:
         self._factors = {name: factor_of(name) for name in monitor.bank.channels}
         self._reach = max(line.taps for line in self._lines) + 2
         self._period_s = monitor.sample_period_s
-        self._there: list[bool] = []
+        self._before: list[float] = []  # the last three samples
+        self._middle: list[float] = []
+        self._latest: list[float] = []
         self.is_stale = True
 
     @staticmethod
@@ -46,7 +49,7 @@ class RowByRow:
         return monitor.bank.statistic.name == "glr" and not monitor.doubts and known
 
     def take(self, row: list[float]) -> list[float] | None:
-        """Take a sample of the bank's channels; return the levels, sorted by name, or None where arrays have to do it."""
+        """Take a sample of the bank's channels; return the levels, sorted by name; None where arrays have to."""
         at = self._memory.stop
         if at < 2 * self._reach or math.inf in map(abs, row):
             return None
@@ -59,8 +62,7 @@ class RowByRow:
         for line in self._lines:
             x = self._middle if line.is_late else row
             line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
-        self._there = [line.is_there for line in self._lines]
-        return self._ratios.levels([line.white for line in self._lines], self._there)
+        return self._ratios.levels([line.white for line in self._lines], [line.is_there for line in self._lines])
 
     def pass_over(self) -> None:
         """Nothing comes of the sample taken."""
@@ -74,17 +76,17 @@ class RowByRow:
 
     def _derived(self) -> dict[str, float]:
         """Return the pseudo inputs at the middle one of three samples, in the units of the table."""
-        found: dict[str, float] = {}
+        found: dict[str, Any] = {}
         middle, ends = self._middle, (self._before, self._latest)
 
-        def read(name: str) -> float:
+        def read(name: str) -> Any:  # a number, where the formulas say array: they take both
             if name in PSEUDO_INPUTS:
                 if name not in found:
                     found[name] = PSEUDO_INPUTS[name].compute(read, slope)
                 return found[name]
             return middle[self._channels[name]] * self._factors[name]
 
-        def slope(name: str) -> float:
+        def slope(name: str) -> Any:
             at, factor = self._channels[name], self._factors[name]
             step = ends[1][at] * factor - ends[0][at] * factor
             if abs(step) > math.pi:  # a heading that runs from 360 deg to 0
@@ -213,8 +215,9 @@ class _Ratios:
                 total[1] += value * value
                 sums[0, i, counts[i]], sums[1, i, counts[i]] = total
         least = min(counts)
-        steps: int | FloatArray = least if least == max(counts) else np.array(counts)[:, np.newaxis]
-        places, length, chance = self._places + steps, self._full, self._chance
+        steps: int | IntArray = least if least == max(counts) else np.array(counts)[:, np.newaxis]
+        places: IntArray = self._places + steps
+        length, chance = self._full, self._chance
         if least < self._most:
             short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
             length = np.where(short >= self._longest // 6, short, np.nan)

@@ -221,7 +221,7 @@ def _cusum(
 
 
 def _glr(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, _: Carried
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, __: Carried
 ) -> list[Series]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
