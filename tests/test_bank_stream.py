@@ -77,7 +77,7 @@ FLIGHTS = {
     "ended, then another": lambda: drifting(jammed(healthy(), "q", 1500, 1900), "q", 2900, 1.0),
     "angle": lambda: drifting(healthy(), "phi", 2800, 2.0),
     "gaps": lambda: gappy(drifting(healthy(), "r", 2800, 1.0)),
-    "gaps, short": lambda: flight_of("gaps").between(0.0, 61.0),
+    "gaps, short": lambda: gappy(jammed(healthy(), "p", 2800)).between(0.0, 61.0),
     "wild from the start": lambda: changed(healthy(), "p", 0, lambda of: of * 3.0),
 }
 
