@@ -9,7 +9,8 @@ import pytest
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.detector import calibrate
-from gtmbench.detectors.bank.levels import levels
+from gtmbench.detectors.bank.engine import Arming
+from gtmbench.detectors.bank.levels import Track, levels
 from gtmbench.errors import InputError
 from gtmbench.files import shipped_banks
 from gtmbench.record import Record
@@ -76,7 +77,7 @@ FLIGHTS = {
     "ended, then another": lambda: drifting(jammed(healthy(), "q", 1500, 1900), "q", 2900, 1.0),
     "angle": lambda: drifting(healthy(), "phi", 2800, 2.0),
     "gaps": lambda: gappy(drifting(healthy(), "r", 2800, 1.0)),
-    "gaps, short": lambda: flight_of("gaps").between(0.0, 61.0),
+    "gaps, short": lambda: gappy(jammed(healthy(), "p", 2800)).between(0.0, 61.0),
     "wild from the start": lambda: changed(healthy(), "p", 0, lambda of: of * 3.0),
 }
 
@@ -220,6 +221,24 @@ def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
                 assert first < alarm.time_s
     above = np.flatnonzero(score.exists)[0]
     assert score.armed[above] == (score.values[above] <= 1.0)
+
+
+def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter_isnt():
+    one = Arming(output="p", track=Track(monitor("C"), "p"))
+    assert not one.see(2.0, 0)  # above from the start
+    assert not one.see(0.5, 1)
+    assert one.see(2.0, 2)
+    one.disarm(3, 2)
+    assert [one.see(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
+    one.rearm(6)
+    assert not one.see(2.0, 6)  # it has never come down since
+    one.disarm(7, 7)
+    assert [one.see(level, 7) for level in (0.5, 2.0)] == [False] * 2
+    one.rearm(9)
+    assert one.see(2.0, 9)
+    one.begin_anew(10)
+    assert not one.armed
+    assert [one.see(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
 
 
 def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.fault import Fault, severity
-from tests.watching import EXCITATION, MIXED, monitor, scenario, study
+from tests.watching import EXAMPLE, EXCITATION, MIXED, monitor, scenario, study
 
 JAM = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 
@@ -213,6 +212,20 @@ def test_several_detectors_in_one_study_are_each_as_alone():
     assert together.baseline is together.baselines[0]
 
 
+def test_the_example_of_a_detector_of_ones_own_stands_beside_ours(monkeypatch):
+    """A file of 25 lines at most: found by its name, calibrated on the study's flights, one row a trial."""
+    assert len(EXAMPLE.read_text().splitlines()) <= 25
+    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    found = gb.run_study([short_jam()], detectors=[f"{EXAMPLE}:LimitCheck", monitor()])
+    mine, ours = (trial.row() for trial in found.trials)
+    assert (mine["detector"], ours["detector"]) == ("limit check", "C")
+    assert (mine["isolated"], ours["isolated"], ours["sensor"]) == (None, True, "p")
+    assert mine.keys() == ours.keys()
+    assert found.baseline.monitor.provenance["flights"] == 2
+    assert found.baseline.healthy_hours == pytest.approx(2 * 25.01 / 3600)
+    assert (mine["detected"], mine["reason"][:18]) == (False, "the score reached ")
+
+
 def test_one_detector_twice_goes_by_two_names():
     found = gb.run_study([short_jam()], detectors=[monitor(), monitor(), spikes])
     assert [base.detector for base in found.baselines] == ["C", "C (2)", "spikes"]
@@ -258,6 +271,12 @@ def test_a_monitor_of_other_noise_is_refused_before_the_flight(noise, monkeypatc
     monkeypatch.undo()
     same = short_jam() if noise == "t2" else replace(short_jam(), setup=replace(setup, snr=20.0))
     assert len(gb.run(same, detectors=[learned])) == 1
+
+
+@pytest.mark.parametrize("given", ["C", gb.DissertationOperator(), spikes])
+def test_one_detector_alone_is_no_list_of_them(given):
+    with pytest.raises(gb.InputError, match=r"^detectors is .*; give a list of them, detectors=\[\.\.\.\]$"):
+        gb.run("jam", detectors=given)
 
 
 @pytest.mark.parametrize(
@@ -319,24 +338,3 @@ def test_faults_may_be_given_instead_of_the_scenarios():
         ("jam", "q", {}),
         ("drift", "r", {"slope": 0.5}),
     ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bias(Fault):
-    """A kind of the user's own, registered nowhere."""
-
-    kind = "bias"
-    step: float = severity(per_second=False)
-
-    def distort(self, seen, elapsed_s, sample_period_s, carried):
-        return seen[:, 0] + self.step, carried
-
-
-def test_a_fault_of_ones_own_is_a_trial_like_any_other():
-    own = Bias(channel="p", onset_s=21.0, step=60.0)
-    quiet, shifted = gb.run(short_jam(), detectors=[spikes], faults=[Bias(channel="p", onset_s=21.0, step=0.5), own])
-    assert (shifted.fault, shifted.severity, shifted.unit, shifted.injected) == ("bias", {"step": 60.0}, "deg/s", own)
-    assert (shifted.detected, quiet.detected) == (True, False)
-    assert shifted.detection_delay_s < 0.1
-    after = shifted.record.time_s >= 21.0
-    np.testing.assert_allclose((shifted.record["p"] - shifted.baseline.healthy["p"])[after], 60.0)

@@ -9,6 +9,7 @@ from typing import Any
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import NOISES
 from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.checks import shown
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
@@ -69,6 +70,8 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     InputError
         Where one can't be meant.
     """
+    if isinstance(detectors, str) or not isinstance(detectors, Sequence):
+        raise InputError(f"detectors is {shown(detectors)}; give a list of them, detectors=[...]")
     found: dict[str, Any] = {}
     for source in detectors or (OWN,):
         made: Any = own_detector if isinstance(source, str) and source == OWN else prepared(source)

@@ -10,7 +10,7 @@ from typing import Any
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.doubt import HALF, Doubt
 from gtmbench.detectors.bank.spread import Spread
-from gtmbench.detectors.bank.statistics import Series, Tolerance
+from gtmbench.detectors.bank.statistics import Tolerance
 from gtmbench.detectors.bank.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
@@ -123,13 +123,3 @@ def residuals_of(
             predicted[spec.output] = frozen(hat)
             raw[spec.output] = frozen(record[spec.output] - hat)
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))
-
-
-def all_series(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, list[Series]]:
-    """Return every residual's test statistics."""
-    test, found = monitor.bank.statistic, {}
-    for output, raw in residuals.raw.items():
-        white = monitor.whiteners[output].whiten(raw)
-        spread = residuals.spread.get(output)
-        found[output] = test.series(raw, white, monitor.sample_period_s, monitor.tolerances[output], spread)
-    return found

@@ -187,8 +187,8 @@ class _Ratios:
         self._totals = [[0.0, 0.0] for _ in outputs]
         line = np.arange(len(outputs))[:, np.newaxis] * self._capacity
         end = line - self._rows
-        self._places = np.array([end, end - self._longest, end + len(outputs) * self._capacity])
-        self._first = np.array([line, line, line + len(outputs) * self._capacity])
+        self._places: IntArray = np.array([end, end - self._longest, end + len(outputs) * self._capacity])
+        self._first: IntArray = np.array([line, line, line + len(outputs) * self._capacity])
         self._full = np.full(len(self._rows), float(self._longest))
         self._chance = 1.0 / self._windows + 1.0 / self._full
 
@@ -222,7 +222,7 @@ class _Ratios:
             short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
             length = np.where(short >= self._longest // 6, short, np.nan)
             chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
-            places = np.maximum(places, self._first)
+            np.maximum(places, self._first, out=places)
         ends, begins, squares = self._flat.take(places)
         totals = np.array(self._totals)
         mean = (totals[:, :1] - ends) / self._windows

@@ -47,10 +47,10 @@ class BankStream:
         self._monitor = monitor
         self._period_s = monitor.sample_period_s
         self._tracks = {output: Track(monitor, output) for output in monitor.operators}
-        self._memory = Memory(monitor, 0.0, 2 * span_rows(monitor))
+        self._reach = _reach(monitor)
+        self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
         self._engine = Engine(monitor, self._memory, self._tracks)
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
-        self._reach = _reach(monitor)
         self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are
 
     @property
