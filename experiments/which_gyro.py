@@ -468,8 +468,9 @@ calibration never saw. Delays count look-ahead and windows; intervals are 95 % (
 {table(overview)}
 
 "paper, as printed" is the dissertation's operator identified on its one-frequency sinusoids; "paper" the same, and
-leave-one-out, on the rich excitation; leave-one-out watched the first flights only. Detected: an alarm after the onset, and none before it in that record. Isolated
-and kind: of those detected. Kind: 20 s after the alarm, or as the record's end allows.
+leave-one-out, on the rich excitation; leave-one-out watched the first flights only. Detected: an alarm after the onset,
+and none before it in that record. Isolated and kind: of those detected. Kind: 20 s after the alarm, or as the record's
+end allows.
 
 {table(by_kind(of, ("C", "B")))}
 
