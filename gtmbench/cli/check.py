@@ -127,13 +127,14 @@ def _update(
     as_json: bool,
     quiet: bool,
 ) -> None:
+    from gtmbench.detectors.registry import is_python
     from gtmbench.study.baseline_file import read_reference, reference_of
     from gtmbench.study.baseline_write import new_baseline, write_figures
     from gtmbench.study.check_compare import pairs
 
     _check_target(path)
     if not path.exists():
-        python = detector is not None and ":" in detector
+        python = detector is not None and is_python(detector)
         named = found_detector(str(detector), calibrated).name if python else detector
         text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), detector=named)
         reference = reference_of(path, tomllib.loads(text))

@@ -47,7 +47,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     >>> find_detector("dissertation").outputs
     ('r',)
     """
-    found = _python(str(source)) if _is_python(source) else for_data_file(source)
+    found = _python(str(source)) if is_python(source) else for_data_file(source)
     if calibrated is None:
         return found
     if not hasattr(found, "calibrate"):
@@ -84,7 +84,7 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     InputError
         Where it is Python, or there is none of that name.
     """
-    if _is_python(source):
+    if is_python(source):
         raise InputError(
             f"'{source}': a data file doesn't import Python; give --detector FILE.py:OBJECT on the command line"
         )
@@ -117,7 +117,7 @@ def detector_names() -> dict[str, str]:
     return ours | {name: title for name, title in others.items() if name not in ours}
 
 
-def _is_python(source: str | Path) -> bool:
+def is_python(source: str | Path) -> bool:
     r"""Whether an object in Python is meant; a drive's colon (``C:\bank.toml``) isn't followed by a name."""
     place, colon, name = str(source).rpartition(":")
     return bool(colon and place) and all(part.isidentifier() for part in name.split("."))

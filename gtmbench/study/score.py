@@ -24,6 +24,7 @@ import numpy as np
 from gtmbench.bench.fault import Fault
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.errors import InputError
 from gtmbench.record import Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
@@ -139,6 +140,11 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Ver
     >>> verdict.detected, verdict.detection_delay_s, verdict.isolated
     (True, 2.0, None)
     """
+    if not isinstance(watch, Watch):
+        raise InputError(
+            f"a {type(watch).__name__} was given for a Watch; score what a monitor's watch(record) returns, such as "
+            "gb.DissertationOperator(...).calibrate(records).watch(broken)"
+        )
     told = first_after(watch.alarms, fault.onset_s)
     altered = altered_share(fault, healthy, broken)
     peak = _peak_ratio(watch, fault)

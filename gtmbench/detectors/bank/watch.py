@@ -9,7 +9,8 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.bank.engine import Arming, Engine
 from gtmbench.detectors.bank.levels import level_of, tracks_of
 from gtmbench.detectors.bank.memory import Memory
-from gtmbench.detectors.protocol import BoolArray, Score
+from gtmbench.detectors.protocol import Score
+from gtmbench.method.alarms import BoolArray
 from gtmbench.record import Record
 
 
