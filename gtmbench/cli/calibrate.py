@@ -102,7 +102,7 @@ def calibrate_command(
         else:
             records = wanted.records(found, processes=os.cpu_count() or 1, progress=tell)
             origin = wanted.provenance()
-        monitor = with_provenance(found.calibrate(records, rate, progress=tell), origin)
+        monitor = with_provenance(found.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         save_monitor(monitor, out)
     if as_json:
         print_json(facts(monitor) | {"out": str(out)})
