@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import NOISES
 from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import shown
+from gtmbench.clock import same_period
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
@@ -108,6 +110,7 @@ class Calibrator:
                 )
         ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
         for name, monitor in ready.items():
+            _check_period(name, monitor)
             _check_noise(name, monitor, setup)
         rest = {name: watcher for name, watcher in named.items() if is_recipe(watcher)}
         return cls(detectors=rest, ready=ready, order=tuple(named))
@@ -141,6 +144,16 @@ class Calibrator:
 
 def _is_tied(detector: Detector) -> bool:
     return bool(getattr(detector, "tied_to_excitation", False))
+
+
+def _check_period(name: str, monitor: Monitor) -> None:
+    """Refuse a monitor of another sample period than flights have."""
+    period_s = monitor.sample_period_s
+    if period_s is not None and not same_period(period_s, SAMPLE_PERIOD_S):
+        raise InputError(
+            f"'{name}' doesn't fit: a flight is sampled every {SAMPLE_PERIOD_S:g} s, the monitor was calibrated at "
+            f"{period_s:g} s; calibrate it on flights, or on logs of that rate"
+        )
 
 
 def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
