@@ -6,12 +6,12 @@ import click
 
 from gtmbench.cli.output import print_table
 
-from . import flight, growth, identification, peers, residual
+from . import flight, growth, identification, peers, residual, stream
 from .machine import machine
 from .results import rounded, write
 from .table import tables
 
-SECTIONS = ("identification", "peers", "residual", "norm", "flight", "growth")
+SECTIONS = ("identification", "peers", "residual", "norm", "stream", "flight", "growth")
 ROUNDS, QUICK_ROUNDS = 7, 3
 
 
@@ -31,6 +31,7 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
         "peers": lambda: peers.measure(results["identification"], 1 if quick else 3, tell),
         "residual": lambda: residual.measure(rounds),
         "norm": lambda: residual.measure_norm(rounds),
+        "stream": lambda: stream.measure(rounds),
         "flight": lambda: flight.measure(rounds),
         "growth": lambda: growth.measure(1 if quick else 3, 10**5 if quick else growth.SAMPLES[-1]),
     }

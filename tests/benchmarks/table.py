@@ -11,6 +11,7 @@ TARGETS = {  # figure of bench.json: (at least or at most, bound)
     ("identification", "markov_rel_diff"): ("<=", 1e-9),
     ("residual", "ratio"): (">=", 10.0),
     ("norm", "ratio"): (">=", 10.0),
+    ("stream", "ratio"): (">=", 100.0),
     ("flight", "ratio"): ("<=", 1.35),
 }
 ROWS = (  # what is measured, section, and its keys of time, memory and difference
@@ -19,6 +20,8 @@ ROWS = (  # what is measured, section, and its keys of time, memory and differen
     ("copying the regressor and multiplying over `gb.residual`", "residual", "ratio", "memory_ratio", "rel_diff"),
     ("`np.correlate` per channel over `gb.residual`", "residual", "correlate_ratio", "correlate_memory_ratio", ""),
     ("summing `sliding_window_view` over `gb.windowed_norm`", "norm", "ratio", "memory_ratio", "rel_diff"),
+    ("10 ms over a sample of bank C's stream, one a push (three gyros, 100 Hz)", "stream", "ratio", "", ""),
+    ("the same, 100 a push", "stream", "chunk_ratio", "", ""),
     ("the flight loop over JSBSim's bare `run()` loop", "flight", "ratio", "", ""),
 )
 
