@@ -289,8 +289,8 @@ def test_a_record_without_three_samples_has_no_derivative(samples):
 
 def test_an_operator_takes_a_pseudo_input_like_a_channel(flight):
     # a gyro behind a moving mean of three samples: FIR coefficients of a third each, from the kinematics alone
-    mean = np.convolve(derive(flight, ["p_att"])["p_att"], np.ones(3) / 3.0, mode="same")
-    record = derive(flight, ["p_att"]).replace("p", mean)
+    sensed = derive(gb.measure(flight, noise="t2", seed=1), ["p_att"])  # noise tells the lags apart
+    record = sensed.replace("p", np.convolve(sensed["p_att"], np.ones(3) / 3.0, mode="same"))
     there = np.isfinite(record.values).all(axis=1)
     setup = {"inputs": ["p_att"], "outputs": ["p"], "causal_order": 2, "noncausal_order": 2}
     weighted = gb.identify(record, weights=there.astype(float), **setup)

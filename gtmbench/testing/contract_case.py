@@ -109,7 +109,7 @@ def standard_records() -> tuple[Record, ...]:
 def _drifts(record: Record, channel: str) -> list[Fault]:
     length_s = record.end_s - record.start_s
     onsets_s = [record.start_s + round(share * length_s, 2) for share in (0.4, 0.7)]
-    slope = 50.0 * float(np.nanstd(record[channel])) / length_s
+    slope = 200.0 * float(np.nanstd(record[channel])) / length_s
     return [Drift(channel=channel, onset_s=onset_s, slope=slope, duration_s=0.1 * length_s) for onset_s in onsets_s]
 
 

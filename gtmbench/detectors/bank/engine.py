@@ -237,9 +237,8 @@ class Engine:
     def _shift(self, start: int) -> dict[str, float]:
         """Return the residuals' means before a fault (biases), in the outputs' units."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        return {
-            one.output: shift_of(self._monitor, one.output, self._memory.raw(one.output, rows)) for one in self.arming
-        }
+        raw = self._memory.residuals(rows, tuple(one.output for one in self.arming)).raw
+        return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
 
     def _tell(self, of: Fault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
@@ -372,4 +371,4 @@ def span_rows(monitor: CalibratedBank) -> int:
     """Return how many rows back an engine looks: the baseline before the farthest onset, or the longest case."""
     spans_s = (monitor.bank.statistic.baseline_s, HORIZONS_S[-1], _WINDOW_S)
     history_s = max(map(monitor.history_of, monitor.operators))
-    return round((_FARTHEST_S + max(spans_s) + 2.0 * (history_s + _MARGIN_S)) / monitor.sample_period_s) + 10
+    return round((_FARTHEST_S + max(spans_s) + 3.0 * (history_s + _MARGIN_S)) / monitor.sample_period_s) + 10

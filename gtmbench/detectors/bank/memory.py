@@ -1,17 +1,21 @@
-"""What a diagnosis may look at: the last minutes of a record, with residuals and predictions beside it."""
+"""What a diagnosis may look at: the last minutes of a record, and its residuals.
+
+A diagnosis computes residuals anew from the rows that it looks at: the same to the last bit, however the rows came in,
+for fits and decisions turn on the last bit now and then.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gtmbench.clock import even_times_s
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.bank.spread import Spread
 from gtmbench.record import FloatArray, Record
 
 
 class Memory:
-    """Rows of the bank's channels with residuals, predictions and spread beside them.
+    """Rows of the bank's channels with residuals and spread beside them.
 
     Parameters
     ----------
@@ -23,12 +27,13 @@ class Memory:
     """
 
     def __init__(self, monitor: CalibratedBank, start_s: float, capacity: int) -> None:
+        self._monitor = monitor
         self.start_s, self.period_s = start_s, monitor.sample_period_s
         self.channels, self.outputs = monitor.bank.channels, tuple(monitor.operators)
         self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
         self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
         self._doubted = tuple(output for output in self.outputs if output in monitor.doubts)
-        made = [(kind, output) for output in self.outputs for kind in ("raw", "predicted")]
+        made = [("raw", output) for output in self.outputs]
         made += [(kind, output) for output in self._doubted for kind in ("spread", "white")]
         self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
         self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
@@ -41,7 +46,7 @@ class Memory:
         memory = cls(monitor, record.start_s, len(record))
         memory.take(record.matrix(memory.channels))
         for output in memory.outputs:
-            memory.put(output, 0, residuals.raw[output], residuals.predicted[output], residuals.spread.get(output))
+            memory.put(output, 0, residuals.raw[output], residuals.spread.get(output))
         return memory
 
     def take(self, values: FloatArray) -> None:
@@ -51,9 +56,9 @@ class Memory:
         self._table[begin : begin + len(values), : len(self.channels)] = values
         self.stop += len(values)
 
-    def put(self, output: str, row: int, raw: FloatArray, predicted: FloatArray, spread: Spread | None = None) -> None:
-        """Put a residual and its prediction beside rows that were taken, from `row` on."""
-        made = {("raw", output): raw, ("predicted", output): predicted}
+    def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
+        """Put a residual beside rows that were taken, from `row` on."""
+        made = {("raw", output): raw}
         if spread is not None:
             made |= {("spread", output): spread.raw, ("white", output): spread.white}
         begin = max(row - self.first, 0)
@@ -69,10 +74,10 @@ class Memory:
         self.stop += 1
 
     def put_one(self, output: str, channel: int, row: int, predicted: float) -> float:
-        """Put a prediction beside a row; return the residual that it leaves of a channel."""
-        at, column = row - self.first, self._columns["raw", output]
+        """Put what a prediction leaves of a channel beside a row, and return it."""
+        at = row - self.first
         raw = float(self._table[at, channel]) - predicted
-        self._table[at, column : column + 2] = raw, predicted
+        self._table[at, self._columns["raw", output]] = raw
         return raw
 
     def raw_before(self, output: str, stop: int) -> FloatArray:
@@ -87,33 +92,39 @@ class Memory:
         self._blots = [blot for blot in self._blots if blot[1].stop > self.first]
         self._blots.append((output, range(rows.start - reach, rows.stop + reach)))
 
-    def raw(self, output: str, rows: range) -> FloatArray:
-        """Return a residual."""
-        values = self._column(("raw", output), rows).copy()
-        for blotted, out in self._blots:
-            if blotted == output:
-                values[max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
-        return values
+    def residuals(self, rows: range, outputs: tuple[str, ...]) -> BankResiduals:
+        """Return residuals and predictions as rows and those before them give them; what was blotted out is missing."""
+        lead = min(max(self._history.values()) + 2, rows.start - self.first)
+        whole = residuals_of(
+            self._monitor.bank, self.record(range(rows.start - lead, rows.stop)), self._monitor.operators, outputs
+        )
+        raw = {output: np.array(whole.raw[output][lead:]) for output in outputs}
+        for output, out in self._blots:
+            if output in raw:
+                raw[output][max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
+        return BankResiduals(raw=raw, predicted={output: whole.predicted[output][lead:] for output in outputs})
 
     def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
         """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
-        record = Record(
-            self._table[rows.start - self.first : rows.stop - self.first, : len(self.channels)],
-            channels=self.channels,
-            sample_period_s=self.period_s,
-            start_s=self.start_s + round(rows.start * self.period_s, 9),
-        )
+        found = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
-        return record, BankResiduals(
-            raw={output: np.where(known[output], self.raw(output, rows), np.nan) for output in outputs},
-            predicted={
-                output: np.where(known[output], self._column(("predicted", output), rows), np.nan) for output in outputs
-            },
+        return self.record(rows), BankResiduals(
+            raw={output: np.where(known[output], found.raw[output], np.nan) for output in outputs},
+            predicted={output: np.where(known[output], found.predicted[output], np.nan) for output in outputs},
             spread={
                 output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
                 for output in outputs
                 if output in self._doubted
             },
+        )
+
+    def record(self, rows: range) -> Record:
+        """Return rows of the channels."""
+        return Record(
+            self._table[rows.start - self.first : rows.stop - self.first, : len(self.channels)],
+            channels=self.channels,
+            sample_period_s=self.period_s,
+            start_s=self.start_s + round(rows.start * self.period_s, 9),
         )
 
     def time_s(self, row: int) -> float:

@@ -105,15 +105,12 @@ class BankStream:
         self._memory.take(values)
         stop = self._memory.stop
         first = max(begin - self._reach, 0)
-        record, _ = self._memory.cut(range(first, stop), ())
-        made = bank_residuals(self._monitor, record)
+        made = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
         for output, track in self._tracks.items():
             rows = slice(max(begin - track.ahead, 0) - first, max(stop - track.ahead, 0) - first)
             if rows.stop > max(rows.start, 0):
                 spread = made.spread[output].between(rows) if output in made.spread else None
-                self._memory.put(
-                    output, rows.start + first, made.raw[output][rows], made.predicted[output][rows], spread
-                )
+                self._memory.put(output, rows.start + first, made.raw[output][rows], spread)
                 before = min(self._monitor.whiteners[output].order, rows.start)
                 track.extend(made.raw[output][rows.start - before : rows.stop], spread, before=before)
         if self._rows is not None:
