@@ -267,9 +267,9 @@ with records of theirs in view.
 
 Bank C: every gyro from the attitude. The others are operators between these channels and r, and it is r that breaks:
 they say that one of their sensors broke, not which. Found: an alarm after the onset, and none before. Right gyro,
-wrong gyro (the rest is undecided) and right kind: of those found, at the record's end. Of those missed, spoiled: an
-alarm came before the onset; small: none came, and after the onset the fault changed what the gyro reads by less (RMS)
-than what it reads that isn't motion: vibration, noise, rounding.
+wrong gyro (the rest is undecided) and right kind (of the sensor that failed, named or the likeliest): of those found,
+at the record's end. Of those missed, spoiled: an alarm came before the onset; small: none came, and after the onset the
+fault changed what the gyro reads by less (RMS) than what it reads that isn't motion: vibration, noise, rounding.
 
 ## Bank C on {" and ".join(LATER)}
 

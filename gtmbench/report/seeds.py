@@ -11,6 +11,7 @@ import numpy as np
 from gtmbench.detectors.bank.tails import rate_bound
 from gtmbench.report.results import SCHEMA, plain, versions, write_tables
 from gtmbench.report.text import severity_text
+from gtmbench.report.units import counted
 from gtmbench.study.trial import Study, Trial
 
 
@@ -88,9 +89,10 @@ class SeedTable:
             bound = row["false_alarms_per_hour_at_most"]
             limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
             named = "" if row["isolated"] is None else f", isolated {row['isolated']}"
+            alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
             lines.append(
-                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {row['false_alarms']} false "
-                f"alarms in {row['healthy_hours']:.2f} h of healthy flight{limit}"
+                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
+                f"healthy flight{limit}"
             )
         return lines
 

@@ -44,7 +44,9 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
 
 
 @click.command()
-@click.option("--only", type=click.Choice((*SECTIONS, *ALONE)), multiple=True, help="Measure this section only; repeatable.")
+@click.option(
+    "--only", type=click.Choice((*SECTIONS, *ALONE)), multiple=True, help="Measure this section only; repeatable."
+)
 @click.option("--quick", is_flag=True, help="Fewer repetitions, no size beyond 100,000 samples.")
 def main(only: tuple[str, ...], *, quick: bool) -> None:
     """Print the measured ratios; all of them together are written to bench.json and into the README."""

@@ -14,8 +14,8 @@ CHUNK = 100
 def measure(rounds: int) -> dict:
     """Return the sample period over the time that a sample takes, a sample a push and a hundred a push.
 
-    Quiet samples: what a diagnosis takes, at its horizons after an alarm, isn't in it. Making the Records counts for the
-    caller.
+    Quiet samples: what a diagnosis takes, at its horizons after an alarm, isn't in it. Making the Records is the
+    caller's.
     """
     monitor = gb.calibrate([_sensed(seed) for seed in range(1, 7)], bank=gb.load_bank("C"))
     record = _sensed(99)

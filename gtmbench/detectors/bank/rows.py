@@ -97,7 +97,7 @@ class RowByRow:
 
     def _load(self, at: int) -> None:
         """Take over from chunks."""
-        record, _ = self._memory.cut(range(at - self._reach, at), ())
+        record = self._memory.record(range(at - self._reach, at))
         wanted = derive(record, self._pseudo) if self._pseudo else record
         self._middle, self._latest = record.values[-2:].tolist()
         for line in self._lines:
