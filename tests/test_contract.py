@@ -30,7 +30,7 @@ def far(seen):
 
 SHIPPED = ["dissertation", f"{EXAMPLE}:LimitCheck", far, *shipped_banks()]
 SLOW = ("B", "leave-one-out")  # to explain; the code is that of the other banks, so a property of each sort will do
-OF_SLOW = ("detects", "scores fit", "cut", "stream by 7", "stream with gaps", "saved and loaded")
+OF_SLOW = ("detects", "scores fit", "cut", "stream by 7", "stream with gaps", "refused chunks", "saved and loaded")
 
 
 @cache
