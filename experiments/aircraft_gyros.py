@@ -11,8 +11,8 @@ import sys
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.report.figures import write_figures
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from gtmbench.report.figures.study import write_figures
 
 # what is printed, with the tolerance at which the model is held to it: name -> (value, tolerance)
 PRINTED_TRIM = {

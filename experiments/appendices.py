@@ -15,8 +15,8 @@ import scipy.linalg
 from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 
-from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact import exact_operator
 from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input

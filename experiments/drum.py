@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
-from gtmbench.report.figures import panels
-from gtmbench.report.levels import level_panel
-from gtmbench.report.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.dissertation.norms import level_panel
+from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.nested import count, nested_operators, norms
 from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, simulate

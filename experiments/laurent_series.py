@@ -18,8 +18,8 @@ from matplotlib.patches import Wedge
 from numpy.typing import ArrayLike
 
 import gtmbench as gb
-from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.theory import plants
 from gtmbench.theory.annuli import annuli, inner_spectral_radius, spectral_radius
 from gtmbench.theory.closed_loop import loop_records

@@ -19,8 +19,8 @@ import scipy.signal
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
-from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.theory.closed_loop import loop_records
 from gtmbench.theory.laurent import laurent, reflected, split
 from gtmbench.theory.nuclear_norm import nuclear_norm_path

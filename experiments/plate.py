@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.report.figures import panels
-from gtmbench.report.levels import level_panel
-from gtmbench.report.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.dissertation.norms import level_panel
+from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact_fit import exact_weights, left_over
 from gtmbench.theory.nested import count, nested_operators, norms

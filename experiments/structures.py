@@ -17,10 +17,10 @@ from matplotlib.axes import Axes
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.report.figures import panels
-from gtmbench.report.polynomials import claim_polynomials, flat, plain
-from gtmbench.report.reproduction import Reproduction, reproduce
-from gtmbench.report.structure import draw_both_ways, draw_structure
+from gtmbench.report.dissertation.polynomials import claim_polynomials, flat, plain
+from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from gtmbench.report.dissertation.structure import draw_both_ways, draw_structure
+from gtmbench.report.figures.study import panels
 from gtmbench.theory.motions import holds_for_free_responses
 from gtmbench.theory.numeric import NumericOperator
 from gtmbench.theory.polynomials import write_polynomial

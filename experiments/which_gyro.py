@@ -31,12 +31,12 @@ from rich.progress import track
 from scipy.stats import binomtest
 
 import gtmbench as gb
-from gtmbench.bench.faults import FAULTS
 from gtmbench.bench.imperfections import drawn
-from gtmbench.detectors.bank.levels import bank_alarms
-from gtmbench.detectors.bank.statistics import Statistic
-from gtmbench.detectors.bank.tails import rate_bound
-from gtmbench.report.figures import panels
+from gtmbench.detectors.monitor.scores import bank_alarms
+from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.report.figures.study import panels
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.severity import parse_severity, resolve
 

@@ -19,8 +19,8 @@ from scipy.signal import stft
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
-from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import Reproduction, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from gtmbench.report.figures.study import panels
 from gtmbench.theory.iir import arx
 from gtmbench.theory.state_space import StateSpace
 

@@ -3,19 +3,16 @@
 from typing import Any
 
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.bench.fault import Fault, severity
-from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
-from gtmbench.bench.registry import register_fault
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
-from gtmbench.detectors.bank.detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
@@ -23,6 +20,9 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.faults.fault import Fault, severity
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
+from gtmbench.faults.registry import register_fault
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.logs import read_log, write_log
@@ -44,13 +44,13 @@ from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
-from gtmbench.report.read_recording import read_recording
-from gtmbench.study.log_watch import bank_between, watch_log
+from gtmbench.report.recording.read import read_recording
+from gtmbench.study.log.watch import bank_between, watch_log
+from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
-from gtmbench.study.watched_log import Outcome, WatchedLog
 
 __all__ = [
     "CHANNELS",

@@ -8,9 +8,9 @@ import pytest
 
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals
-from gtmbench.detectors.bank.detector import calibrate
-from gtmbench.detectors.bank.engine import Arming
-from gtmbench.detectors.bank.levels import Track, levels
+from gtmbench.detectors.bank_detector import calibrate
+from gtmbench.detectors.monitor.alarms import Arming
+from gtmbench.detectors.monitor.scores import Track, levels
 from gtmbench.errors import InputError
 from gtmbench.files import shipped_banks
 from gtmbench.record import Record

@@ -7,10 +7,10 @@ from scipy import stats
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
-from gtmbench.detectors.bank.detector import calibrate
-from gtmbench.detectors.bank.levels import crossings, levels
-from gtmbench.detectors.bank.statistics import STATISTICS
+from gtmbench.detectors.bank_detector import calibrate
+from gtmbench.detectors.monitor.scores import crossings, levels
 from gtmbench.detectors.protocol import watch
+from gtmbench.detectors.statistics.statistic import STATISTICS
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 

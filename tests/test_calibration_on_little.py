@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.bank.levels import bank_alarms
+from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.errors import InputError
-from gtmbench.study.log_watch import bank_between
+from gtmbench.study.log.watch import bank_between
 from tests.airliner import MANOEUVRES, airliner
 from tests.monitors import record
 

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.check.compare import compare
+from gtmbench.check.figures import figures_of, rounded, trial_names
+from gtmbench.check.rules import KINDS, RULES
+from gtmbench.check.tolerance import Tolerance, parse_tolerance
+from gtmbench.check.words import regression_line
 from gtmbench.method.residual import residual, windowed_norm
-from gtmbench.report.check_text import regression_line
-from gtmbench.study.check_compare import compare
-from gtmbench.study.check_figures import figures_of, rounded, trial_names
-from gtmbench.study.check_rules import KINDS, RULES
-from gtmbench.study.flown import Flown
+from gtmbench.study.flights import Flown
 from gtmbench.study.run import run_study
-from gtmbench.study.tolerance import Tolerance, parse_tolerance
 from tests import watching
 
 TOLERANCES = {name: parse_tolerance(name, rule.tolerance) for name, rule in RULES.items() if rule.form != "flag"}

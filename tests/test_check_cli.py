@@ -8,10 +8,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from gtmbench.bench.sensors import measure
+from gtmbench.check.figures import figures_of
+from gtmbench.check.renewal import new_baseline, write_figures
 from gtmbench.files import shipped_baselines
 from gtmbench.study import check as study_check
-from gtmbench.study.baseline_write import new_baseline, write_figures
-from gtmbench.study.check_figures import figures_of
 from tests.test_check import SHORT, study
 from tests.watching import EXAMPLE
 
@@ -40,7 +40,7 @@ def spiked(baseline, monkeypatch):
         r[7730] += SPIKE
         return record.replace("r", r)
 
-    monkeypatch.setattr("gtmbench.study.flown.measure", measured)
+    monkeypatch.setattr("gtmbench.study.flights.measure", measured)
     return baseline
 
 
@@ -184,7 +184,7 @@ def test_a_baseline_of_before_holds_and_is_renewed(cli, baseline):
 @pytest.mark.usefixtures("baseline")
 def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_command_line(cli, tmp_path, monkeypatch):
     """The baseline imports nothing: it states the name, and says so where nothing goes by that."""
-    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     shutil.copy(EXAMPLE, tmp_path / "mine.py")
     own = ("--detector", "mine.py:LimitCheck")
     code, out, err = cli("check", "limits.toml", "--update", "--scenario", "short.toml", *own)
@@ -306,6 +306,6 @@ def test_an_installed_packages_baseline_isnt_written(cli, monkeypatch):
 def test_a_checkout_may_renew_its_own(cli, tmp_path, monkeypatch):
     copy = tmp_path / "dissertation.toml"
     copy.write_text(shipped_baselines()["dissertation"].read_text().replace("detected = true", "detected = false", 1))
-    monkeypatch.setattr("gtmbench.study.baseline_file.shipped_baselines", lambda: {"dissertation": copy})
+    monkeypatch.setattr("gtmbench.check.baseline.shipped_baselines", lambda: {"dissertation": copy})
     assert cli("check", "--update")[0] == 0
     assert copy.read_bytes() == shipped_baselines()["dissertation"].read_bytes()

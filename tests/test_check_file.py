@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.check.baseline import TOLERATED, read_reference, reference_of
+from gtmbench.check.compare import pairs
+from gtmbench.check.figures import Group, rounded
+from gtmbench.check.renewal import figures_text, in_names_of_now, new_baseline, renewed, write_figures
+from gtmbench.check.rules import KINDS, RULES
+from gtmbench.check.run import check, run_reference
 from gtmbench.detectors.registry import find_detector
 from gtmbench.files import LARGEST_TOML_BYTES, shipped_baselines
-from gtmbench.study.baseline_file import TOLERATED, read_reference, reference_of
-from gtmbench.study.baseline_write import figures_text, in_names_of_now, new_baseline, renewed, write_figures
-from gtmbench.study.check import check, run_reference
-from gtmbench.study.check_compare import pairs
-from gtmbench.study.check_figures import Group, rounded
-from gtmbench.study.check_rules import KINDS, RULES
 from gtmbench.study.scenario import load_scenario
 
 HEALTHY = Group(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})

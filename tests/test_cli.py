@@ -203,7 +203,7 @@ def test_a_disk_that_fills_up_leaves_nothing(cli, scenario, tmp_path, monkeypatc
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gtmbench.report.recording.write_recording", full)
+    monkeypatch.setattr("gtmbench.report.recording.write.write_recording", full)
     code, _, err = cli("run", scenario)
     assert code == 2
     assert "No space left on device" in err

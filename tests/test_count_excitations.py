@@ -8,7 +8,7 @@ from oracles import sampled
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.report.selection import excitation_figure
+from gtmbench.report.figures.selection import excitation_figure
 
 
 def zeros_and_poles(rng, count):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.bank.levels import over
+from gtmbench.detectors.monitor.scores import over
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 

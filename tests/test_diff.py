@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.report.overlay import TINTS, write_overlay
-from gtmbench.report.recording import write_recording
-from gtmbench.report.recording_diff import Tolerance, compare
+from gtmbench.report.recording.diff import Tolerance, compare
+from gtmbench.report.recording.overlay import TINTS, write_overlay
+from gtmbench.report.recording.write import write_recording
 from tests.test_cli import SHORT
 from tests.test_viewer import VULKAN, close, looked_at
 

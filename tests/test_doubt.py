@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.detectors.bank.doubt import Doubt, SpreadStream
-from gtmbench.detectors.bank.spread import Spread
-from gtmbench.detectors.bank.statistics import Statistic, Tolerance
+from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.uncertainty import Doubt, SpreadStream
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gtmbench.errors import InputError
-from gtmbench.report.figures import panels
-from gtmbench.report.reproduction import RESULTS, reproduce
+from gtmbench.report.dissertation.reproduction import RESULTS, reproduce
+from gtmbench.report.figures.study import panels
 
 EXPERIMENTS = Path(__file__).parent.parent / "experiments"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gtmbench.bench import faults
-from gtmbench.bench.fault import Fault, other_channel, severity
-from gtmbench.bench.faults import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault, other_channel, severity
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.record import Record
 
 PERIOD_S = 0.01

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench import logs
 from gtmbench.bench.aircraft import load_aircraft
+from gtmbench.check.baseline import read_reference
 from gtmbench.files import share
-from gtmbench.study.baseline_file import read_reference
 from tests.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent
@@ -92,7 +92,7 @@ def test_a_log_of_anything_is_read_or_refused(tmp_path, record_property):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    from gtmbench.report.log_recording import write_log_recording
+    from gtmbench.report.recording.log import write_log_recording
     from tests import logged
 
     path = tmp_path_factory.mktemp("recording") / "short.rrd"

@@ -23,8 +23,3 @@ def test_no_file_names_a_registry_or_a_path_of_a_machine():
         if path.suffix in {".py", ".toml", ".md", ".txt", ".cff", ".yaml", ".xml", ""} and path.is_file():
             found = forbidden.search(path.read_text(errors="ignore"))
             assert found is None or name == "tests/test_layers.py", f"{name}: {found and found[0]}"
-
-
-def test_files_stay_small():
-    for path in (ROOT / "gtmbench").rglob("*.py"):
-        assert len(path.read_text().splitlines()) <= 400, path

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.detectors.bank.tails import rate_bound
-from gtmbench.report.log_figure import thinned, write_log_figure
-from gtmbench.report.log_recording import write_log_recording
-from gtmbench.report.log_results import log_results
-from gtmbench.report.log_spans import State, stretches
-from gtmbench.report.log_text import log_report, outcome_text
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.report.figures.log import thinned, write_log_figure
+from gtmbench.report.recording.log import write_log_recording
+from gtmbench.report.tables.log import log_results
+from gtmbench.report.words.log import log_report, outcome_text
+from gtmbench.report.words.log_spans import State, stretches
 from tests.logged import (
     CASES,
     ODD,

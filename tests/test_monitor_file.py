@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.detectors import files as module
-from gtmbench.detectors.bank.detector import BankDetector
+from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.files import shipped_banks

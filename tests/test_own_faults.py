@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from gtmbench.bench import registry
-from gtmbench.bench.fault import Fault, other_channel, severity
-from gtmbench.bench.faults import FAULTS, Drift, Jam, inject
-from gtmbench.bench.registry import fault_kinds, find_fault, import_package, register_fault
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault, other_channel, severity
+from gtmbench.faults.kinds import FAULTS, Drift, Jam, inject
+from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault
 from gtmbench.record import Record
-from gtmbench.study.fault_spec import build, spec_of
+from gtmbench.study.fault_tables import build, spec_of
 from gtmbench.study.scenario import load_scenario
 from gtmbench.study.severity import resolve
 
 OWN = """
 from dataclasses import dataclass
-from gtmbench.bench.fault import Fault, severity
-from gtmbench.bench.registry import register_fault
+from gtmbench.faults.fault import Fault, severity
+from gtmbench.faults.registry import register_fault
 
 
 @register_fault

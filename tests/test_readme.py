@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gtmbench.bench.faults import FAULTS
 from gtmbench.cli.app import main
+from gtmbench.faults.kinds import FAULTS
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup
 
 ROOT = Path(__file__).parent.parent

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmbench.detectors.bank.tails import rate_bound
-from gtmbench.report.figures import write_figures
-from gtmbench.report.lines import trial_paths
-from gtmbench.report.recording import write_recording
-from gtmbench.report.results import results, write_results
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.report.figures.study import write_figures
+from gtmbench.report.recording.lines import trial_paths
+from gtmbench.report.recording.write import write_recording
+from gtmbench.report.tables.results import results, write_results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 

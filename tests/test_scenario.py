@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import gtmbench
-from gtmbench.bench.fault import Fault, other_channel, severity
-from gtmbench.bench.faults import FAULTS
 from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault, other_channel, severity
+from gtmbench.faults.kinds import FAULTS
 from gtmbench.files import shipped_scenarios
 from gtmbench.record import Record
-from gtmbench.study.fault_spec import build
+from gtmbench.study.fault_tables import build
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_scenario
 from gtmbench.study.severity import Severity, parse_severity, resolve
 

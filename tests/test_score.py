@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gtmbench.bench.faults import Drift, Jam
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch, came_down
+from gtmbench.faults.kinds import Drift, Jam
 from gtmbench.record import Record
 from gtmbench.study.score import false_alarms, score
 

@@ -8,7 +8,7 @@ from oracles import sampled
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.report.selection import order_figure
+from gtmbench.report.figures.selection import order_figure
 
 INPUTS, OUTPUTS = ["u1", "u2"], ["y1", "y2"]
 CAUSAL, NONCAUSAL = [0, 1, 3, 6], [0, 2, 5]

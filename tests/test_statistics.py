@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gtmbench.detectors.bank.statistics import STATISTICS, Statistic, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic, Tolerance, tolerance_of
 
 TS = 0.1
 NONE = Tolerance()

@@ -175,7 +175,7 @@ def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
     ],
 )
 def test_progress_is_told_step_by_step(given, calibration, each, monkeypatch):
-    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     told = []
     gb.run_study([short_jam()], detectors=[one() for one in given], progress=lambda *step: told.append(step))
     watched = ["healthy record 1"] * each + ["healthy record 2"] * each + ["jam of p"] * each
@@ -215,7 +215,7 @@ def test_several_detectors_in_one_study_are_each_as_alone():
 def test_the_example_of_a_detector_of_ones_own_stands_beside_ours(monkeypatch):
     """A file of 25 lines at most: found by its name, calibrated on the study's flights, one row a trial."""
     assert len(EXAMPLE.read_text().splitlines()) <= 25
-    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     found = gb.run_study([short_jam()], detectors=[f"{EXAMPLE}:LimitCheck", monitor()])
     mine, ours = (trial.row() for trial in found.trials)
     assert (mine["detector"], ours["detector"]) == ("limit check", "C")
@@ -245,7 +245,7 @@ def test_only_who_asks_gets_surface_commands_and_the_sensors_are_the_same():
 
 
 def test_what_learns_nothing_and_what_is_ready_needs_no_flights(monkeypatch):
-    monkeypatch.setattr("gtmbench.study.calibrated.fly", None)
+    monkeypatch.setattr("gtmbench.study.calibration.fly", None)
     ready = gb.FunctionDetector(spikes, name="ready").calibrate()
     for detector in (spikes, ready, monitor(), Limits(tied_to_excitation=True), "dissertation"):
         assert len(gb.run(short_jam(), detectors=[detector])) == 1
@@ -263,7 +263,7 @@ def test_who_names_nobody_claims_no_isolation_and_is_scored_all_the_same():
 @pytest.mark.parametrize("noise", ["t2", "snr 20 of a flight with multisine+turbulence, 30 s"])
 def test_a_monitor_of_other_noise_is_refused_before_the_flight(noise, monkeypatch):
     """It would alarm on healthy sensors (for minutes, diagnosing each), or see little."""
-    monkeypatch.setattr("gtmbench.study.flown.fly", None)
+    monkeypatch.setattr("gtmbench.study.flights.fly", None)
     learned = replace(gb.FunctionDetector(spikes, name="C").calibrate(), provenance={"noise": noise})
     setup = replace(short_jam().setup, noise=None, snr=50.0)
     with pytest.raises(gb.InputError, match=f"'C' was calibrated .* noise '{noise[:6]}.* the scenario's have 'snr 50 "):
@@ -291,7 +291,7 @@ def test_one_detector_alone_is_no_list_of_them(given):
     ],
 )
 def test_what_cant_watch_a_study_is_refused_before_the_flight(detector, words, monkeypatch):
-    monkeypatch.setattr("gtmbench.study.flown.fly", None)
+    monkeypatch.setattr("gtmbench.study.flights.fly", None)
     with pytest.raises(gb.InputError, match=words):
         gb.run_study([short_jam()], detectors=[detector])
 
@@ -305,7 +305,7 @@ def test_a_detector_is_calibrated_with_the_noise_that_the_studys_sensors_have(sn
             given.extend(records)
             return super().learn(records)
 
-    monkeypatch.setattr("gtmbench.study.calibrated.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     setup = replace(short_jam().setup, excitation="dissertation", duration_s=20.0, snr=snr, noise=noise)
     base = gb.run_study(
         [replace(short_jam(), setup=setup)], detectors=[Keeping(channels=("p", "beta", "phi"))]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
+from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 
 AR2 = [1.0, -1.6, 0.8]  # poles at 0.8 +- 0.4i

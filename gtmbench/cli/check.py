@@ -16,10 +16,10 @@ from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file, is_installed, shipped_baselines, shipped_scenarios
 
 if TYPE_CHECKING:
+    from gtmbench.check.baseline import Reference
+    from gtmbench.check.compare import Pair
+    from gtmbench.check.figures import Group
     from gtmbench.detectors.protocol import Detector, Monitor
-    from gtmbench.study.baseline_file import Reference
-    from gtmbench.study.check_compare import Pair
-    from gtmbench.study.check_figures import Group
 
 
 @click.command("check")
@@ -62,7 +62,7 @@ def check_command(
     Exit codes: 0 nothing is worse (what is better is said), 1 a regression (a line for each figure: was, is, allowed),
     2 it couldn't be run, or the baseline has no figure for something that was.
     """
-    from gtmbench.study.baseline_file import find_baseline
+    from gtmbench.check.baseline import find_baseline
 
     path = find_baseline(baseline)
     if update:
@@ -78,9 +78,9 @@ def check_command(
 def _check(
     path: Path, detector: str | None, calibrated: Path | None, junit: Path | None, *, as_json: bool, quiet: bool
 ) -> int:
-    from gtmbench.report.check_text import check_lines, regression_line
-    from gtmbench.study.baseline_file import read_reference
-    from gtmbench.study.check import check
+    from gtmbench.check.baseline import read_reference
+    from gtmbench.check.run import check
+    from gtmbench.check.words import check_lines, regression_line
 
     if junit is not None:
         if junit.suffix.lower() != ".xml":
@@ -92,11 +92,11 @@ def _check(
     began = time.monotonic()
     found = check(reference, _run(reference, watcher, silent=as_json or quiet))
     if junit is not None:
-        from gtmbench.report.check_junit import write_junit
+        from gtmbench.check.junit import write_junit
 
         write_junit(found, junit, took_s=time.monotonic() - began)
     if as_json:
-        from gtmbench.report.check_results import check_results
+        from gtmbench.check.results import check_results
 
         print_json(check_results(found))
     else:
@@ -127,10 +127,10 @@ def _update(
     as_json: bool,
     quiet: bool,
 ) -> None:
+    from gtmbench.check.baseline import read_reference, reference_of
+    from gtmbench.check.compare import pairs
+    from gtmbench.check.renewal import new_baseline, write_figures
     from gtmbench.detectors.registry import is_python
-    from gtmbench.study.baseline_file import read_reference, reference_of
-    from gtmbench.study.baseline_write import new_baseline, write_figures
-    from gtmbench.study.check_compare import pairs
 
     _check_target(path)
     if not path.exists():
@@ -148,7 +148,7 @@ def _update(
     write_figures(path, text, seed=reference.seed, groups=groups)
     changes = list(pairs(reference.recorded, groups))
     if as_json:
-        from gtmbench.report.check_results import update_results
+        from gtmbench.check.results import update_results
 
         print_json(update_results(reference, changes))
     elif not quiet:
@@ -169,7 +169,7 @@ def _check_target(path: Path) -> None:
 
 def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
-    from gtmbench.study.check import run_reference
+    from gtmbench.check.run import run_reference
 
     try:
         with progress_bar(silent=silent) as tell:
@@ -182,7 +182,7 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.report.check_text import changed_rows
+    from gtmbench.check.words import changed_rows
 
     if not reference.recorded:
         echo(f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}")

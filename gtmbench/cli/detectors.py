@@ -47,7 +47,7 @@ def import_option(command: F) -> F:
 
     def brought(_context: click.Context, _option: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
         if value:
-            from gtmbench.bench.registry import import_package
+            from gtmbench.faults.registry import import_package
 
             for source in value:
                 import_package(source)

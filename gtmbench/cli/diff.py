@@ -11,8 +11,8 @@ from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, written_aside
-from gtmbench.report.read_recording import read_recording
-from gtmbench.report.recording_diff import Comparison, LineDifference, Tolerance, compare
+from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
+from gtmbench.report.recording.read import read_recording
 
 _MOST = 20  # rows of a table; --json lists all
 
@@ -44,7 +44,7 @@ def diff_command(
         tell("comparing", 2, total)
         found = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
         if overlay is not None:
-            from gtmbench.report.overlay import write_overlay
+            from gtmbench.report.recording.overlay import write_overlay
 
             tell("overlay", 3, total)
             with written_aside(overlay) as aside:
@@ -67,7 +67,7 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
 
 
 def _print_json(found: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
-    from gtmbench.report.results import plain
+    from gtmbench.report.tables.results import plain
 
     told = {"a": str(a), "b": str(b), "equal": found.equal, **asdict(found)}
     print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))

@@ -11,8 +11,6 @@ from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.excitation import EXCITATIONS
 from gtmbench.bench.flight import fly
 from gtmbench.bench.modes import Mode, modes
-from gtmbench.bench.registry import GROUP as FAULT_GROUP
-from gtmbench.bench.registry import loaded_faults
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS
@@ -20,6 +18,8 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
+from gtmbench.faults.registry import GROUP as FAULT_GROUP
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log

@@ -20,7 +20,7 @@ from gtmbench.record import Span
 
 if TYPE_CHECKING:
     from gtmbench.intake.open import LogColumn
-    from gtmbench.study.watched_log import WatchedLog
+    from gtmbench.study.log.watched import WatchedLog
 
 
 @click.command("monitor")
@@ -87,7 +87,7 @@ def monitor_command(
     monitor = _watcher(detector, calibrated, inputs, outputs, look)
     if monitor is None:
         raise _nothing_to_watch_with(log, mapping, shown=not (as_json or quiet))
-    from gtmbench.study.log_watch import watch_log
+    from gtmbench.study.log.watch import watch_log
 
     with progress_bar(silent=as_json or quiet) as tell:
         watched = watch_log(
@@ -102,7 +102,7 @@ def monitor_command(
         tell("writing", None, None)
         _write(watched, record, figure, save)
     if as_json:
-        from gtmbench.report.log_results import log_results
+        from gtmbench.report.tables.log import log_results
 
         print_json(log_results(watched))
     elif not quiet:
@@ -136,7 +136,7 @@ def _watcher(
         raise InputError(
             f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
         )
-    from gtmbench.study.log_watch import bank_between
+    from gtmbench.study.log.watch import bank_between
 
     split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
     return bank_between(*split, look_s=number("--look", look, 0.0, 60.0))
@@ -210,12 +210,12 @@ def _print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
     if figure is not None:
-        from gtmbench.report.log_figure import write_log_figure
+        from gtmbench.report.figures.log import write_log_figure
 
         with written_aside(figure) as aside:
             write_log_figure(watched, aside)
     if record is not None:
-        from gtmbench.report.log_recording import write_log_recording
+        from gtmbench.report.recording.log import write_log_recording
 
         with written_aside(record) as aside:
             write_log_recording(watched, aside)
@@ -226,7 +226,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
 
 
 def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
-    from gtmbench.report.log_text import log_report
+    from gtmbench.report.words.log import log_report
 
     for line in log_report(watched):
         echo(line)

@@ -17,7 +17,7 @@ from gtmbench.cli.detectors import detector_option, found_detectors, import_opti
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
 from gtmbench.files import check_file, check_folder, folder_aside, shipped_scenarios, written_aside
-from gtmbench.report.read_recording import check_recording
+from gtmbench.report.recording.read import check_recording
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study
@@ -102,7 +102,7 @@ def run_command(
         with folder_aside(out) as folder:
             _write(study, folder, parts, lambda step: tell(step, None, None))
     if as_json:
-        from gtmbench.report.results import results
+        from gtmbench.report.tables.results import results
 
         print_json(results(study) | {"out": str(out)})
     elif not quiet:
@@ -123,15 +123,15 @@ class _Parts:
 
 
 def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None]) -> None:
-    from gtmbench.report.results import write_results
+    from gtmbench.report.tables.results import write_results
 
     if parts.figures:
-        from gtmbench.report.figures import write_figures
+        from gtmbench.report.figures.study import write_figures
 
         tell("figures")
         write_figures(study, folder)
     if parts.recording:
-        from gtmbench.report.recording import write_recording
+        from gtmbench.report.recording.write import write_recording
 
         tell("recording")
         write_recording(study, folder / "study.rrd")
@@ -150,7 +150,7 @@ def _run_seeds(
     quiet: bool,
 ) -> None:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
-    from gtmbench.report.seeds import SeedTable, write_seeds
+    from gtmbench.report.tables.seeds import SeedTable, write_seeds
 
     table = SeedTable()
     with progress_bar(silent=as_json or quiet) as tell, folder_aside(out) as folder:
@@ -173,7 +173,7 @@ def _run_seeds(
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
-    from gtmbench.report.text import summary_lines, title, trial_rows
+    from gtmbench.report.words.study import summary_lines, title, trial_rows
 
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {len(rows)} trials", columns, rows, right=right)

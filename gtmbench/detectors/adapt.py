@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from gtmbench.checks import one_line, shown
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.detector import BankDetector
+from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import shown, text
-from gtmbench.detectors.bank.detector import BankDetector, BankMonitor, restore_bank
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.installed import installed, installed_names
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.tables import keys, table_of
@@ -59,7 +59,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     >>> import tempfile
     >>> import numpy as np
     >>> from gtmbench.detectors.bank.bank import load_bank
-    >>> from gtmbench.detectors.bank.detector import calibrate
+    >>> from gtmbench.detectors.bank_detector import calibrate
     >>> from gtmbench.record import Record
     >>> noise = np.random.default_rng(1).standard_normal((9000, 4))
     >>> record = Record(noise, channels=["p", "q", "r", "beta"], sample_period_s=0.1)

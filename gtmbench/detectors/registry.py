@@ -12,7 +12,7 @@ from typing import Any, cast
 from gtmbench.checks import shown
 from gtmbench.detectors.adapt import adapted
 from gtmbench.detectors.bank.bank import load_bank
-from gtmbench.detectors.bank.detector import BankDetector
+from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.files import load_monitor
 from gtmbench.detectors.installed import installed, installed_names
 from gtmbench.detectors.protocol import Detector, Monitor

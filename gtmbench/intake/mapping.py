@@ -10,9 +10,9 @@ import numpy as np
 from gtmbench.channels import CHANNELS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds
 from gtmbench.intake.names import is_table_header, stated_unit
 from gtmbench.intake.questions import judged, missing, open_questions, there
-from gtmbench.intake.raw import Meaning, RawLog, RawSeries, in_seconds
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 
 AS_IT_IS = "as it is"

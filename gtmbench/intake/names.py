@@ -7,7 +7,7 @@ import shlex
 from dataclasses import dataclass
 
 from gtmbench.channels import CHANNELS
-from gtmbench.intake.raw import Meaning
+from gtmbench.intake.formats.raw import Meaning
 from gtmbench.intake.units import dimension_of, hint, unit
 
 # lower case, letters and digits only; "-" turns the sign: a body's z axis points down

@@ -14,11 +14,11 @@ from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values
+from gtmbench.intake.formats.read import read_raw
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
 from gtmbench.intake.questions import judged, not_taken
-from gtmbench.intake.raw import RawLog, RawSeries, check_values
-from gtmbench.intake.read import read_raw
 from gtmbench.intake.remarks import summed_up
 from gtmbench.intake.segments import Track, cut
 from gtmbench.intake.stamps import Clock, cleaned

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.channels import CHANNELS
+from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess
-from gtmbench.intake.raw import RawLog, RawSeries
 
 _MOST_NAMED = 40
 

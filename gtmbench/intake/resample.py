@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from gtmbench.clock import FloatArray
+from gtmbench.intake.formats.raw import check_values
 from gtmbench.intake.lattice import JITTER
-from gtmbench.intake.raw import check_values
 
 HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency

@@ -27,7 +27,7 @@ from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector, Progress, silent
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.record import Record
-from gtmbench.study.log_open import open_for
+from gtmbench.study.log.open import open_for
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated

@@ -16,7 +16,7 @@ from gtmbench.checks import number, shown, text, whole
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml, shipped_scenarios
 from gtmbench.record import Span
-from gtmbench.study.fault_spec import FaultSpec, fault_specs
+from gtmbench.study.fault_tables import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000
 _LONGEST_S = 500_000.0  # of all trials: 7 GB

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.bench.fault import Fault
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
 from gtmbench.record import Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
@@ -130,7 +130,7 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Ver
 
     Examples
     --------
-    >>> from gtmbench.bench.faults import Drift, inject
+    >>> from gtmbench.faults.kinds import Drift, inject
     >>> from gtmbench.detectors.function import FunctionDetector
     >>> healthy = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
     >>> fault = Drift(channel="p", onset_s=1.0, slope=2.0)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import cast
 
-from gtmbench.bench.fault import Fault
 from gtmbench.bench.trim import Trim
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
+from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import Alarms, alarms
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.record import Record

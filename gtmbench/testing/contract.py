@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gtmbench.bench.fault import Fault
+from gtmbench.faults.fault import Fault
 from gtmbench.record import Record
 from gtmbench.testing.contract_calibration import CALIBRATION
 from gtmbench.testing.contract_case import Case, contract_case

@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from gtmbench.bench.fault import Fault
-from gtmbench.bench.faults import Drift, inject
 from gtmbench.bench.sensors import measure
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import Drift, inject
 from gtmbench.method.decimation import decimate
 from gtmbench.method.pose import as_records
 from gtmbench.record import Record

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gtmbench.bench.fault import Fault
-from gtmbench.bench.faults import inject
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import inject
 from gtmbench.kept import kept
 from gtmbench.record import Record, is_record
-from gtmbench.report.text import fault_text
-from gtmbench.study.calibrated import prepared
+from gtmbench.report.words.study import fault_text
+from gtmbench.study.calibration import prepared
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
 from gtmbench.study.shared_flights import calibration_records, standard_record
 
@@ -158,7 +158,7 @@ def _fail(
     __tracebackhide__ = True
 
     def write(path: Path) -> None:
-        from gtmbench.report.failure_recording import FailedWatch, write_watch_recording
+        from gtmbench.report.recording.failure import FailedWatch, write_watch_recording
 
         write_watch_recording(path, FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said))
 

@@ -62,7 +62,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
     said = "; ".join(failed)
 
     def write(path: Path) -> None:
-        from gtmbench.report.failure_recording import write_residual_recording
+        from gtmbench.report.recording.failure import write_residual_recording
 
         inputs = operator.inputs if isinstance(operator, Transmissibility) else ()
         write_residual_recording(path, record, found, bounds, inputs, said)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import number, shown, text
-from gtmbench.detectors.bank.statistics import STATISTICS, Statistic
+from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml, shipped_banks
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs

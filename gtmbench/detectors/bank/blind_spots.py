@@ -10,7 +10,7 @@ from gtmbench.channels import SENSORS, unit_of
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.sizes import slowest_drift
-from gtmbench.detectors.bank.statistics import Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.virtual import integrable
 
 LEVEL, SLOPE, NOTHING = "level", "slope", ""

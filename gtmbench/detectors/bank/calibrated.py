@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any
 
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.doubt import HALF, Doubt
-from gtmbench.detectors.bank.spread import Spread
-from gtmbench.detectors.bank.statistics import Tolerance
-from gtmbench.detectors.bank.whitening import Whitener
+from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Tolerance
+from gtmbench.detectors.statistics.uncertainty import HALF, Doubt
+from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, frozen, is_record

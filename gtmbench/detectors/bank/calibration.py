@@ -11,15 +11,15 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
-from gtmbench.detectors.bank.doubt import Doubt
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.bank.plan import Plan, divided, left_out
-from gtmbench.detectors.bank.spread import Spread
-from gtmbench.detectors.bank.statistics import Tolerance, tolerance_of
-from gtmbench.detectors.bank.tails import rate_bound
-from gtmbench.detectors.bank.thresholds import Residual, thresholds_of
-from gtmbench.detectors.bank.whitening import Whitener, fit_whitener
 from gtmbench.detectors.protocol import Progress, silent
+from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Tolerance, tolerance_of
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import Residual, thresholds_of
+from gtmbench.detectors.statistics.uncertainty import Doubt
+from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares

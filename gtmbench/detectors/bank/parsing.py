@@ -11,9 +11,9 @@ import numpy as np
 from gtmbench.checks import number, shown, text
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.bank.doubt import Doubt
-from gtmbench.detectors.bank.statistics import Tolerance
-from gtmbench.detectors.bank.whitening import Whitener
+from gtmbench.detectors.statistics.statistic import Tolerance
+from gtmbench.detectors.statistics.uncertainty import Doubt
+from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.detectors.tables import (
     MOST_LAGS,
     PERIODS_S,

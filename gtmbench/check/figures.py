@@ -1,0 +1,182 @@
+"""From a study to the figures that are held against a baseline."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.check.rules import KINDS, WINDOW_S
+from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.protocol import Score
+from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray
+from gtmbench.study.trial import Baseline, Study, Trial
+
+Value = bool | int | float | tuple[float, ...]
+_DIGITS = 5
+_V = TypeVar("_V", float, tuple[float, ...])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Figures that belong together: of a residual, of a trial.
+
+    Attributes
+    ----------
+    kind, name : str
+        One of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``.
+    values : mapping of str to flag, count, number or tuple of numbers
+        By the names in `RULES`; reals to five significant digits, as they are written.
+    labels : mapping of str to tuple of str
+        What the numbers of a tuple are: ``window 230..240 s``.
+    unit : str
+        Of its residual.
+    remark : str
+        What the study itself says of it, for people.
+    """
+
+    kind: str
+    name: str
+    values: Mapping[str, Value]
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unit: str = ""
+    remark: str = ""
+
+    @property
+    def title(self) -> str:
+        """What a report calls it: ``healthy residual of r``."""
+        return KINDS[self.kind][0].format(self.name)
+
+
+def figures_of(study: Study) -> tuple[Group, ...]:
+    """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
+
+    Raises
+    ------
+    InputError
+        Where several detectors watched.
+
+    Examples
+    --------
+    >>> from gtmbench.study.run import run_study
+    >>> from gtmbench.study.scenario import load_scenario
+    >>> groups = figures_of(run_study([load_scenario("jam")]))
+    >>> [group.title for group in groups][:4]
+    ['healthy flight', 'healthy residual of r', 'healthy score E(k)', 'jam of p']
+    """
+    if len(study.baselines) != 1:
+        raise InputError(f"{len(study.baselines)} detectors watched; a baseline holds the figures of one")
+    base = study.baseline
+    flight = {"false_alarms": base.false_alarms, "hours": rounded(base.healthy_hours)}
+    names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)
+    return (
+        Group(kind="healthy", name="flight", values=flight),
+        *_residuals(base),
+        *_scores(base),
+        *(_trial(name, trial) for name, trial in zip(names, study.trials, strict=True)),
+    )
+
+
+def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
+    """Name trials by scenario, kind of fault and channel; numbered where several have all of them in common.
+
+    >>> trial_names([("drift", "drift", "p"), ("mine", "jam", "q"), ("mine", "jam", "q")])
+    ['drift of p', 'mine: jam of q', 'mine: jam of q (2)']
+    """
+    seen = Counter[str]()
+    names = []
+    for scenario, kind, channel in trials:
+        name = f"{kind} of {channel}" if scenario == kind else f"{scenario}: {kind} of {channel}"
+        seen[name] += 1
+        names.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return names
+
+
+def rounded(value: _V) -> _V:
+    """Return a number, or each of several, as it is written into a baseline.
+
+    >>> rounded(1.23456789)
+    1.2346
+    """
+    if isinstance(value, tuple):
+        return tuple(rounded(one) for one in value)
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _residuals(base: Baseline) -> list[Group]:
+    time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
+    return [_residual(name, values, time_s, start_s) for name, values in base.watch.residuals.items()]
+
+
+def _scores(base: Baseline) -> list[Group]:
+    return [_score(base, score) for score in base.watch.scores.values()]
+
+
+def _score(base: Baseline, score: Score) -> Group:
+    """Return the figures of a score; where each of several tests has a threshold of its own, all of them."""
+    time_s, monitor = base.watch.record.time_s, base.monitor
+    windows, labels = _windows(score.values, time_s, base.setup.alarm.watch_from_s)
+    values: dict[str, Value] = {"windows": windows}
+    named = {"windows": labels}
+    if isinstance(monitor, BankMonitor):
+        tests = monitor.thresholds[score.name]
+        values["thresholds"] = rounded(tuple(tests.values()))
+        named["thresholds"] = tuple(f"test {test}" for test in tests)
+    else:
+        values["threshold"] = rounded(score.threshold)
+    start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
+    values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
+    ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
+    return Group(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
+
+
+@np.errstate(over="ignore")
+def _residual(name: str, values: FloatArray, time_s: FloatArray, start_s: float) -> Group:
+    windows, labels = _windows(np.abs(values), time_s, start_s)
+    there = values[(time_s >= start_s - 1e-9) & ~np.isnan(values)]
+    found: dict[str, Value] = {
+        "samples": len(there),
+        "peak": rounded(float(np.abs(there).max(initial=0.0))),
+        "rms": rounded(float(np.sqrt(np.sum(np.square(there)) / max(len(there), 1)))),
+        "windows": windows,
+    }
+    return Group(kind="residual", name=name, values=found, labels={"windows": labels}, unit=unit_of(name))
+
+
+def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
+    """Return the greatest value of every window from a time on, by the samples' times; NaN where there is none."""
+    begins = np.arange(start_s, float(time_s[-1]), WINDOW_S)
+    rows = np.searchsorted(time_s, begins - 1e-9)
+    greatest = np.fmax.reduceat(values, rows).tolist() if len(rows) else []
+    labels = tuple(f"window {begin:g}..{min(begin + WINDOW_S, float(time_s[-1])):g} s" for begin in begins.tolist())
+    return rounded(tuple(greatest)), labels
+
+
+def _margin(threshold: float, values: FloatArray) -> float:
+    greatest = float(np.fmax.reduce(values)) if len(values) else np.nan
+    with np.errstate(divide="ignore"):
+        return rounded(float(np.divide(threshold, greatest)))
+
+
+def _trial(name: str, trial: Trial) -> Group:
+    values: dict[str, Value] = {}
+    if trial.severity:
+        values["severity"] = rounded(tuple(trial.severity.values()))
+    values["detected"] = trial.detected
+    if trial.detection_delay_s is not None:
+        values["delay_s"] = rounded(trial.detection_delay_s)
+    values["peak_ratio"] = rounded(trial.peak_ratio)
+    if trial.isolated is not None:
+        values["isolated"] = trial.isolated
+        if trial.isolation_delay_s is not None:
+            values["isolation_delay_s"] = rounded(trial.isolation_delay_s)
+        values["kind_right"] = bool(trial.kind_right)
+    said = ", ".join(part for part in (trial.verdict, trial.kind) if part)
+    remark = said if trial.detected else f"missed: {trial.reason}"
+    return Group(kind="trials", name=name, values=values, labels={"severity": tuple(trial.severity)}, remark=remark)

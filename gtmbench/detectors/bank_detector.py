@@ -1,0 +1,171 @@
+"""Banks as detectors: a recipe that healthy records calibrate, and the monitor that it becomes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
+from gtmbench.detectors.bank.calibration import calibrate_bank
+from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
+from gtmbench.detectors.monitor.stream import BankStream
+from gtmbench.detectors.monitor.watch import scores_and_alarms
+from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.errors import InputError
+from gtmbench.method.pose import Records, as_records
+from gtmbench.method.problem import Estimator
+from gtmbench.record import Record
+
+RATE = 0.002  # false alarms an hour, wanted where nobody says
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BankMonitor(CalibratedBank):
+    """A calibrated bank at work; its scores are the residuals' levels: the greatest statistic over its threshold."""
+
+    @property
+    def name(self) -> str:
+        """The bank's."""
+        return self.bank.name
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measured channels that the bank needs."""
+        return self.bank.channels
+
+    @property
+    def suspects(self) -> tuple[str, ...]:
+        """The sensors that it may name."""
+        return self.bank.suspects
+
+    @property
+    def look_ahead_s(self) -> float:
+        """How long after a sample the last of its residuals is judged."""
+        return max(map(self.look_ahead_of, self.operators))
+
+    @property
+    def memory_s(self) -> float:
+        """Infinite: a fault that lasts is remembered for as long."""
+        return float("inf")
+
+    def stream(self) -> BankStream:
+        """Return a fresh stream: what `watch` says of a record, as its samples come in."""
+        return BankStream(self)
+
+    def watch(self, record: Record) -> Watch:
+        """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
+
+        Raises
+        ------
+        InputError
+            Where the record lacks a channel of the bank or has another sample period.
+        """
+        residuals = bank_residuals(self, record)
+        scores, alarms = scores_and_alarms(self, record, residuals)
+        return Watch(
+            monitor=self,
+            record=record,
+            scores=MappingProxyType(scores),
+            alarms=alarms,
+            residuals=residuals.raw,
+            predictions=residuals.predicted,
+            widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Return what calibration found, the bank's tables among it, as plain JSON values."""
+        return bank_figures(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BankDetector:
+    """A bank as a recipe.
+
+    Parameters
+    ----------
+    bank : Bank
+    """
+
+    bank: Bank
+
+    @property
+    def name(self) -> str:
+        """The bank's."""
+        return self.bank.name
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measured channels that it needs."""
+        return self.bank.channels
+
+    def calibrate(
+        self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+    ) -> BankMonitor:
+        """Identify the bank and set its thresholds for a false-alarm rate, 0.002 an hour unless told."""
+        return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
+
+    def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
+        """Return the monitor of some figures; they have to be of this bank."""
+        monitor = restore_bank(figures, provenance)
+        if monitor.bank != self.bank:
+            raise InputError(
+                f"the figures are of bank {monitor.name}, whose tables aren't those of bank {self.name}; give the "
+                "monitor's file alone, or calibrate anew"
+            )
+        return monitor
+
+
+def restore_bank(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> BankMonitor:
+    """Return the monitor of a bank, whichever its figures hold; every key is checked.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what stands there and what should.
+    """
+    return BankMonitor(**vars(calibrated_of(figures, provenance)))
+
+
+def calibrate(
+    records: Records,
+    *,
+    bank: Bank,
+    false_alarms_per_hour: float | None = None,
+    estimator: Estimator | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> BankMonitor:
+    """Identify a bank on healthy records and set its thresholds, as `calibrate_bank` does.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        Healthy measurements with the bank's channels, all of one sample period.
+    bank : Bank
+    false_alarms_per_hour : float, optional
+        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
+        tails.
+    estimator : Estimator, optional
+        `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
+    provenance : mapping, optional
+        Kept with the monitor: where the records come from.
+    progress : callable
+        Told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    InputError
+        Where channels are missing or constant, or the records too short.
+    """
+    found = calibrate_bank(
+        as_records(records),
+        bank,
+        false_alarms_per_hour=RATE if false_alarms_per_hour is None else false_alarms_per_hour,
+        estimator=estimator,
+        provenance=provenance,
+        progress=progress,
+    )
+    return BankMonitor(**vars(found))

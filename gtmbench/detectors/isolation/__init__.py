@@ -1,0 +1,1 @@
+"""Which sensor failed, and how: fault hypotheses, their fits, the diagnosis."""

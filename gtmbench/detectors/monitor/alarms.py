@@ -1,0 +1,374 @@
+"""The engine behind a bank's alarms: what is armed, which faults are open, and when each is looked at again.
+
+It goes through the rows of a record in time, whether they are all there or just came in. Nothing that it says at a row
+stands on a later one:
+
+- A residual is armed once its level has been known at or below 1 since watching it began. A rise above 1 of an armed
+  residual is an alarm, whatever comes after it; nothing takes an alarm back.
+- With its alarm a residual is disarmed, so that the chatter of one fault isn't ten alarms. Judgements follow at fixed
+  horizons. From a judgement on, the residuals that a candidate's fault enters are disarmed, for they can't tell of
+  another fault, and no others: who has been cleared of suspicion is armed again. If such a residual rose while it was
+  disarmed, having come down first, that is an alarm as soon as it is armed again: a second fault isn't lost for having
+  come while the first was undecided.
+- An alarm of a residual that an open fault's candidates enter counts to that fault, and gets no judgements. At each of
+  its own horizons that is asked again: once they don't enter it any more, it is a fault of its own, judged by the
+  residuals that no earlier fault's candidates enter. Once it has been judged, only a decided fault takes it back.
+- Where nothing is left to explain, or a fault has ended, the rows from its onset to then are treated as missing in
+  the residuals that it entered, and these are watched anew.
+
+What a diagnosis costs is bounded: no case is longer than about two minutes; after the last horizon the end of a fault
+is looked for every 20 s on its last minute. A record full of alarms (another sensor's noise than the monitor was
+calibrated with) would be diagnosed over and over. So no more than 8 alarms in 10 minutes are; of further ones the
+signatures tell whom they leave under suspicion, and their residuals are disarmed for as long as a diagnosis takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.isolation.diagnosis import DECISIVE, by_signature, end_s, ended_s, entered, judge, suspects_of
+from gtmbench.detectors.isolation.fits import Case, Explanation, explanations, open_case, shift_of, within_reach
+from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.scores import Crossing, Track
+
+HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+_LOOK_S = 20.0  # then, for a fault's end,
+_WINDOW_S = 60.0  # on so much
+_FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
+_MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
+_MOST, _WITHIN_S = 8, 600.0  # alarms that are diagnosed, in so long
+_ROWS = 8192  # looked through at a time
+_NEVER = np.iinfo(np.int64).max
+
+
+@dataclass(kw_only=True)
+class Arming:
+    """Whether a residual can raise an alarm.
+
+    Attributes
+    ----------
+    came_down : bool
+        Whether it has been known at or below 1 since watching it began.
+    low : bool
+        Whether it was when last seen, or since it was disarmed: a rise is news.
+    disarmed_row : int or None
+        Since when it is disarmed.
+    changes : list of (row, bool)
+        From which row on an alarm was possible, or wasn't; kept where somebody will ask.
+    """
+
+    output: str
+    track: Track
+    came_down: bool = False
+    low: bool = False
+    disarmed_row: int | None = None
+    changes: list[tuple[int, bool]] | None = None
+
+    @property
+    def armed(self) -> bool:
+        """Whether its next row could raise an alarm."""
+        return self.came_down and self.disarmed_row is None
+
+    def see(self, level: float, row: int) -> bool:
+        """Take the level that is known with a row; return whether it is an alarm. A missing one is passed over."""
+        if level <= 1.0:
+            self.low = True
+            if not self.came_down:
+                self.came_down = True
+                self._note(row)
+        elif level > 1.0 and self.disarmed_row is None:
+            rose, self.low = self.low, False
+            return rose
+        return False
+
+    def disarm(self, row: int, since: int) -> None:
+        """Raise no alarm with a row and after; what disarms it came `since`."""
+        if self.disarmed_row is None:
+            self.disarmed_row = since
+            self._note(row)
+
+    def rearm(self, row: int) -> None:
+        """Alarms are possible again with a row."""
+        if self.disarmed_row is not None:
+            self.disarmed_row = None
+            self._note(row)
+
+    def begin_anew(self, row: int) -> None:
+        """Forget that it came down."""
+        self.came_down = self.low = False
+        self._note(row)
+
+    def _note(self, row: int) -> None:
+        if self.changes is not None:
+            self.changes.append((row, self.armed))
+
+
+@dataclass(kw_only=True, eq=False)
+class Fault:
+    """An alarm, and where its diagnosis stands."""
+
+    alarm: Alarm
+    crossing: Crossing
+    row: int  # when it was raised
+    due: int  # when it is looked at next
+    horizons: list[int]  # and after that
+    start: int  # from where on the suspect isn't believed
+    shift: dict[str, float]
+    is_diagnosed: bool
+    is_judged: bool = False
+    ruled_out: set[str] = field(default_factory=set)
+    held: Explanation | None = None  # the last that was decisive
+
+
+class Engine:
+    """A bank's alarms on rows as they come; see the module's text.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    memory : Memory
+        Holds the rows that came in last, `span_rows` at least.
+    tracks : mapping of output to Track
+    keeps_changes : bool
+        Whether it is remembered when each residual was armed.
+    """
+
+    def __init__(
+        self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track], *, keeps_changes: bool = False
+    ) -> None:
+        self._monitor, self._memory, self._bank = monitor, memory, monitor.bank
+        self.arming = [
+            Arming(output=output, track=track, changes=[] if keeps_changes else None)
+            for output, track in sorted(tracks.items())
+        ]
+        self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
+        self.alarms: list[Alarm] = []
+        self.due = _NEVER  # when a judgement is
+        self.row = 0  # the next
+        self._open: list[Fault] = []
+        self._diagnosed: list[int] = []  # rows
+        self._told: dict[int, Alarm] = {}
+
+    def run(self, stop: int) -> tuple[Alarm, ...]:
+        """Go on to a row; return the alarms that were raised or told more of, as they are then, by their numbers."""
+        while self.row < stop:
+            if self.row >= self.due:
+                self._look_at_all()
+            self._watch(min(stop, self.due, self.row + _ROWS))
+        told, self._told = self._told, {}
+        return tuple(told[number] for number in sorted(told))
+
+    def is_quiet(self, levels: Iterable[float]) -> bool:
+        """Tell whether levels that the next row makes known raise no alarm, and no judgement is due with it."""
+        return self.row < self.due and not any(
+            level > 1.0 and one.low and one.disarmed_row is None for one, level in zip(self.arming, levels, strict=True)
+        )
+
+    def see(self, levels: Iterable[float]) -> bool:
+        """Take the levels that the next row makes known, where no judgement is due; return whether one is an alarm."""
+        row = self.row
+        risen = [one for one, level in zip(self.arming, levels, strict=True) if one.see(level, row)]
+        self.row += 1
+        for one in risen:
+            self._raise(one, row)
+        return bool(risen)
+
+    def _watch(self, stop: int) -> None:
+        """Go on to a row, or to the first alarm, if that comes before: it may bring a judgement that is due sooner."""
+        levels = [one.track.known(self.row, stop) for one in self.arming]
+        if all(one.low for one in self.arming) and not any((of > 1.0).any() for of in levels):
+            self.row = stop  # so it is nearly always
+            return
+        for row in zip(*(of.tolist() for of in levels), strict=True):
+            if self.see(row):
+                return
+
+    # ---- alarms ----
+
+    def _raise(self, one: Arming, row: int) -> None:
+        """Raise an alarm with a row."""
+        level_row = row - one.track.ahead
+        time_s = float(np.round(self._memory.time_s(level_row) + one.track.ahead * self._memory.period_s, 9))
+        crossing = one.track.crossing(one.output, level_row, time_s)
+        start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
+        fault = Fault(
+            alarm=Alarm(
+                number=len(self.alarms),
+                time_s=time_s,
+                onset_s=self._memory.time_s(crossing.onset_row),
+                source=one.output,
+                test=crossing.series,
+            ),
+            crossing=crossing,
+            row=row,
+            due=_NEVER,
+            horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
+            start=start,
+            shift=self._shift(start),
+            is_diagnosed=self._may_diagnose(row),
+        )
+        if fault.is_diagnosed:
+            self._diagnosed.append(row)
+        else:
+            fault.horizons = fault.horizons[-1:]
+        fault.due = fault.horizons.pop(0)
+        self.alarms.append(fault.alarm)
+        leader = self._leader(fault)
+        if leader is None:
+            signature = by_signature(self._bank, self._trusted(fault), one.output, time_s)
+            self._tell(fault, judgements=(signature,))
+        else:
+            self._tell(fault, fault=leader.alarm.number)
+        self._open.append(fault)
+        one.disarm(row + 1, row)
+        self.due = min(self.due, fault.due)
+
+    def _may_diagnose(self, row: int) -> bool:
+        since = row - self._rows_of(_WITHIN_S)
+        self._diagnosed = [each for each in self._diagnosed if each > since]
+        return len(self._diagnosed) < _MOST
+
+    def _shift(self, start: int) -> dict[str, float]:
+        """Return the residuals' means before a fault (biases), in the outputs' units."""
+        rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
+        raw = self._memory.residuals(rows, tuple(one.output for one in self.arming)).raw
+        return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
+
+    def _tell(self, of: Fault, /, **changes: Any) -> None:
+        """Add to what is known of an alarm."""
+        of.alarm = replace(of.alarm, **changes)
+        self.alarms[of.alarm.number] = of.alarm
+        self._told[of.alarm.number] = of.alarm
+
+    # ---- who counts to whom ----
+
+    def _earlier(self, fault: Fault) -> list[Fault]:
+        """Return the open faults that were told of before one."""
+        return [each for each in self._open if each.alarm.is_first and each.alarm.number < fault.alarm.number]
+
+    def _leader(self, fault: Fault) -> Fault | None:
+        """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose."""
+        for each in self._earlier(fault):
+            told = each.alarm.last
+            if told is None or (fault.is_judged and told.sensor is None):
+                continue
+            if fault.alarm.source in entered(self._bank, told.candidates):
+                return each
+        return None
+
+    def _trusted(self, fault: Fault) -> tuple[str, ...]:
+        """Return the residuals that tell of a fault: its own, and those that no earlier one enters."""
+        others = {
+            output
+            for each in self._earlier(fault)
+            if each.alarm.last is not None
+            for output in entered(self._bank, each.alarm.last.candidates)
+        }
+        return tuple(
+            output for output in self._monitor.operators if output == fault.alarm.source or output not in others
+        )
+
+    # ---- judgements ----
+
+    def _look_at_all(self) -> None:
+        """Look at every fault that is due, then settle which residuals are armed."""
+        for fault in list(self._open):
+            if fault in self._open and fault.due <= self.row:
+                self._look_at(fault)
+        for one in self.arming:
+            if any(one.output in self._disarmed_by(fault) for fault in self._open):
+                one.disarm(self.row, self.row)
+            else:
+                one.rearm(self.row)
+        self.due = min((fault.due for fault in self._open), default=_NEVER)
+
+    def _disarmed_by(self, fault: Fault) -> set[str]:
+        if fault.is_judged and fault.alarm.is_first and fault.alarm.last is not None:
+            return entered(self._bank, fault.alarm.last.candidates)
+        return {fault.alarm.source}
+
+    def _look_at(self, fault: Fault) -> None:
+        """Look at a fault anew."""
+        is_late = not fault.horizons and fault.due > fault.row + self._rows_of(HORIZONS_S[-1])
+        fault.due = fault.horizons.pop(0) if fault.horizons else fault.due + self._rows_of(_LOOK_S)
+        if not fault.is_diagnosed:
+            self._open.remove(fault)
+            return
+        leader = self._leader(fault)
+        counts_to = fault.alarm.number if leader is None else leader.alarm.number
+        if counts_to != fault.alarm.fault:
+            self._tell(fault, fault=counts_to)
+        if leader is None and not (is_late and fault.held is None):
+            self._judge(fault, is_late=is_late)
+
+    def _judge(self, fault: Fault, *, is_late: bool) -> None:
+        trusted = self._trusted(fault)
+        case = self._case(fault, trusted, is_late=is_late)
+        if case.stop - case.sure < 10:  # too few rows yet
+            return
+        suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
+        ranking = [] if is_late else explanations(case, suspects)
+        if fault.held is not None:
+            ended = ended_s(case, fault.held, ranking[0].score if ranking else float("inf"))
+            if ended is not None:
+                self._close(fault, ended_s=ended, end_known_s=end_s(case))
+                return
+        if is_late:
+            return
+        if ranking:
+            fault.ruled_out |= set(suspects) - set(within_reach(ranking))
+        first = by_signature(self._bank, trusted, fault.alarm.source, fault.alarm.time_s)
+        judged = judge(case, ranking, first)
+        fault.is_judged = True
+        self._tell(fault, judgements=(*fault.alarm.judgements, judged))
+        if judged.sensor is not None and judged.kind_margin > DECISIVE:
+            fault.held = next(one for one in ranking if one.channel == judged.sensor)
+        if not judged.candidates:
+            self._close(fault)
+
+    def _case(self, fault: Fault, trusted: tuple[str, ...], *, is_late: bool) -> Case:
+        """Cut out what a judgement with this row needs."""
+        stop = self.row + 1
+        start, sure = fault.start, fault.row + 2
+        if is_late:
+            sure = max(sure, stop - self._rows_of(_WINDOW_S))
+            start = max(start, sure - self._history)
+        first = max(start - self._history, self._memory.first, 0)
+        record, residuals = self._memory.cut(range(first, stop), trusted)
+        return open_case(
+            self._monitor, record, residuals, shift=fault.shift, start_row=start - first, sure_row=sure - first
+        )
+
+    def _close(self, fault: Fault, **end: float) -> None:
+        """End a fault, with all that counted to it: take its rows out and watch anew."""
+        told = fault.alarm.last
+        outputs = {fault.alarm.source} | entered(self._bank, () if told is None else told.candidates)
+        if end:
+            self._tell(fault, **end)
+        for each in [each for each in self._open if each.alarm.fault == fault.alarm.number]:
+            outputs.add(each.alarm.source)
+            if end and each is not fault:
+                self._tell(each, **end)
+            self._open.remove(each)
+        rows = range(fault.crossing.onset_row, self.row + 1)
+        for one in self.arming:
+            if one.output in outputs:
+                one.track.blot(rows, self.row - one.track.ahead)
+                self._memory.blot(one.output, rows)
+                one.begin_anew(self.row)
+
+    def _rows_of(self, span_s: float) -> int:
+        return round(span_s / self._monitor.sample_period_s)
+
+
+def span_rows(monitor: CalibratedBank) -> int:
+    """Return how many rows back an engine looks: the baseline before the farthest onset, or the longest case."""
+    spans_s = (monitor.bank.statistic.baseline_s, HORIZONS_S[-1], _WINDOW_S)
+    history_s = max(map(monitor.history_of, monitor.operators))
+    return round((_FARTHEST_S + max(spans_s) + 3.0 * (history_s + _MARGIN_S)) / monitor.sample_period_s) + 10

@@ -1,0 +1,144 @@
+"""What a diagnosis may look at: the last minutes of a record, and its residuals.
+
+A diagnosis computes residuals anew from the rows that it looks at: the same to the last bit, however the rows came in,
+for fits and decisions turn on the last bit now and then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.clock import even_times_s
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
+from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.record import FloatArray, Record
+
+
+class Memory:
+    """Rows of the bank's channels with residuals and spread beside them.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    start_s : float
+        Time of row 0.
+    capacity : int
+        How many rows there is room for; the oldest half goes when it is used up.
+    """
+
+    def __init__(self, monitor: CalibratedBank, start_s: float, capacity: int) -> None:
+        self._monitor = monitor
+        self.start_s, self.period_s = start_s, monitor.sample_period_s
+        self.channels, self.outputs = monitor.bank.channels, tuple(monitor.operators)
+        self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
+        self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
+        self._doubted = tuple(output for output in self.outputs if output in monitor.doubts)
+        made = [("raw", output) for output in self.outputs]
+        made += [(kind, output) for output in self._doubted for kind in ("spread", "white")]
+        self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
+        self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
+        self._blots: list[tuple[str, range]] = []
+        self.first, self.stop = 0, 0  # rows that are there
+
+    @classmethod
+    def of(cls, monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> Memory:
+        """Return one that holds a whole record."""
+        memory = cls(monitor, record.start_s, len(record))
+        memory.take(record.matrix(memory.channels))
+        for output in memory.outputs:
+            memory.put(output, 0, residuals.raw[output], residuals.spread.get(output))
+        return memory
+
+    def take(self, values: FloatArray) -> None:
+        """Take the next rows of the channels."""
+        self._make_room(len(values))
+        begin = self.stop - self.first
+        self._table[begin : begin + len(values), : len(self.channels)] = values
+        self.stop += len(values)
+
+    def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
+        """Put a residual beside rows that were taken, from `row` on."""
+        made = {("raw", output): raw}
+        if spread is not None:
+            made |= {("spread", output): spread.raw, ("white", output): spread.white}
+        begin = max(row - self.first, 0)
+        for name, values in made.items():
+            late = values[begin - (row - self.first) :]
+            self._table[begin : begin + len(late), self._columns[name]] = late
+
+    def take_one(self, row: list[float]) -> None:
+        """Take the next row of the channels."""
+        if self.stop - self.first == len(self._table):
+            self._make_room(1)
+        self._table[self.stop - self.first, : len(row)] = row
+        self.stop += 1
+
+    def put_one(self, output: str, channel: int, row: int, predicted: float) -> float:
+        """Put what a prediction leaves of a channel beside a row, and return it."""
+        at = row - self.first
+        raw = float(self._table[at, channel]) - predicted
+        self._table[at, self._columns["raw", output]] = raw
+        return raw
+
+    def raw_before(self, output: str, stop: int) -> FloatArray:
+        """Return the residuals that are known before a row of the record, at most a thousand."""
+        end = stop - self._ahead[output]
+        rows = range(max(end - 1000, self.first, 0), end)
+        return self._column(("raw", output), rows)
+
+    def blot(self, output: str, rows: range) -> None:
+        """Treat rows of a residual as missing, and those around that saw them."""
+        reach = self._history[output]
+        self._blots = [blot for blot in self._blots if blot[1].stop > self.first]
+        self._blots.append((output, range(rows.start - reach, rows.stop + reach)))
+
+    def residuals(self, rows: range, outputs: tuple[str, ...]) -> BankResiduals:
+        """Return residuals and predictions as rows and those before them give them; what was blotted out is missing."""
+        lead = min(max(self._history.values()) + 2, rows.start - self.first)
+        whole = residuals_of(
+            self._monitor.bank, self.record(range(rows.start - lead, rows.stop)), self._monitor.operators, outputs
+        )
+        raw = {output: np.array(whole.raw[output][lead:]) for output in outputs}
+        for output, out in self._blots:
+            if output in raw:
+                raw[output][max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
+        return BankResiduals(raw=raw, predicted={output: whole.predicted[output][lead:] for output in outputs})
+
+    def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
+        """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
+        found = self.residuals(rows, outputs)
+        known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
+        return self.record(rows), BankResiduals(
+            raw={output: np.where(known[output], found.raw[output], np.nan) for output in outputs},
+            predicted={output: np.where(known[output], found.predicted[output], np.nan) for output in outputs},
+            spread={
+                output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
+                for output in outputs
+                if output in self._doubted
+            },
+        )
+
+    def record(self, rows: range) -> Record:
+        """Return rows of the channels."""
+        return Record(
+            self._table[rows.start - self.first : rows.stop - self.first, : len(self.channels)],
+            channels=self.channels,
+            sample_period_s=self.period_s,
+            start_s=self.start_s + round(rows.start * self.period_s, 9),
+        )
+
+    def time_s(self, row: int) -> float:
+        """Return the time of a row."""
+        return float(even_times_s(self.start_s, self.period_s, range(row, row + 1))[0])
+
+    def _column(self, name: tuple[str, str], rows: range) -> FloatArray:
+        return self._table[rows.start - self.first : rows.stop - self.first, self._columns[name]]
+
+    def _make_room(self, rows: int) -> None:
+        held, capacity = self.stop - self.first, len(self._table)
+        if held + rows <= capacity:
+            return
+        keep = min(held, capacity // 2)
+        larger = np.full((max(capacity, keep + rows), self._table.shape[1]), np.nan)
+        larger[:keep] = self._table[held - keep : held]
+        self._table, self.first = larger, self.stop - keep

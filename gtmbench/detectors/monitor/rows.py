@@ -1,0 +1,242 @@
+"""Residuals and levels of single samples, at the price of a few small arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.scores import IntArray, Track
+from gtmbench.detectors.statistics.statistic import MOST, glr
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive, factor_of
+from gtmbench.record import FloatArray
+
+
+class RowByRow:
+    """Everything from a sample to the levels that it makes known, for banks with likelihood ratios.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    memory : Memory
+        What is read and found is put there.
+    tracks : mapping of output to Track
+        They get the whitened residuals, and stay able to go on.
+    """
+
+    def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track]) -> None:
+        self._memory, self._names = memory, sorted(tracks)
+        self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
+        self._lines = [_Line(monitor, memory, tracks[output], output) for output in self._names]
+        self._ratios = _Ratios(monitor, self._names)
+        self._pseudo = tuple({name for line in self._lines for name in line.inputs if name in PSEUDO_INPUTS})
+        self._factors = {name: factor_of(name) for name in monitor.bank.channels}
+        self._reach = max(line.taps for line in self._lines) + 2
+        self._period_s = monitor.sample_period_s
+        self._before: list[float] = []  # the last three samples
+        self._middle: list[float] = []
+        self._latest: list[float] = []
+        self.is_stale = True
+
+    @staticmethod
+    def can(monitor: CalibratedBank) -> bool:
+        """Tell whether there is a path for single samples: likelihood ratios, nothing in doubt."""
+        known = all(value > 0.0 for of in monitor.thresholds.values() for value in of.values())
+        return monitor.bank.statistic.name == "glr" and not monitor.doubts and known
+
+    def take(self, row: list[float]) -> list[float] | None:
+        """Take a sample of the bank's channels; return the levels, sorted by name; None where arrays have to."""
+        at = self._memory.stop
+        if at < 2 * self._reach or math.inf in map(abs, row):
+            return None
+        if self.is_stale:
+            self._load(at)
+        self._memory.take_one(row)
+        self._before, self._middle = self._middle, self._latest
+        self._latest = row
+        derived = self._derived() if self._pseudo else {}
+        for line in self._lines:
+            x = self._middle if line.is_late else row
+            line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
+        return self._ratios.levels([line.white for line in self._lines], [line.is_there for line in self._lines])
+
+    def pass_over(self) -> None:
+        """Nothing comes of the sample taken."""
+        for line in self._lines:
+            line.track.pass_over()
+
+    def reopen(self) -> None:
+        """Something may come of the sample taken: its levels are worked out as those of chunks are."""
+        for line in self._lines:
+            line.track.reopen(line.is_there)
+
+    def _derived(self) -> dict[str, float]:
+        """Return the pseudo inputs at the middle one of three samples, in the units of the table."""
+        found: dict[str, Any] = {}
+        middle, ends = self._middle, (self._before, self._latest)
+
+        def read(name: str) -> Any:  # a number, where the formulas say array: they take both
+            if name in PSEUDO_INPUTS:
+                if name not in found:
+                    found[name] = PSEUDO_INPUTS[name].compute(read, slope)
+                return found[name]
+            return middle[self._channels[name]] * self._factors[name]
+
+        def slope(name: str) -> Any:
+            at, factor = self._channels[name], self._factors[name]
+            step = ends[1][at] * factor - ends[0][at] * factor
+            if abs(step) > math.pi:  # a heading that runs from 360 deg to 0
+                step -= 2.0 * math.pi * round(step / (2.0 * math.pi))
+            return step / (2.0 * self._period_s)
+
+        return {name: float(read(name)) * (180.0 / math.pi) for name in self._pseudo}
+
+    def _load(self, at: int) -> None:
+        """Take over from chunks."""
+        record = self._memory.record(range(at - self._reach, at))
+        wanted = derive(record, self._pseudo) if self._pseudo else record
+        self._middle, self._latest = record.values[-2:].tolist()
+        for line in self._lines:
+            inputs = wanted.matrix(line.inputs)
+            line.load(inputs[: len(inputs) - line.is_late], self._memory.raw_before(line.output, at))
+        self._ratios.load([line.track.latest() for line in self._lines])
+        self.is_stale = False
+
+
+class _Line:
+    """One residual's way from its inputs to white noise."""
+
+    def __init__(self, monitor: CalibratedBank, memory: Memory, track: Track, output: str) -> None:
+        operator, whitener = monitor.operators[output], monitor.whiteners[output]
+        self.output, self.track, self.inputs = output, track, operator.inputs
+        self.is_late = any(name in PSEUDO_INPUTS for name in operator.inputs)  # a derivative needs the next sample
+        self.taps = len(operator.markov)
+        self.white, self.is_there = math.nan, False
+        self._memory, self._column = memory, monitor.bank.channels.index(output)
+        self._markov = np.ascontiguousarray(operator.markov[::-1, 0, :]).ravel()  # oldest row first
+        self._offset = float(operator.output_means[0] - (operator.markov[:, 0, :] @ operator.input_means).sum())
+        self._whitening = whitener.coefficients[::-1] / whitener.deviation
+        self._mean = float(whitener.mean * self._whitening.sum())
+        self._x = _Window(self.taps, len(operator.inputs))
+        self._e = _Window(whitener.order + 1, 1)
+
+    def take(self, x: list[float], at: int) -> None:
+        """Take the inputs that sample `at` of the record makes known."""
+        row = at - self.track.ahead
+        hat = float(self._markov.dot(self._x.push(x))) + self._offset
+        e = self._memory.put_one(self.output, self._column, row, hat if math.isfinite(hat) else math.nan)
+        self.white = float(self._whitening.dot(self._e.push(e))) - self._mean
+        self.is_there = self.track.take(row, self.white)
+
+    def load(self, inputs: FloatArray, raw: FloatArray) -> None:
+        """Begin with the inputs and the residuals before."""
+        self._x.load(inputs)
+        self._e.load(raw[:, np.newaxis])
+
+
+class _Window:
+    """The last rows of a few columns, as one vector, oldest first."""
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self._rows, self._at = rows, 0
+        self._table = np.full((rows + 4096, columns), np.nan)
+        self._flat, self._columns = self._table.ravel(), columns
+
+    def push(self, row: list[float] | float) -> FloatArray:
+        """Add a row; return the window that it ends."""
+        if self._at == len(self._table):
+            self.load(self._table)
+        self._table[self._at] = row
+        self._at += 1
+        return self._flat[(self._at - self._rows) * self._columns : self._at * self._columns]
+
+    def load(self, table: FloatArray) -> None:
+        """Begin with the end of a table."""
+        last = table[max(len(table) - self._rows, 0) :].copy()
+        self._table[: self._rows - len(last)] = np.nan
+        self._table[self._rows - len(last) : self._rows] = last
+        self._at = self._rows
+
+
+class _Ratios:
+    """The levels of all residuals at once, from running sums of their whitened samples and of their squares."""
+
+    def __init__(self, monitor: CalibratedBank, outputs: list[str]) -> None:
+        test, period_s = monitor.bank.statistic, monitor.sample_period_s
+        self._most = test.looks_back(period_s)
+        self._capacity = self._most + 8192
+        self._rows = np.array(test.rows(period_s))
+        self._windows = self._rows.astype(float)
+        self._longest = max(round(test.baseline_s / period_s), 6)
+        tolerances = [monitor.tolerances[output] for output in outputs]
+        self._mean, self._low, self._high = (
+            np.array([[getattr(one, name)] for one in tolerances]) for name in ("mean", "low", "high")
+        )
+        self._low = self._low if test.two_sided else np.zeros_like(self._low)
+        labels = [f"{rows * period_s:g} s" for rows in self._rows.tolist()]
+        of = [monitor.thresholds[output] for output in outputs]
+        self._of_mean = np.array([[one[f"mean {label}"] for label in labels] for one in of])
+        self._of_energy = np.array([[one[f"energy {label}"] for label in labels] for one in of])
+        self._sums = np.zeros((2, len(outputs), self._capacity))
+        self._flat = self._sums.ravel()
+        self._counts = [0] * len(outputs)
+        self._totals = [[0.0, 0.0] for _ in outputs]
+        line = np.arange(len(outputs))[:, np.newaxis] * self._capacity
+        end = line - self._rows
+        self._places: IntArray = np.array([end, end - self._longest, end + len(outputs) * self._capacity])
+        self._first: IntArray = np.array([line, line, line + len(outputs) * self._capacity])
+        self._full = np.full(len(self._rows), float(self._longest))
+        self._chance = 1.0 / self._windows + 1.0 / self._full
+
+    def load(self, samples: list[FloatArray]) -> None:
+        """Begin with the samples before."""
+        for i, values in enumerate(samples):
+            self._counts[i] = len(values)
+            for which, of in enumerate((values, values * values)):
+                self._sums[which, i, 0] = 0.0
+                np.cumsum(of, out=self._sums[which, i, 1 : len(of) + 1])
+                self._totals[i][which] = float(self._sums[which, i, len(of)])
+
+    def levels(self, white: list[float], there: list[bool]) -> list[float]:
+        """Take a sample of every residual; return the levels, NaN where there is none."""
+        sums, counts = self._sums, self._counts
+        for i, (value, is_there) in enumerate(zip(white, there, strict=True)):
+            if is_there:
+                value = min(max(value, -MOST), MOST)
+                if counts[i] + 1 == self._capacity:
+                    self._make_room(i)
+                counts[i] += 1
+                total = self._totals[i]
+                total[0] += value
+                total[1] += value * value
+                sums[0, i, counts[i]], sums[1, i, counts[i]] = total
+        least = min(counts)
+        steps: int | IntArray = least if least == max(counts) else np.array(counts)[:, np.newaxis]
+        places: IntArray = self._places + steps
+        length, chance = self._full, self._chance
+        if least < self._most:
+            short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
+            length = np.where(short >= self._longest // 6, short, np.nan)
+            chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
+            np.maximum(places, self._first, out=places)
+        ends, begins, squares = self._flat.take(places)
+        totals = np.array(self._totals)
+        mean = (totals[:, :1] - ends) / self._windows
+        base = (ends - begins) / length
+        power = np.maximum((totals[:, 1:] - squares) / self._windows - 2.0 * base * mean + base * base, 1e-12)
+        of_mean, of_energy = glr(mean - base, power, self._windows, chance, self._mean, self._low, self._high)
+        level = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
+        greatest: list[float] = np.fmax.reduce(level, axis=1).tolist()
+        return [value if is_there else math.nan for value, is_there in zip(greatest, there, strict=True)]
+
+    def _make_room(self, i: int) -> None:
+        """Move what is looked back at to the front, and let the sums begin there."""
+        begin = self._counts[i] - self._most
+        kept = self._sums[:, i, begin : self._counts[i] + 1]
+        self._sums[:, i, : self._most + 1] = kept - kept[:, :1]
+        self._counts[i] = self._most
+        self._totals[i] = self._sums[:, i, self._most].tolist()

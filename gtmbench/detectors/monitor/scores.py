@@ -1,0 +1,306 @@
+"""From residuals to levels: every statistic over its threshold, the greatest of a residual's being its level."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
+from gtmbench.detectors.protocol import rising
+from gtmbench.detectors.statistics.spread import Given, Spread
+from gtmbench.detectors.statistics.statistic import MOST, Carried
+from gtmbench.record import FloatArray, Record, frozen
+
+IntArray = NDArray[np.int_]
+_REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known
+_BLOCK = 8192  # rows at a time, once a fault's rows have been taken out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """A residual's level that rises above 1.
+
+    Attributes
+    ----------
+    output : str
+        Whose residual.
+    row : int
+        Of the record; the residual of this row is known at `time_s`.
+    time_s : float
+        When the alarm could be raised: look-ahead counted.
+    onset_row : int
+        Where the change began, as far as the series tells.
+    series : str
+        Which test crossed, the one furthest above its threshold.
+    """
+
+    output: str
+    row: int
+    time_s: float
+    onset_row: int
+    series: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Level:
+    """A residual's greatest statistic over its threshold, row for row; an alarm above 1.
+
+    Attributes
+    ----------
+    values : shape (samples,)
+        NaN where no series exists, or it isn't known by the end.
+    known_s : shape (samples,)
+        When each value is known, in seconds.
+    leading, onset_row : shape (samples,)
+        Which of `series` is the greatest, and where the change that it tells of began.
+    series : tuple of str
+        Labels.
+    """
+
+    values: FloatArray = field(repr=False)
+    known_s: FloatArray = field(repr=False)
+    leading: IntArray = field(repr=False)
+    onset_row: IntArray = field(repr=False)
+    series: tuple[str, ...] = field(repr=False)
+
+
+class Track:
+    """The level of one residual, as its rows come in; the same row for row, in whatever chunks.
+
+    It remembers the last samples that exist: what its statistics look back at and a minute more, so that the rows of a
+    fault that has ended can be taken out (`blot`) and those before it take their place. Of a fault that lasted longer,
+    what was before is forgotten, and the residual is judged anew from then on.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    output : str
+    """
+
+    def __init__(self, monitor: CalibratedBank, output: str) -> None:
+        self._test, self._period_s = monitor.bank.statistic, monitor.sample_period_s
+        self._tolerance, self._whitener = monitor.tolerances[output], monitor.whiteners[output]
+        self._thresholds = monitor.thresholds[output]
+        self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
+        self._history = round(monitor.history_of(output) / self._period_s)
+        self._looks_back = self._test.looks_back(self._period_s)
+        self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
+        self._rows = np.zeros(0, dtype=int)  # of the samples that exist,
+        self._samples: FloatArray | None = None  # and they: values, plain, doubtful share, variances of means
+        self._judged = 0  # so many of them
+        self._carried: Carried = {}
+        self._fresh: list[tuple[int, float]] = []  # taken one by one
+        self._missing = range(0)
+        self._whole = True  # no rows have been taken out yet
+        self._from = 0  # levels of rows before have been told
+        self.first = 0  # row of the first of these:
+        self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+        self.series: tuple[str, ...] = ()
+
+    @property
+    def stop(self) -> int:
+        """One past the last row that came in."""
+        return self.first + len(self.values)
+
+    def extend(self, raw: FloatArray, spread: Spread | None = None, *, before: int = 0) -> None:
+        """Take the next rows of the residual; of those given, the first `before` were taken already.
+
+        As many as the whitening filter is long are looked at.
+        """
+        begin = self.stop
+        white = self._whitener.whiten(raw)[before:]
+        raw = raw[before:]
+        there, given = self._test.given(raw, white, spread)
+        samples = _matrix(given)
+        rows = there + begin
+        if self._missing and len(rows):
+            kept = (rows < self._missing.start) | (rows >= self._missing.stop)
+            rows, samples = rows[kept], samples[kept]
+        self._flush()
+        self._rows = np.concatenate([self._rows, rows])
+        self._samples = samples if self._samples is None else np.concatenate([self._samples, samples])
+        self._open(len(raw))
+
+    def take(self, row: int, white: float) -> bool:
+        """Take the next row, whitened; return whether there is a sample."""
+        there = math.isfinite(white) and row not in self._missing
+        if there:
+            self._fresh.append((row, min(max(white, -MOST), MOST)))
+            if len(self._fresh) > _BLOCK:
+                self._flush()
+        return there
+
+    def pass_over(self) -> None:
+        """Say nothing of the row that was taken."""
+        self.first += 1
+
+    def reopen(self, there: bool) -> None:
+        """Work out the level of the row that was taken, after all."""
+        self._flush()
+        self._judged -= there
+        self._open(1)
+
+    def latest(self) -> FloatArray:
+        """Return the samples that a next one's statistics look back at."""
+        self._flush()
+        given = np.zeros((0, 1)) if self._samples is None else self._samples
+        return given[max(len(given) - self._looks_back, 0) :, 0]
+
+    def known(self, first: int, stop: int) -> FloatArray:
+        """Return the levels that become known with some rows of the record; NaN where there are none."""
+        self._judge(stop - self.ahead)
+        early = min(max(self.ahead - first, 0), stop - first)
+        begin = first + early - self.ahead - self.first
+        found = self.values[begin : begin + stop - first - early]
+        return np.concatenate([np.full(early, np.nan), found]) if early else found
+
+    def crossing(self, output: str, row: int, time_s: float) -> Crossing:
+        """Return what is to be said of a level that rose at a row."""
+        at = row - self.first
+        series = self.series[self.leading[at]]
+        return Crossing(output=output, row=row, time_s=time_s, onset_row=int(self.onset_row[at]), series=series)
+
+    def blot(self, rows: range, row: int) -> None:
+        """Treat rows of the record as missing, and those around that saw them; levels change from `row` on."""
+        order = 0 if self._test.name == "energy" else self._whitener.order
+        self._missing = range(rows.start - self._history, rows.stop + self._history + order)
+        self._flush()
+        before = int(np.searchsorted(self._rows, row))
+        kept = slice(max(before - self._most, 0), None)
+        out = (self._rows[kept] >= self._missing.start) & (self._rows[kept] < self._missing.stop)
+        self._rows = self._rows[kept][~out]
+        if self._samples is not None:
+            self._samples = self._samples[kept][~out]
+        self._judged, self._carried, self._whole = 0, {}, False
+        self.values[max(row - self.first, 0) :] = np.nan
+        self._from = row
+
+    def forget(self) -> None:
+        """Drop the levels that have been told, and the samples that won't be looked back at."""
+        self._trim()
+        self.first += len(self.values)
+        self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+
+    def _trim(self) -> None:
+        surplus = self._judged - self._most
+        if surplus > 0 and self._samples is not None:
+            self._rows, self._samples = self._rows[surplus:], self._samples[surplus:]
+            self._judged -= surplus
+
+    def _open(self, rows: int) -> None:
+        self.values = np.concatenate([self.values, np.full(rows, np.nan)])
+        self.leading = np.concatenate([self.leading, np.zeros(rows, dtype=int)])
+        self.onset_row = np.concatenate([self.onset_row, np.zeros(rows, dtype=int)])
+
+    def _flush(self) -> None:
+        """Put single rows to the others; they have been judged."""
+        if self._fresh:
+            rows, samples = (np.array(column) for column in zip(*self._fresh, strict=True))
+            self._rows = np.concatenate([self._rows, rows])
+            known = samples[:, np.newaxis]
+            self._samples = known if self._samples is None else np.concatenate([self._samples, known])
+            self._judged += len(rows)
+            self._fresh.clear()
+            self._trim()
+
+    def _judge(self, stop: int) -> None:
+        """Work out the levels of rows before `stop`."""
+        if self._samples is None or self._judged == len(self._rows) or self._rows[self._judged] >= stop:
+            return
+        end = len(self._rows) if self._whole else int(np.searchsorted(self._rows, stop + _BLOCK))
+        begin = max(self._judged - self._looks_back, 0)
+        given, last = _given(self._samples[begin:end], self._test.rows(self._period_s)), end - self._judged
+        found = self._test.of(given, self._period_s, self._tolerance, last=last, carried=self._carried)
+        self.series = tuple(one.label for one in found)
+        values, leading = np.full(last, -np.inf), np.zeros(last, dtype=int)
+        reach = np.zeros(last, dtype=int)
+        for i, one in enumerate(found):
+            level = over(one.values, self._thresholds[one.label])
+            higher = level > values  # never where it is NaN
+            values[higher] = level[higher]
+            leading[higher] = i
+            reach[higher] = one.reach if isinstance(one.reach, int) else one.reach[higher]
+        reach = np.minimum(reach, self._looks_back)
+        values[np.isneginf(values)] = np.nan
+        rows = self._rows[self._judged : end]
+        onset = self._rows[np.maximum(np.arange(self._judged, end) - reach, 0)]
+        self._judged = end
+        told = int(np.searchsorted(rows, max(self._from, self.first)))
+        at = rows[told:] - self.first
+        self.values[at], self.leading[at], self.onset_row[at] = values[told:], leading[told:], onset[told:]
+
+
+def levels(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, Level]:
+    """Return every residual's level on a record."""
+    found = {}
+    for output, track in tracks_of(monitor, residuals).items():
+        track.known(0, len(record) + track.ahead)
+        found[output] = level_of(track, record)
+    return found
+
+
+def tracks_of(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, Track]:
+    """Return the tracks of residuals that are there as a whole."""
+    tracks = {}
+    for output, raw in residuals.raw.items():
+        tracks[output] = Track(monitor, output)
+        tracks[output].extend(raw, residuals.spread.get(output))
+    return tracks
+
+
+def level_of(track: Track, record: Record) -> Level:
+    """Return what a track says of a whole record; nothing of rows that are known after its end."""
+    known = np.arange(len(record)) < len(record) - track.ahead
+    return Level(
+        values=frozen(np.where(known, track.values, np.nan)),
+        known_s=frozen(np.round(record.time_s + track.ahead * record.sample_period_s, 9)),
+        leading=track.leading,
+        onset_row=track.onset_row,
+        series=track.series,
+    )
+
+
+def over(values: FloatArray, threshold: float) -> FloatArray:
+    """Return values over their threshold: above 1 where they pass it, also where both are negative."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
+
+
+def crossings(level: Mapping[str, Level]) -> list[Crossing]:
+    """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
+    found = [
+        Crossing(
+            output=output,
+            row=row,
+            time_s=float(one.known_s[row]),
+            onset_row=int(one.onset_row[row]),
+            series=one.series[one.leading[row]],
+        )
+        for output, one in level.items()
+        for row in rising(one.values, 1.0).tolist()
+    ]
+    return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
+
+
+def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
+    """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
+    return crossings(levels(monitor, record, bank_residuals(monitor, record)))
+
+
+def _matrix(given: Given) -> FloatArray:
+    """Return what a statistic is made of as columns: one where nothing is in doubt."""
+    if given.values is given.plain:
+        return given.values[:, np.newaxis]
+    return np.column_stack([given.values, given.plain, given.doubtful, *given.means.values()])
+
+
+def _given(samples: FloatArray, windows: list[int]) -> Given:
+    values = np.ascontiguousarray(samples[:, 0])
+    if samples.shape[1] == 1:
+        return Given(values=values, plain=values, means={}, doubtful=values)
+    means = dict(zip(windows, samples[:, 3:].T, strict=False))
+    return Given(values=values, plain=samples[:, 1], means=means, doubtful=samples[:, 2])

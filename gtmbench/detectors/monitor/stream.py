@@ -1,0 +1,158 @@
+"""Banks on samples as they come in: chunk for chunk what `watch` says of the whole record.
+
+Between chunks a stream remembers, per residual, the samples that its statistics look back at and a minute more
+(with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels, residuals and predictions
+of the last two minutes and a bit (`engine.span_rows`, kept in a table of twice that length). So it takes the same
+memory after an hour as after five minutes; only the alarms add up.
+
+Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
+path of their own (`rows.RowByRow`) that costs some ten microseconds: it tells levels, and where one could be an alarm,
+the same functions decide.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.clock import lateness_s
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.monitor.alarms import Engine, span_rows
+from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.rows import RowByRow
+from gtmbench.detectors.monitor.scores import Track
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray, Record, is_record
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gtmbench.detectors.bank.calibrated import CalibratedBank
+
+_FEW = 8  # rows of a chunk, up to which they are taken one by one
+
+
+class BankStream:
+    """A bank's monitor at work on samples as they come in; see the module's text.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    """
+
+    def __init__(self, monitor: CalibratedBank) -> None:
+        self._monitor = monitor
+        self._period_s = monitor.sample_period_s
+        self._tracks = {output: Track(monitor, output) for output in monitor.operators}
+        self._reach = _reach(monitor)
+        self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
+        self._engine = Engine(monitor, self._memory, self._tracks)
+        self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
+        self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether each residual's level could raise an alarm with the next sample."""
+        return MappingProxyType({one.output: one.armed for one in self._engine.arming})
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far, as it is known by now."""
+        return tuple(self._engine.alarms)
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise or tell more of: the same alarm, by its number, again.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before, lacks a channel or has another sample period; it changes
+            nothing.
+        """
+        columns = self._checked(chunk)
+        values = chunk.values
+        count = len(values)
+        if not count:
+            return ()
+        if not self._memory.stop:
+            self._memory.start_s = chunk.start_s
+        if self._rows is None or count > _FEW:
+            return self._take(values[:, columns])
+        told: dict[int, Alarm] = {}
+        for row in values.tolist():
+            told |= {alarm.number: alarm for alarm in self._take_one([row[column] for column in columns])}
+        return tuple(told[number] for number in sorted(told))
+
+    def _take_one(self, row: list[float]) -> tuple[Alarm, ...]:
+        """Take one sample: where nothing can come of it, no more than its levels are looked at."""
+        rows, engine = self._rows, self._engine
+        levels = None if rows is None else rows.take(row)
+        if rows is None or levels is None:  # it begins, or there is something that only the arrays' functions take
+            return self._take(np.array([row]))
+        if engine.is_quiet(levels):
+            rows.pass_over()
+            engine.see(levels)
+            return ()
+        rows.reopen()
+        return self._went_on()
+
+    def _take(self, values: FloatArray) -> tuple[Alarm, ...]:
+        """Take samples by the functions that work on arrays."""
+        begin = self._memory.stop
+        self._memory.take(values)
+        stop = self._memory.stop
+        first = max(begin - self._reach, 0)
+        made = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
+        for output, track in self._tracks.items():
+            rows = slice(max(begin - track.ahead, 0) - first, max(stop - track.ahead, 0) - first)
+            if rows.stop > max(rows.start, 0):
+                spread = made.spread[output].between(rows) if output in made.spread else None
+                self._memory.put(output, rows.start + first, made.raw[output][rows], spread)
+                before = min(self._monitor.whiteners[output].order, rows.start)
+                track.extend(made.raw[output][rows.start - before : rows.stop], spread, before=before)
+        if self._rows is not None:
+            self._rows.is_stale = True
+        return self._went_on()
+
+    def _went_on(self) -> tuple[Alarm, ...]:
+        told = self._engine.run(self._memory.stop)
+        for track in self._tracks.values():
+            track.forget()
+        if told and self._rows is not None:
+            self._rows.is_stale = True  # rows may have been taken out
+        return told
+
+    def _checked(self, chunk: Record) -> list[int]:
+        """Refuse a chunk that isn't the next; return where the bank's channels stand in it."""
+        is_record(chunk)
+        if chunk.sample_period_s != self._period_s:
+            chunk.check_period(self._period_s, "the monitor was calibrated at")
+        if self._known is None or chunk.channels != self._known[0]:
+            self._monitor.bank.check_channels(chunk.channels)
+            known = (chunk.channels, chunk.columns(self._monitor.bank.channels))
+        else:
+            known = self._known
+        if self._memory.stop and len(chunk):
+            due_s = self._memory.start_s + round(self._memory.stop * self._period_s, 9)
+            if lateness_s(chunk.start_s, due_s, self._period_s):
+                raise InputError(
+                    f"the chunk begins at {chunk.start_s:.10g} s, but {due_s:.10g} s is next; fill the gap with NaN or "
+                    "begin a new stream"
+                )
+        self._known = known
+        return known[1]
+
+
+def _reach(monitor: CalibratedBank) -> int:
+    """Return how many rows before a chunk its residuals look back at, whitened and with what doubt looks at."""
+    most = 0
+    for output, operator in monitor.operators.items():
+        ahead = round(monitor.look_ahead_of(output) / monitor.sample_period_s)
+        rows = ahead + operator.causal_order + monitor.whiteners[output].order + 2
+        if output in monitor.doubts:
+            rows += monitor.bank.statistic.looks_back(monitor.sample_period_s) + operator.noncausal_order
+        most = max(most, rows)
+    return most

@@ -1,0 +1,1 @@
+"""What residuals are judged by: whitening, test statistics, thresholds, parameter uncertainty."""

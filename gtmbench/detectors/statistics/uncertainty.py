@@ -1,0 +1,231 @@
+"""Doubt: an operator's parameter uncertainty, and how far it may be wrong on motion that its records didn't hold.
+
+A minute of flight excites few directions. On another manoeuvre the residual is then noise plus what the Markov
+parameters leave open, phi(k)'(theta - theta_hat); its deviation follows from their covariance, and what is judged is
+the residual over it: motion that nobody has seen widens what is normal, a fault in known motion stands out as before.
+theta - theta_hat is one error at all samples, so that a window's mean of it follows from the window's mean of phi(k).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.method.pseudo_inputs import derive
+from gtmbench.method.regression.slow import HALF as HALF
+from gtmbench.method.regression.slow import fir, held, reflected, regressors, smoothed
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.record import FloatArray, Record
+
+_CHUNK = 512  # rows: what they are turned into stays in the cache
+_Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Doubt:
+    """What the records leave open of an operator.
+
+    Attributes
+    ----------
+    root : shape (parameters, parameters)
+        F, with F F' the covariance of the Markov parameters, in their units; rows: lag -d to r, input by input within.
+    raw, white : float
+        Variance of the model's error over that of the noise is this times |F' phi(k)|^2: of the residual as it is, and
+        whitened. Found on stretches that identification hadn't seen.
+    """
+
+    root: FloatArray = field(repr=False)
+    raw: float
+    white: float
+
+    def spread(self, operator: Transmissibility, record: Record, coefficients: FloatArray, test: Statistic) -> Spread:
+        """Return sqrt(1 + variance of the model's error over that of the noise) at every sample.
+
+        A row stands on samples up to `HALF` + d after it (one more for derivatives). The record's last rows lack some:
+        there motion is taken to go on by odd reflection. Who watches judges a row only once it is known.
+
+        Parameters
+        ----------
+        operator : Transmissibility
+        record : Record
+            With the channels that the operator's inputs derive from.
+        coefficients : shape (n + 1,)
+            Of the whitening filter.
+        test : Statistic
+            Whose windows' means are judged.
+        """
+        stream = SpreadStream(operator, self, coefficients, test, record.sample_period_s)
+        inputs = derive(record, operator.inputs).matrix(operator.inputs)
+        return Spread.joined([stream.push(inputs), stream.end()])
+
+    def weighed(self, alone: Spread) -> Spread:
+        """Return the spread of rows from the one that factors of 1 give them."""
+        return Spread(
+            raw=np.sqrt(1.0 + self.raw * (alone.raw**2 - 1.0)),
+            white=np.sqrt(1.0 + self.white * (alone.white**2 - 1.0)),
+            means={rows: self.white * variance for rows, variance in alone.means.items()},
+        )
+
+
+class SpreadStream:
+    """The spread of a residual as its operator's inputs come in; memory doesn't grow.
+
+    Motion is slow motion about the operator's means, whitened motion the same behind the whitening filter, and
+
+    - raw, white: sqrt(1 + f |F' phi(k)|^2), f the doubt's factor, phi(k) the window k-r..k+d of (whitened) motion;
+    - means: f |F' (mean of phi over a window's rows - that over the baseline's before)|^2.
+
+    A missing sample is bridged by the last one before it. Rows whose window phi(k) isn't complete have no residual, and
+    a spread of 1. Motion begins with the first row that is complete, or the one before (a derivative lacks its first).
+
+    Parameters
+    ----------
+    operator : Transmissibility
+    doubt : Doubt
+    coefficients : shape (n + 1,)
+        Of the whitening filter.
+    test : Statistic
+        Whose windows' means are judged (of ``glr``; the others judge none).
+    sample_period_s : float
+    """
+
+    def __init__(
+        self,
+        operator: Transmissibility,
+        doubt: Doubt,
+        coefficients: FloatArray,
+        test: Statistic,
+        sample_period_s: float,
+    ) -> None:
+        self._root = doubt.root
+        self._means = operator.input_means
+        self._ahead = operator.noncausal_order
+        self._lags = operator.causal_order + operator.noncausal_order + 1
+        self._coefficients = coefficients
+        self._windows = np.array(test.rows(sample_period_s) if test.name == "glr" else [], dtype=int)
+        self._factors = np.array([[doubt.raw], *[[doubt.white]] * (1 + len(self._windows))])
+        self._before = round(test.baseline_s / sample_period_s)
+        inputs = len(operator.inputs)
+        self._count = self._given = 0  # rows pushed, rows whose spread was returned
+        self._last = np.zeros((0, inputs))  # the row before, bridged once motion has begun
+        self._gap = -1  # the last row that isn't complete, counted from where motion began
+        self._rows = 0  # since then
+        self._complete: _Flags = np.zeros(0, dtype=bool)  # phi(k) of rows whose slow motion isn't known yet
+        self._motion = np.zeros((0, inputs))  # the last 2 HALF rows
+        self._slow: FloatArray | None = None  # the last n rows
+        self._sums = _Sums(inputs, int(self._windows.max(initial=0)) + self._before + 1)  # of whitened motion
+        self._phi = np.zeros((2 + len(self._windows), self._lags - 1, inputs))  # motion, whitened, shifts of its means
+
+    def push(self, inputs: FloatArray) -> Spread:
+        """Return the spread of the rows that became known: all but the last `HALF` + d of those pushed so far.
+
+        Parameters
+        ----------
+        inputs : shape (rows, inputs)
+            The next rows of the operator's inputs, derived, in its order and units; NaN where they are missing.
+        """
+        starts = range(0, max(len(inputs), 1), _CHUNK)
+        return self._spread([self._step(inputs[start : start + _CHUNK]) for start in starts])
+
+    def end(self) -> Spread:
+        """Return the spread of the rows that are left, as if motion went on by odd reflection."""
+        left = np.zeros((len(self._phi), self._count - self._given))
+        there = max(self._count - self._ahead - self._given, 0)
+        if self._slow is not None and there:
+            left[:, :there] = self._leverage(reflected(self._motion))[:, -there:]
+        self._given = self._count
+        return self._spread([left])
+
+    def _spread(self, parts: Sequence[FloatArray]) -> Spread:
+        raw, white, *means = self._factors * (parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1))
+        means_of = dict(zip(self._windows.tolist(), means, strict=True))
+        return Spread(raw=np.sqrt(1.0 + raw), white=np.sqrt(1.0 + white), means=means_of)
+
+    def _step(self, inputs: FloatArray) -> FloatArray:
+        """Return |F' phi(k)|^2 of the rows that became known, 0 where phi isn't complete; shape (2 + windows, rows)."""
+        self._count += len(inputs)
+        found = self._leverage(self._bridged(inputs - self._means))
+        known = max(self._count - self._ahead - HALF, 0)
+        new, self._given = known - self._given, known
+        if found.shape[1] >= new:
+            return found[:, found.shape[1] - new :]
+        return np.concatenate([np.zeros((len(found), new - found.shape[1])), found], axis=1)
+
+    def _bridged(self, motion: FloatArray) -> FloatArray:
+        """Return the rows since motion began with their gaps bridged, and note whose window is complete."""
+        there = np.isfinite(motion).all(axis=1)
+        if not self._rows:
+            motion, there = (
+                np.concatenate([self._last, motion]),
+                np.concatenate([np.zeros(len(self._last), bool), there]),
+            )
+            first = max(int(np.argmax(there)) - 1, 0) if there.any() else len(there)
+            self._last = motion[-1:]
+            motion, there = held(motion[first:]), there[first:]
+        elif not there.all():
+            motion = held(np.concatenate([self._last, motion]))[1:]
+        if len(motion):
+            rows = np.arange(self._rows, self._rows + len(motion))
+            gaps = np.maximum.accumulate(np.where(there, self._gap, rows))
+            self._complete = np.concatenate([self._complete, rows - gaps >= self._lags])
+            self._last, self._gap, self._rows = motion[-1:], int(gaps[-1]), self._rows + len(motion)
+        return motion
+
+    def _leverage(self, motion: FloatArray) -> FloatArray:
+        """Return |F' phi(k)|^2 of the rows that these rows complete, the newest last."""
+        motion = np.concatenate([self._motion, motion])
+        if self._slow is None and len(motion) > HALF:
+            motion = np.concatenate([reflected(motion[: HALF + 1][::-1])[::-1], motion])
+        slow = smoothed(motion)
+        self._motion = motion[max(len(motion) - 2 * HALF, 0) :]
+        if not len(slow):
+            return np.zeros((len(self._phi), 0))
+        order = len(self._coefficients) - 1
+        before = np.repeat(slow[:1], order, axis=0) if self._slow is None else self._slow
+        longer = np.concatenate([before, slow])
+        self._slow = longer[len(slow) :]
+        white = fir(longer, self._coefficients)
+        new = np.concatenate([slow[np.newaxis], white[np.newaxis], self._shifts(white)])
+        phi = np.concatenate([self._phi, new], axis=1)
+        self._phi = phi[:, len(slow) :]
+        complete, self._complete = self._complete[: len(slow)], self._complete[len(slow) :]
+        of_noise = regressors(phi, self._lags) @ self._root
+        return np.where(complete, np.vecdot(of_noise, of_noise), 0.0)
+
+    def _shifts(self, white: FloatArray) -> FloatArray:
+        """Return, of every window, the mean of its rows less that of up to the baseline's before, row for row."""
+        self._sums.append(white)
+        end = np.arange(self._sums.rows - len(white), self._sums.rows) + 1
+        begin = np.maximum(end - self._windows[:, np.newaxis], 0)
+        first = np.maximum(begin - self._before, 0)
+        middle = self._sums.at(begin)
+        recent = (self._sums.at(end) - middle) / (end - begin)[..., np.newaxis]
+        return np.asarray(recent - (middle - self._sums.at(first)) / np.maximum(begin - first, 1)[..., np.newaxis])
+
+
+class _Sums:
+    """Sums of the first 0, 1, 2, ... rows; the last `keep` of them are remembered."""
+
+    def __init__(self, columns: int, keep: int) -> None:
+        self._values = np.zeros((2 * keep + _CHUNK, columns))
+        self._keep, self._first, self.rows = keep, 0, 0
+
+    def append(self, rows: FloatArray) -> None:
+        """Go on by some rows, at most `_CHUNK`."""
+        last = self.rows - self._first
+        if last + len(rows) >= len(self._values):
+            self._values[: self._keep] = self._values[last + 1 - self._keep : last + 1].copy()
+            self._first += last + 1 - self._keep
+            last = self._keep - 1
+        self._values[last + 1 : last + 1 + len(rows)] = rows
+        part = self._values[last : last + 1 + len(rows)]
+        part[:] = np.cumsum(part, axis=0)
+        self.rows += len(rows)
+
+    def at(self, rows: np.ndarray[tuple[int, ...], np.dtype[np.int_]]) -> FloatArray:
+        """Return the sums of the first so many rows."""
+        return np.asarray(self._values[rows - self._first])

@@ -1,0 +1,130 @@
+"""The kinds of faults that there are: built in, registered by a module of the user's, or announced by a package."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import MISSING, fields
+from typing import Any, TypeVar
+
+from gtmbench.checks import shown
+from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.imports import installed, load_installed, load_module
+
+GROUP = "gtmbench.faults"  # of entry points: KIND = "package.module:CLASS"
+
+_KIND = re.compile("[a-z][a-z0-9_]{0,39}")
+_HOW = "@dataclass(frozen=True, kw_only=True)"
+
+_registered: dict[str, type[Fault]] = {}
+_Class = TypeVar("_Class", bound=type[Fault])
+
+
+def register_fault(cls: _Class) -> _Class:
+    """Make a kind of fault known by its name, so that scenarios can say it; a decorator.
+
+    A scenario file names it once ``gtmbench run --import PACKAGE`` has imported the class's module. In Python, faults
+    of any class work as they are, registered or not.
+
+    Raises
+    ------
+    InputError
+        Where it isn't a frozen dataclass with a `kind` and a `distort`, or the kind is taken by another class.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from gtmbench.faults.fault import severity
+    >>> @register_fault
+    ... @dataclass(frozen=True, kw_only=True)
+    ... class Step(Fault):
+    ...     kind = "step"
+    ...     size: float = severity(per_second=False)
+    ...
+    ...     def distort(self, seen, elapsed_s, sample_period_s, carried):
+    ...         return seen[:, 0] + self.size, None
+    >>> find_fault("step") is Step
+    True
+    """
+    _checked(cls)
+    there = loaded_faults().get(cls.kind)
+    # the same module's class of the same name is this one, defined again: a notebook's cell that has been run twice
+    if there is not None and there is not cls and _place(there) != _place(cls):
+        raise InputError(f"kind '{cls.kind}' of {_place(cls)} is taken by {_place(there)}; give it another name")
+    if cls.kind not in FAULTS:
+        _registered[cls.kind] = cls
+    return cls
+
+
+def loaded_faults() -> dict[str, type[Fault]]:
+    """Return the kinds whose classes are there, by name: built in or registered."""
+    return {**FAULTS, **_registered}
+
+
+def fault_kinds() -> tuple[str, ...]:
+    """Return the names of all kinds: built in, registered, and announced by installed packages (not imported).
+
+    Examples
+    --------
+    >>> fault_kinds()[:5]
+    ('drift', 'deadzone', 'saturation', 'rate_saturation', 'jam')
+    """
+    return tuple(dict.fromkeys([*loaded_faults(), *installed(GROUP)]))
+
+
+def find_fault(kind: Any) -> type[Fault]:
+    """Return the class of a kind; that of an installed package is imported now.
+
+    Raises
+    ------
+    InputError
+        Where there is no such kind, or what the package announces is no kind of fault.
+    """
+    loaded = loaded_faults()
+    if isinstance(kind, str) and kind in loaded:
+        return loaded[kind]
+    if not isinstance(kind, str) or kind not in installed(GROUP):
+        known = ", ".join(fault_kinds())
+        raise InputError(f"kind is {shown(kind)}; there are {known} (--import a file or package that registers others)")
+    cls = _checked(load_installed(GROUP, kind))
+    if cls.kind != kind:
+        raise InputError(f"{_place(cls)} is announced as kind '{kind}', but calls itself '{cls.kind}'")
+    return register_fault(cls)
+
+
+def import_package(source: str) -> tuple[str, ...]:
+    """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these.
+
+    What ``--import`` does. A module that registers none is fine.
+
+    Raises
+    ------
+    InputError
+        Where there is no such module or importing it fails.
+    """
+    name = load_module(source).__name__
+    return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))
+
+
+def _checked(cls: object) -> type[Fault]:
+    """Return a class of the user's if it is a kind of fault, or say what it lacks."""
+    if not isinstance(cls, type) or not issubclass(cls, Fault):
+        raise InputError(f"{shown(cls)} is no kind of fault; derive a class from gb.Fault")
+    kind, place = getattr(cls, "kind", None), _place(cls)
+    if not isinstance(kind, str) or not _KIND.fullmatch(kind):
+        raise InputError(f"{place}: kind is {shown(kind)}; give a name of small letters, digits and _, as 'bias_step'")
+    if cls.distort is Fault.distort:
+        raise InputError(f"{place} has no distort; define what it makes of the samples it sees")
+    if "__dataclass_params__" not in vars(cls) or not vars(cls)["__dataclass_params__"].frozen:
+        raise InputError(f"{place} isn't a frozen dataclass; put {_HOW} above it, and @register_fault above that")
+    common = Fault.__dataclass_fields__
+    for item in fields(cls):
+        unset = item.default is MISSING and item.default_factory is MISSING
+        if unset and item.init and not item.metadata and item.name not in common:
+            raise InputError(f"{place}: declare '{item.name}' by severity() or other_channel(), or give it a default")
+    return cls
+
+
+def _place(cls: Any) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"

@@ -1,0 +1,161 @@
+"""Anybody's CSV: encodings, separators, decimal commas, comment lines and a row of units are found out, and said."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.errors import InputError
+from gtmbench.files import count_lines
+from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES
+from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values, reading
+from gtmbench.intake.formats.table import check_names, dates_in_seconds
+from gtmbench.intake.units import unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MOSTLY = 0.9  # of a column's cells are numbers (or dates), and it is a column of numbers whose others are missing
+_DATE = re.compile(r"\s*\d{4}-\d\d-\d\d")
+_NUMBER = re.compile(r"\s*[-+]?(\d|[.,]\d|nan\s*$|inf)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Layout:
+    """How a table is written."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    encoding: str
+    separator: str
+    decimal: str
+    skipped: int  # lines before the first row of values
+
+
+def read_csv(path: Path) -> RawLog:
+    """Read a table with a header."""
+    with reading(path, "CSV table"):
+        layout = _layout(path)
+        check_names(layout.names)
+        check_values(len(layout.names) * count_lines(path), "its table")
+        frame = _frame(path, layout)
+    series, ignored, notes = [], [], []
+    if layout.encoding != "utf-8-sig":
+        notes.append(f"read as {layout.encoding}")
+    for place, name in enumerate(layout.names):
+        if not name:
+            continue
+        values, note = _numbers(frame[place])
+        if values is None:
+            ignored.append(name)
+            continue
+        stated = "s" if note.startswith("dates") else layout.units[place]
+        series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=stated))
+        if note:
+            notes.append(f"column '{name}': {note}")
+    return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
+
+
+def _layout(path: Path) -> _Layout:
+    with path.open("rb") as file:
+        head = file.read(LONGEST_LINE_BYTES)
+    encoding = _encoding(head)
+    lines = head.decode(encoding, errors="replace").splitlines()
+    if len(head) == LONGEST_LINE_BYTES:
+        lines = lines[:-1]  # cut in two
+        if not lines:
+            raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
+    place = next((number for number, line in enumerate(lines) if line.strip() and not _is_comment(line)), len(lines))
+    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
+        place -= 1  # the header itself is written as a comment
+    if place == len(lines):
+        raise InputError("it is empty")
+    header = lines[place].lstrip("#%/ \t")
+    separator = max(";\t|,", key=header.count)  # of as many, the one that no unit holds
+    if separator not in header:
+        separator = r"\s+"
+    fields = [_fields(line, separator) for line in lines[place + 1 : place + 3]]
+    names = [name.strip() for name in _fields(header, separator)]
+    units = [""] * len(names)
+    skipped = place + 1
+    if fields and not any(map(_NUMBER.match, fields[0])) and any(unit(text.strip(" ()[]")) for text in fields[0]):
+        units = [text.strip(" ()[]") for text in fields.pop(0)]
+        skipped += 1
+    if fields and len(fields[0]) == len(names) + 1 and not fields[0][-1].strip():
+        names.append("")  # rows that end in a separator
+    units = (units + [""] * len(names))[: len(names)]
+    comma = separator != "," and bool(fields) and any(re.fullmatch(r"\s*[-+]?\d*,\d+\s*", text) for text in fields[0])
+    return _Layout(
+        names=tuple(names),
+        units=tuple(units),
+        encoding=encoding,
+        separator=separator,
+        decimal="," if comma else ".",
+        skipped=skipped,
+    )
+
+
+def _encoding(head: bytes) -> str:
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    if b"\0" in head:
+        raise InputError("it holds zero bytes: no text")
+    try:
+        head[: head.rfind(b"\n") + 1 or None].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(("#", "%", "//"))
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    return line.split() if separator == r"\s+" else next(csv.reader([line], delimiter=separator), [])
+
+
+def _frame(path: Path, layout: _Layout) -> pd.DataFrame:
+    import pandas as pd
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+        return pd.read_csv(
+            path,
+            sep=layout.separator,
+            decimal=layout.decimal,
+            header=None,
+            names=range(len(layout.names)),
+            index_col=False,
+            skiprows=layout.skipped,
+            encoding=layout.encoding,
+            encoding_errors="replace",
+            skipinitialspace=True,
+            low_memory=False,
+        )
+
+
+def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:
+    """Return a column's numbers, None where it holds others, and what there is to say about it."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column.dtype):
+        return column.to_numpy(dtype=np.int64 if column.dtype.kind in "iub" else np.float64), ""
+    filled = column.dropna()
+    if len(filled) and _DATE.match(str(filled.iloc[0])):
+        dates = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True).dt.tz_localize(None).to_numpy()
+        if np.count_nonzero(~np.isnat(dates)) >= _MOSTLY * len(filled):
+            return dates_in_seconds(dates)
+    numbers = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
+    words = len(filled) - np.count_nonzero(np.isfinite(numbers))
+    if len(filled) and words <= (1.0 - _MOSTLY) * len(filled):
+        return numbers, f"{words} cells hold no number and count as missing"
+    return None, ""

@@ -1,0 +1,226 @@
+"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu``, unpacked under limits."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import struct
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.errors import InputError
+from gtmbench.intake.formats import ros_imu
+from gtmbench.intake.formats.libraries import library, quiet
+from gtmbench.intake.formats.limits import (
+    LARGEST_CHUNK_BYTES,
+    LONGEST_LINE_BYTES,
+    MOST_COLUMNS,
+    MOST_MESSAGES,
+    MOST_UNPACKED_BYTES,
+)
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
+from gtmbench.intake.quaternion import euler_deg
+
+MAGIC = b"\x89MCAP0\r\n"
+_DEPTH = 8  # of objects in objects
+_MOST_ITEMS = 64  # of a list that becomes columns
+_NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's errors are ValueErrors
+
+
+@dataclass(kw_only=True, eq=False)
+class _Topic:
+    """What was collected of a topic, column by column."""
+
+    imu: bool
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    columns: dict[str, array[float]] = field(default_factory=dict)
+
+    def add(self, stamp_ns: int, values: Mapping[str, float]) -> int:
+        """Add a message; return by how many values the columns grew."""
+        before, grown = len(self.stamps), 0
+        for name, value in values.items():
+            column = self.columns.setdefault(name, array("d"))
+            grown += before + 1 - len(column)
+            column.extend([np.nan] * (before - len(column)))
+            column.append(value)
+        self.stamps.append(stamp_ns)
+        return grown
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        values = np.full(len(self.stamps), np.nan)
+        values[: len(self.columns[name])] = self.columns[name]
+        return values
+
+
+def read_mcap(path: Path) -> RawLog:
+    """Read an MCAP file: every topic with its own stamps, a field is ``topic.field``."""
+    kind = "MCAP file"
+    mcap = library("mcap.stream_reader", path, kind)
+    library("mcap.records", path, kind)
+    topics: dict[str, _Topic] = {}
+    left_out: dict[str, int] = {}
+    notes: list[str] = []
+    with reading(path, kind), quiet(), path.open("rb") as file:
+        records = _records(mcap, file, notes)
+        _collect(records, topics, left_out)
+    if left_out:
+        notes.append("left out: " + ", ".join(f"{count} messages ({what})" for what, count in left_out.items()))
+    if not topics:
+        why = notes[-1] if notes else "it has no messages"
+        raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's sensor_msgs/msg/Imu (cdr)")
+    stamps, said = _stamps(topics)
+    clocks, since = in_seconds(stamps, 1e9)
+    series = [one for name, topic in topics.items() for one in _series(name, topic)]
+    if any(topic.imu for topic in topics.values()):
+        notes.append("sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down")
+    return RawLog(kind="MCAP", series=tuple(series), clocks=clocks, notes=(*notes, *said, *since))
+
+
+def _records(mcap: Any, file: IO[bytes], notes: list[str]) -> Iterator[Any]:
+    """Give the records of a file; where it is cut short or broken, those that stand before."""
+    unpacked, given = 0, 0
+    with mmap.mmap(
+        file.fileno(), 0, access=mmap.ACCESS_READ
+    ) as content:  # its read() never asks for more than is there
+        reader = mcap.StreamReader(content, emit_chunks=True, record_size_limit=len(content))
+        try:
+            for record in reader.records:
+                parts = [record]
+                if isinstance(record, mcap.Chunk):
+                    plain = _unpacked(record)
+                    unpacked += len(plain)
+                    if unpacked > MOST_UNPACKED_BYTES:
+                        raise InputError(f"it unpacks to more than {MOST_UNPACKED_BYTES} bytes; cut the log")
+                    parts = mcap.breakup_chunk(replace(record, compression="", data=plain))
+                for part in parts:
+                    yield part
+                    given += isinstance(part, mcap.Message)
+        except InputError:
+            raise
+        except Exception as error:
+            if not given:
+                raise
+            notes.append(f"the file is broken or cut short after {given} messages ({type(error).__name__})")
+
+
+def _unpacked(chunk: Any) -> bytes:
+    """Unpack a chunk, but not without end."""
+    limit = LARGEST_CHUNK_BYTES
+    if chunk.compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor(max_window_size=limit).stream_reader(chunk.data) as stream:
+            plain: bytes = stream.read(limit + 1)
+    elif chunk.compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped,unused-ignore]
+
+        plain = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=limit + 1)
+    elif chunk.compression:
+        raise InputError(f"a chunk is compressed as '{chunk.compression[:20]}'; read are zstd and lz4")
+    else:
+        plain = chunk.data
+    if len(plain) > limit:
+        raise InputError(f"a chunk unpacks to more than {limit} bytes; nobody logs like that")
+    return plain
+
+
+def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[str, int]) -> None:
+    schemas: dict[int, str] = {}
+    channels: dict[int, Any] = {}
+    messages, grown = 0, 0
+    for record in records:
+        kind = type(record).__name__
+        if kind == "Schema":
+            schemas[record.id] = record.name
+        elif kind == "Channel":
+            channels[record.id] = record
+        elif kind == "Message":
+            messages += 1
+            if messages > MOST_MESSAGES:
+                raise InputError(f"it has more than {MOST_MESSAGES} messages; cut the log")
+            channel = channels.get(record.channel_id)
+            if channel is None:
+                left_out["of no channel"] = left_out.get("of no channel", 0) + 1
+                continue
+            schema = schemas.get(channel.schema_id, "")
+            values, why_not = _decoded(record.data, channel.message_encoding, schema)
+            if values is None:
+                left_out[why_not] = left_out.get(why_not, 0) + 1
+                continue
+            topic = topics.setdefault(channel.topic, _Topic(imu=schema in ros_imu.SCHEMAS))
+            grown += topic.add(min(record.log_time, 2**63 - 1), values)
+            check_values(grown, "its messages")
+
+
+def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] | None, str]:
+    if len(data) > LONGEST_LINE_BYTES:
+        return None, f"{encoding[:30]} of more than {LONGEST_LINE_BYTES} bytes"
+    try:
+        if encoding == "json":
+            found: dict[str, float] = {}
+            _flatten("", json.loads(data), found, 0)
+            return found, ""
+        if encoding == "cdr" and schema in ros_imu.SCHEMAS:
+            return ros_imu.decode_imu(data), ""
+    except _NO_MESSAGE:
+        return None, f"broken {encoding}"
+    return None, f"{encoding[:30]} {schema[:60]}".strip()
+
+
+def _flatten(name: str, value: Any, found: dict[str, float], depth: int) -> None:
+    if isinstance(value, (int, float)):
+        if len(found) < MOST_COLUMNS:
+            found[name or "value"] = float(value) if abs(value) < 1e300 else np.nan
+    elif depth < _DEPTH and isinstance(value, dict):
+        for key, part in value.items():
+            _flatten(f"{name}.{key}" if name else str(key), part, found, depth + 1)
+    elif depth < _DEPTH and isinstance(value, list):
+        for place, part in enumerate(value[:_MOST_ITEMS]):
+            _flatten(f"{name}[{place}]", part, found, depth + 1)
+
+
+def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]], tuple[str, ...]]:
+    """Return when messages were measured, if all topics tell, else when they were logged."""
+    if all({ros_imu.SEC, ros_imu.NANOSEC} <= set(topic.columns) for topic in topics.values()):
+        measured = {}
+        for name, topic in topics.items():
+            sec, nanosec = topic.column(ros_imu.SEC), topic.column(ros_imu.NANOSEC)
+            whole = np.isfinite(sec) & np.isfinite(nanosec) & (np.abs(sec) < 1e9 * 9)
+            measured[name] = np.where(whole, sec, 0).astype(np.int64) * 10**9 + np.where(whole, nanosec, 0).astype(
+                np.int64
+            )
+        return measured, ("stamps: header.stamp",)
+    return {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items()}, (
+        "stamps: when messages were logged",
+    )
+
+
+def _series(name: str, topic: _Topic) -> list[RawSeries]:
+    columns = {field: partial(topic.column, field) for field in topic.columns if not field.startswith("header.stamp.")}
+    series = [
+        RawSeries(
+            name=f"{name}.{field}",
+            load=load,
+            clock=name,
+            meaning=ros_imu.MEANINGS.get(field) if topic.imu else None,
+        )
+        for field, load in columns.items()
+    ]
+    if topic.imu and ros_imu.is_oriented(topic.columns):
+        series += [_angle(name, topic, angle, meaning) for angle, meaning in ros_imu.ANGLES.items()]
+    return series
+
+
+def _angle(name: str, topic: _Topic, angle: str, meaning: Meaning) -> RawSeries:
+    def load() -> NDArray[np.float64]:
+        turned = euler_deg([topic.column(f"orientation.{part}") for part in "wxyz"], angle)
+        return turned - 90.0 if angle == "yaw" else turned
+
+    return RawSeries(name=f"{name}.orientation({angle})", load=load, clock=name, meaning=meaning)

@@ -1,0 +1,146 @@
+"""PX4's ULog, read by pyulog under a limit on the work that a file can make."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from types import ModuleType
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.intake.formats.libraries import library, quiet
+from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
+from gtmbench.intake.quaternion import ANGLES, euler_deg
+
+MAGIC = b"ULog\x01\x12\x35"
+
+
+def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:
+    names = channels.split()
+    return {
+        (kind, fields.format(axis)): Meaning(
+            channel=name.lstrip("-"), unit=unit, sign=-1.0 if name.startswith("-") else 1.0
+        )
+        for axis, name in enumerate(names)
+    }
+
+
+# PX4's message definitions state units and axes (forward, right, down); of two, the first is taken
+_DOCUMENTED = {
+    **_axes("sensor_combined", "gyro_rad[{}]", "p q r", "rad/s"),
+    **_axes("sensor_combined", "accelerometer_m_s2[{}]", "nx ny -nz", "m/s2"),
+    **_axes("vehicle_angular_velocity", "xyz[{}]", "p q r", "rad/s"),
+    **_axes("vehicle_acceleration", "xyz[{}]", "nx ny -nz", "m/s2"),
+    **{
+        ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
+        for angle, channel in zip(ANGLES, ("phi", "theta", "psi"), strict=True)
+    },
+    ("airspeed_validated", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
+    ("airspeed", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
+    ("vehicle_global_position", "alt"): Meaning(channel="altitude", unit="m"),
+    ("vehicle_air_data", "baro_alt_meter"): Meaning(channel="altitude", unit="m"),
+}
+_ORDER = list(_DOCUMENTED)
+
+
+class _TooMuchWork(Exception):  # noqa: N818 - no ValueError: pyulog goes on after those
+    """A broken file would be read again and again, or declares more than any log has."""
+
+
+class _Counted:
+    """A file that may be read a few times over, and no more: on garbage pyulog steps back for ever."""
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self._file = file
+        self._bytes_left = 10 * size + (1 << 22)
+        self._reads_left = min(2 * MOST_MESSAGES, self._bytes_left)
+
+    def read(self, count: int) -> bytes:
+        self._bytes_left -= count
+        self._reads_left -= 1
+        if min(self._bytes_left, self._reads_left) < 0:
+            raise _TooMuchWork("it is broken, or has more messages than any log")
+        return self._file.read(count)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def close(self) -> None:
+        """Leave the file to who opened it."""
+
+
+def _bounded(pyulog: ModuleType) -> Any:
+    """Return pyulog's reader, but with a limit on the fields that a file can declare."""
+    left = 20 * MOST_COLUMNS
+
+    class Subscription(pyulog.ULog._MessageAddLogged):  # type: ignore[name-defined,misc]
+        def _parse_nested_type(self, *arguments: Any) -> None:
+            nonlocal left
+            before = len(self.field_data)
+            super()._parse_nested_type(*arguments)
+            left -= 1 + len(self.field_data) - before
+            if left < 0:
+                raise _TooMuchWork("it declares more fields than any log has")
+
+    class Reader(pyulog.ULog):  # type: ignore[name-defined,misc]
+        _MessageAddLogged = Subscription
+
+    return Reader
+
+
+def read_ulog(path: Path) -> RawLog:
+    """Read a PX4 log: every topic with its own stamps; a second instance of a topic is ``topic#1``."""
+    kind = "PX4 ULog"
+    core = library("pyulog.core", path, kind)
+    with reading(path, kind), quiet(), path.open("rb") as file:
+        log = _bounded(core)(_Counted(file, path.stat().st_size))
+    topics = {}
+    for data in log.data_list:
+        name = f"{data.name}#{data.multi_id}" if data.multi_id else str(data.name)
+        fields = {field: values for field, values in data.data.items() if not field.startswith("_padding")}
+        if "timestamp" in fields and len(fields["timestamp"]):
+            topics[name] = fields
+    check_values(sum(len(fields["timestamp"]) for fields in topics.values()), "its stamps")
+    clocks, notes = in_seconds({name: _stamps(fields) for name, fields in topics.items()}, 1e6)
+    series = [one for name, fields in topics.items() for one in _columns(name, fields)]
+    series.sort(key=_rank)
+    if log.file_corruption:
+        notes = (*notes, "parts of the file are broken and were passed over")
+    return RawLog(
+        kind=kind,
+        series=tuple(series),
+        clocks=clocks,
+        notes=("units and axes are those of PX4's message definitions", *notes),
+        by_name=False,
+    )
+
+
+def _stamps(fields: dict[str, NDArray[Any]]) -> NDArray[Any]:
+    """Return when a topic was sampled, or published where that isn't logged."""
+    sampled = fields.get("timestamp_sample")
+    chosen = fields["timestamp"] if sampled is None or not np.all(sampled) else sampled
+    return chosen.astype(np.int64) if chosen.max() < 2**63 else chosen.astype(np.float64)
+
+
+def _columns(topic: str, fields: dict[str, NDArray[Any]]) -> list[RawSeries]:
+    columns = {
+        name: functools.partial(np.asarray, values) for name, values in fields.items() if "timestamp" not in name
+    }
+    if all(f"q[{part}]" in fields for part in range(4)):
+        parts = [fields[f"q[{part}]"] for part in range(4)]
+        columns |= {f"q({angle})": functools.partial(euler_deg, parts, angle) for angle in ANGLES}
+    return [
+        RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=_DOCUMENTED.get((topic, name)))
+        for name, load in columns.items()
+    ]
+
+
+def _rank(one: RawSeries) -> int:
+    topic, _, field = one.name.partition(".")
+    return _ORDER.index((topic, field)) if one.meaning else len(_ORDER)

@@ -1,0 +1,1 @@
+"""What the scripts of `experiments/` share: ours beside the print, and their figures."""

@@ -1,0 +1,302 @@
+"""Figures of a study, as PNG: the counterparts of Figs. 4.1-4.4, and every detector's scores around the onsets."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.record import FloatArray, Span
+from gtmbench.report.scores import HIGHEST, LOWEST, around, level, norm_of, part, safe, tints
+from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.study import alarm_text, counting_alarm, repetitions, trial_label
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.trial import Baseline, Study, Trial
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_SHOWN_S = (280.0, 285.0)  # Fig. 4.2
+_DPI = 130
+_STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
+_MOST_TRIALS = 15  # of a figure with a place for each
+_COLUMNS = 3
+_TITLE = 62  # letters in a line
+_MOST_ALARMS = 100  # that are drawn: a function may call every sample above a threshold one
+
+
+def write_figures(study: Study, folder: Path) -> list[Path]:
+    """Draw what the detectors show, and return the paths; with several, files end in the detector's name.
+
+    ``markov.png`` and ``prediction.png`` of the dissertation's operator; for every scenario ``norm_SCENARIO.png`` of a
+    detector with one score in a unit, ``levels_SCENARIO.png`` of one with other scores, ``virtual_SCENARIO.png`` of one
+    that names sensors, and ``alarms_SCENARIO.png`` of one that shows no scores.
+    """
+    paths = []
+    for number, baseline in enumerate(study.baselines):
+        twins = [safe(other.detector) for other in study.baselines[:number]].count(safe(baseline.detector))
+        suffix = f"_{safe(baseline.detector)}{f'_{twins + 1}' * bool(twins)}" if len(study.baselines) > 1 else ""
+        for name, draw in _figures(baseline, study.trials_of(baseline.detector)).items():
+            paths.append(folder / f"{name}{suffix}.png")
+            draw().savefig(paths[-1], dpi=_DPI)
+    return paths
+
+
+def _figures(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Callable[[], Figure]]:
+    """Return a detector's figures by name, each still to be drawn: a study holds many."""
+    found: dict[str, Callable[[], Figure]] = {}
+    monitor, watch = baseline.monitor, baseline.watch
+    if isinstance(monitor, NormMonitor):
+        found |= {"markov": partial(_markov, monitor), "prediction": partial(_prediction, monitor, baseline)}
+    kinds: dict[str, Callable[[str, list[Trial]], Figure]] = {}
+    if norm_of(watch):
+        kinds["norm"] = _norm
+    elif watch.scores:
+        kinds["levels"] = _levels_figure
+    if monitor.suspects:
+        kinds["virtual"] = _virtual_figure
+    elif not watch.scores:
+        kinds["alarms"] = _alarms_figure
+    for scenario, group in groupby(trials, key=lambda trial: trial.scenario):
+        own = list(group)
+        for kind, draw in kinds.items():
+            found[f"{kind}_{scenario}"] = partial(draw, scenario, own)
+    return found
+
+
+def _markov(monitor: NormMonitor) -> Figure:
+    operator = monitor.operator
+    rows, columns = len(operator.outputs), len(operator.inputs)
+    figure, axes = panels(rows, columns, (3.6 * columns, 1.0 + 2.4 * rows))
+    for o, output in enumerate(operator.outputs):
+        for i, name in enumerate(operator.inputs):
+            axis = axes[o][i]
+            parameters, error = operator.markov[:, o, i], operator.standard_error[:, o, i]
+            band = parameters - 2.0 * error, parameters + 2.0 * error
+            axis.fill_between(operator.lags, *band, color=colour(name, i), alpha=0.25, linewidth=0)
+            axis.stem(operator.lags, parameters, linefmt=colour(name, i), markerfmt=".", basefmt="k-")
+            axis.set_title(f"{name} to {output}")
+            axis.set_xlabel("lag i (samples)")
+            axis.set_ylabel(f"$H_i$ ({unit_of(output)} per {unit_of(name)})")
+    figure.suptitle(f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)")
+    return figure
+
+
+def _prediction(monitor: NormMonitor, baseline: Baseline) -> Figure:
+    record, operator = baseline.healthy, monitor.operator
+    start_s = min(_SHOWN_S[0], max(record.end_s - 5.0, record.start_s))
+    span = record.sample_range(start_s, min(start_s + 5.0, record.end_s))
+    shown = slice(span.start, span.stop)
+    predicted = operator.predict(record)
+    figure, axes = panels(len(operator.outputs), 1, (9.0, 1.0 + 3.0 * len(operator.outputs)))
+    for o, output in enumerate(operator.outputs):
+        axis = axes[o][0]
+        axis.plot(record.time_s[shown], record[output][shown], ".", color=COLOURS["healthy"], ms=3, label="measured")
+        axis.plot(record.time_s[shown], predicted[shown, o], color=colour(output), lw=1.5, label="predicted")
+        axis.set_ylabel(f"{output} ({unit_of(output)})")
+        axis.legend(loc="best")
+    axes[-1][0].set_xlabel("time (s)")
+    figure.suptitle(f"Healthy sensors: measured and predicted by {operator.name} (Fig. 4.2)")
+    return figure
+
+
+_SOURCES = {"drift": " (Fig. 4.3)", "deadzone": " (Fig. 4.4)"}
+
+
+def _norm(scenario: str, trials: list[Trial]) -> Figure:
+    """Draw a score in its unit: of the healthy record, and of every trial of a scenario."""
+    baseline = trials[0].baseline
+    monitor, healthy = baseline.monitor, norm_of(baseline.watch)
+    assert healthy is not None
+    figure, axes = panels(1, 1, (9.0, 4.5))
+    axis = axes[0][0]
+    axis.plot(*_score_line(baseline), color=COLOURS["healthy"], lw=1.0, label="healthy", zorder=3)
+    for i, (trial, repetition) in enumerate(zip(trials, repetitions(trials), strict=True)):
+        tint = colour(trial.channel, i)
+        style = _STYLES[repetition % len(_STYLES)]
+        axis.plot(*_score_line(trial), style, color=tint, lw=1.2, label=trial_label(trial))
+        if trial.alarm_time_s is not None:
+            axis.plot(trial.alarm_time_s, healthy.threshold, "v", color=tint, mec="k", ms=8, zorder=4)
+    axis.axhline(healthy.threshold, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
+    for onset in sorted({trial.onset_s for trial in trials}):
+        axis.axvline(onset, color="k", lw=0.8, ls=":", label=f"onset, {onset:g} s")
+    axis.set_yscale("log")
+    own = isinstance(monitor, NormMonitor)
+    when = "k Ts (s): start of the window" if own else "time (s) at which the score is known"
+    window = f", w = {monitor.window}" if isinstance(monitor, NormMonitor) else ""
+    axis.set_xlabel(f"{when}; triangles: when the alarm could be raised")
+    axis.set_ylabel(as_it_is(f"{healthy.name}{window} ({healthy.unit})"))
+    axis.legend(loc="upper left", fontsize="small")
+    kinds = sorted({trial.fault for trial in trials})
+    source = _SOURCES.get(kinds[0], "") if own and len(kinds) == 1 else ""
+    under = ", ".join(kind.replace("_", " ") for kind in kinds)
+    figure.suptitle(as_it_is(f"{scenario}: {healthy.name} under {under}{source}"))
+    return figure
+
+
+def _score_line(of: Baseline | Trial) -> tuple[FloatArray, FloatArray]:
+    """Return the one score over time: E(k) at k Ts, as the dissertation draws it, another when it is known."""
+    score = norm_of(of.watch)
+    assert score is not None
+    return (of.watch.record.time_s if isinstance(of.watch.monitor, NormMonitor) else score.known_s), score.values
+
+
+def _levels_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
+    figure, (places,) = _grid(trials, heights=[2.9])
+    for axis, trial in zip(places, trials, strict=False):
+        _levels(axis, trial, _shown_s(trial))
+        axis.set_xlabel("time (s)")
+    return _finished(figure, places, scenario, trials, "every score over its threshold, at the time when it is known")
+
+
+def _virtual_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
+    figure, (signals, errors) = _grid(trials, heights=[2.6, 1.5])
+    for upper, lower, trial in zip(signals, errors, trials, strict=False):
+        span = _shown_s(trial)
+        _signal(upper, trial, span)
+        _virtual(upper, trial, span)
+        _virtual_error(lower, trial, span)
+        lower.set_xlabel("time (s)")
+    return _finished(figure, signals, scenario, trials, "the failed sensor as measured, its virtual sensor, the truth")
+
+
+def _alarms_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
+    figure, (places,) = _grid(trials, heights=[2.6])
+    for axis, trial in zip(places, trials, strict=False):
+        _signal(axis, trial, _shown_s(trial))
+        axis.set_xlabel("time (s)")
+    return _finished(figure, places, scenario, trials, "the failed sensor as measured, the truth, alarms")
+
+
+def _grid(trials: Sequence[Trial], heights: list[float]) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure with a place for every trial, and its axes: all first, all second of a place."""
+    drawn = min(len(trials), _MOST_TRIALS)
+    columns = min(drawn, _COLUMNS)
+    rows = -(-drawn // columns)
+    size = (max(4.8 * columns, 6.5), 1.2 + (sum(heights) + 0.3) * rows)
+    figure, axes = panels(rows * len(heights), columns, size, heights * rows)
+    kinds = [[axis for row in axes[first :: len(heights)] for axis in row] for first in range(len(heights))]
+    for places in kinds:
+        for axis in places[drawn:]:
+            axis.set_visible(False)
+        for axis, trial in zip(places, trials, strict=False):
+            axis.set_xlim(*_shown_s(trial))
+            _mark(axis, trial)
+    return figure, kinds
+
+
+def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequence[Trial], what: str) -> Figure:
+    """Give the upper axes their titles, the figure its own and one legend."""
+    for axis, trial in zip(places, trials, strict=False):
+        lines = [f"{trial.fault.replace('_', ' ')} of {trial_label(trial)}", *textwrap.wrap(_said(trial), _TITLE)]
+        axis.set_title(as_it_is("\n".join(lines)), fontsize="small")
+    one_legend(figure, places, columns=8)
+    rest = len(trials) - _MOST_TRIALS
+    more = f" ({rest} more trials not drawn)" if rest > 0 else ""
+    figure.suptitle(as_it_is(f"{scenario}, {title_text(trials[0].baseline.monitor)}: {what}{more}"))
+    return figure
+
+
+def _shown_s(trial: Trial) -> Span:
+    return around(trial, before_s=4.0, after_s=8.0, longest_s=120.0)
+
+
+def _levels(axis: Axes, trial: Trial, span: Span) -> None:
+    """Draw levels on a logarithmic axis."""
+    top, colours = 10.0, tints(trial.watch)
+    for name, score in trial.watch.scores.items():
+        time_s, values = part(score.known_s, level(score), span)
+        axis.plot(time_s, np.maximum(values, LOWEST), color=colours[name], lw=1.1, label=as_it_is(f"level of {name}"))
+        top = max(top, float(np.nanmax(values, initial=top)))
+    axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
+    axis.set_yscale("log")
+    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
+    axis.set_ylabel("level (alarm above 1)")
+
+
+def _signal(axis: Axes, trial: Trial, span: Span) -> None:
+    """Draw the broken channel and the truth."""
+    name, flight = trial.channel, trial.baseline.flight
+    measured = part(trial.record.time_s, trial.record[name], span)
+    axis.plot(*measured, ".", color=COLOURS["healthy"], ms=2.5, label="measured")
+    axis.plot(*part(flight.time_s, flight[name], span), color="k", alpha=0.35, lw=2.4, label="true")
+    axis.set_ylabel(with_unit(name, unit_of(name)))
+
+
+def _virtual(axis: Axes, trial: Trial, span: Span) -> None:
+    name, watch = trial.channel, trial.watch
+    virtual = watch.virtual(name)
+    if np.isfinite(virtual).any():
+        axis.plot(*part(watch.record.time_s, virtual, span), color=COLOURS["virtual"], lw=1.2, label="virtual sensor")
+    else:
+        note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
+        axis.text(0.5, 0.04, note, transform=axis.transAxes, ha="center", fontsize="small")
+
+
+def _virtual_error(axis: Axes, trial: Trial, span: Span) -> None:
+    name, watch = trial.channel, trial.watch
+    time_s, true = part(trial.baseline.flight.time_s, trial.baseline.flight[name], span)
+    _, measured = part(trial.record.time_s, trial.record[name], span)
+    axis.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
+    begun_s, virtual = part(watch.record.time_s, watch.virtual(name), span)
+    axis.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
+    axis.set_ylabel("minus true")
+
+
+def _mark(axis: Axes, trial: Trial) -> None:
+    axis.axvline(trial.onset_s, color="k", lw=1.2, ls=":", label="onset")
+    for alarm in () if trial.watch.scores else trial.watch.alarms[:_MOST_ALARMS]:  # scores show the others themselves
+        axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=0.5, alpha=0.5)
+    if trial.alarm_time_s is not None:
+        axis.axvline(trial.alarm_time_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
+    if trial.isolated_s is not None:
+        axis.axvline(trial.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+
+
+def _said(trial: Trial) -> str:
+    counting = counting_alarm(trial)
+    if counting is None:
+        return f"missed: {trial.reason}"
+    late = f"alarm after {trial.detection_delay_s:.2f} s"
+    return late if counting.last is None else f"{alarm_text(counting)}; {late}"
+
+
+def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int) -> None:
+    """Give a figure one legend, below it: what stands on several axes is named once."""
+    shown: dict[str, Artist] = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            shown.setdefault(label, handle)
+    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=columns)
+
+
+def as_it_is(text: str) -> str:
+    """Return a text that matplotlib takes for no formula: files may be called anything."""
+    return text.replace("$", r"\$")
+
+
+def panels(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    heights: Sequence[float] | None = None,
+    widths: Sequence[float] | None = None,
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
+    from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
+
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
+    for axis in np.ravel(grid):
+        axis.grid(alpha=0.3)
+    return figure, [list(row) for row in grid]

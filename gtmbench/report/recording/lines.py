@@ -1,0 +1,248 @@
+"""What every recording is made of: entities, lines with names and colours, scores, marks, events, verdicts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from gtmbench.channels import SURFACES, unit_of
+from gtmbench.detectors.protocol import Watch
+from gtmbench.record import FloatArray, Record, Span
+from gtmbench.report.recording.timeline import set_time, times
+from gtmbench.report.scores import level, part
+from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.words.events import Event
+from gtmbench.report.words.study import repetitions
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.trial import Injection
+
+GROUPS = {
+    "rates": ("p", "q", "r"),
+    "wind": ("alpha", "beta"),
+    "attitude": ("phi", "theta", "psi"),
+    "load": ("nx", "ny", "nz"),
+    "speed": ("tas",),
+    "altitude": ("altitude",),
+}
+ONSET = "#d0d0d0"  # a mark's colour that is seen on light and on dark
+SHAPES = rr.components.MarkerShape
+_MARKS = {
+    "onset": (ONSET, SHAPES.Up),
+    "began": (ONSET, SHAPES.Up),
+    "due": (COLOURS["beta"], SHAPES.Diamond),
+    "alarm": (COLOURS["threshold"], SHAPES.Down),
+    "alarms": (COLOURS["threshold"], SHAPES.Down),
+    "named": (COLOURS["beta"], SHAPES.Diamond),
+}
+
+
+@contextmanager
+def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it."""
+    rr.set_strict_mode(True)  # an error must not become a warning and lost data
+    recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
+    recording.save(path, default_blueprint=blueprint)
+    recording.send_recording_name(name)
+    try:
+        yield recording
+    finally:
+        recording.disconnect()  # writes the footer
+
+
+def entity(root: str, name: str) -> str:
+    """Return the entity below a root of anything with a name, whatever it holds."""
+    return f"{root}/{rr.escape_entity_path_part(name)}"
+
+
+def trial_paths(trials: Sequence[Injection]) -> list[str]:
+    """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice."""
+    often = Counter((trial.scenario, trial.channel) for trial in trials)
+    paths = []
+    for trial, repetition in zip(trials, repetitions(trials), strict=True):
+        several = often[trial.scenario, trial.channel] > 1
+        label = f"{trial.channel}_{repetition + 1}" if several else trial.channel
+        paths.append(rr.new_entity_path(["trials", trial.scenario, label]))  # escapes what a file's name may hold
+    return paths
+
+
+def trial_tints(trials: Sequence[Injection]) -> list[str]:
+    """Return every trial's colour: its channel's, lighter for every further severity."""
+    tints = []
+    for trial, repetition in zip(trials, repetitions(trials), strict=True):
+        tint = colour(trial.channel)
+        for _ in range(repetition):
+            tint = lighter(tint)
+        tints.append(tint)
+    return tints
+
+
+def rgb(tint: str) -> list[int]:
+    """Return a colour's red, green and blue, 0 to 255."""
+    return [int(tint[i : i + 2], 16) for i in (1, 3, 5)]
+
+
+def lighter(tint: str) -> str:
+    """Return a colour half-way to white."""
+    return "#" + "".join(f"{(value + 255) // 2:02x}" for value in rgb(tint))
+
+
+def log_lines(
+    recording: rr.RecordingStream,
+    entity: str,
+    time_s: FloatArray,
+    values: FloatArray,
+    names: list[str],
+    tints: list[str],
+    *,
+    channels: Sequence[str] = (),
+    width: float = 1.5,
+) -> None:
+    """Send one line (or several of a unit, as columns) with names and colours.
+
+    Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
+    `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
+    """
+    table = values.reshape(len(time_s), -1)
+    there = np.asarray(np.isfinite(table).all(axis=1))
+    sent = _sent(there)
+    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=width, aggregation_policy="MinMax")
+    recording.log(entity, style, static=True)
+    if channels:
+        recording.log(entity, rr.DynamicArchetype("Lines", components={"channels": pa.array(channels)}), static=True)
+    columns = rr.Scalars.columns(scalars=table[there].ravel()).partition(table.shape[1] * there[sent])
+    recording.send_columns(entity, indexes=[times(time_s[sent])], columns=columns)
+
+
+def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rows to send: those that are there, and the first of every interruption.
+
+    >>> _sent(np.array([False, True, False, False, True, False])).tolist()
+    [False, True, True, False, True, False]
+    """
+    rows = np.flatnonzero(there)
+    sent = np.array(there)
+    sent[rows[:-1][np.diff(rows) > 1] + 1] = True
+    return sent
+
+
+def across(parts: Sequence[tuple[FloatArray, FloatArray]], sample_period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return times and values of stretches of a signal as one, a missing row after each: no line runs over a gap."""
+    time_s = [stamp for when, _ in parts for stamp in (when, when[-1:] + sample_period_s)]
+    values = [row for _, of in parts for row in (of, np.full_like(of[-1:], np.nan))]
+    return np.concatenate(time_s), np.concatenate(values)
+
+
+def log_threshold(
+    recording: rr.RecordingStream, span: Span, level: float = 1.0, name: str = "threshold", root: str = ""
+) -> None:
+    """Log ``/threshold``: a level, from the beginning of a span to its end."""
+    log_lines(recording, f"{root}/threshold", np.array(span), np.full(2, level), [name], [COLOURS["threshold"]])
+
+
+def log_judged(
+    recording: rr.RecordingStream,
+    root: str,
+    watches: Sequence[Watch],
+    tints: Mapping[str, str],
+    suffix: str = "",
+    span: Span = (-np.inf, np.inf),
+) -> None:
+    """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
+    for name, tint in tints.items():
+        period_s = watches[0].record.sample_period_s
+        if name in watches[0].residuals:
+            raw = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
+            label = with_unit(f"residual of {name}{suffix}", unit_of(name))
+            where = entity(f"{root}/residuals", name)
+            log_lines(recording, where, *across(raw, period_s), [label], [tint], channels=[name])
+        if name in watches[0].scores:
+            scores = [watch.scores[name] for watch in watches]
+            levels = [part(score.known_s, level(score), span) for score in scores]
+            where = entity(f"{root}/levels", name)
+            log_lines(
+                recording, where, *across(levels, period_s), [f"level of {name}{suffix}"], [tint], channels=[name]
+            )
+
+
+def log_mark(
+    recording: rr.RecordingStream,
+    entity: str,
+    time_s: float,
+    level: float,
+    name: str,
+    tint: str,
+    marker: SHAPES,
+) -> None:
+    """Log one point."""
+    style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
+    recording.log(entity, style, static=True)
+    set_time(recording, time_s)
+    recording.log(entity, rr.Scalars(level))
+
+
+def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[str, float | None]]) -> None:
+    """Log points beside levels, at 1, each of a name in the same look everywhere; what has no time stays out."""
+    for name, time_s in marks:
+        if time_s is not None:
+            log_mark(recording, f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
+
+
+def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
+    """Log what happened, in words, in time."""
+    for time_s, severity, text in sorted(events):
+        set_time(recording, time_s)
+        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=severity))
+
+
+def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:
+    """Log what was found, field by field, for programs: numbers bit for bit, words, None as neither.
+
+    What lies within a field is named with dots: ``severity.slope``, ``candidates.0``.
+    """
+    fields = [field for name, value in row.items() for field in _flat(name, value)]
+    numbers = [float(value) if isinstance(value, (int, float, np.generic)) else None for _, value in fields]
+    texts = [_text(value) for _, value in fields]
+    columns = {
+        "fields": pa.array([name for name, _ in fields], pa.string()),
+        "values": pa.array(numbers, pa.float64()),
+        "texts": pa.array(texts, pa.string()),
+    }
+    recording.log(entity, rr.DynamicArchetype("Verdict", components=columns), static=True)
+
+
+def _flat(name: str, value: object) -> Iterator[tuple[str, object]]:
+    if isinstance(value, (Mapping, list, tuple)):
+        for key, of in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _flat(f"{name}.{key}", of)
+    else:
+        yield name, value
+
+
+def _text(value: object) -> str | None:
+    if isinstance(value, str):
+        return value
+    return "nan" if value != value else None  # in a table of numbers, NaN and None look alike
+
+
+def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) -> None:
+    """Log ``/truth/GROUP``, ``/sensors/GROUP`` and ``/surfaces``."""
+    for root, record, suffix in (("truth", flight, "true"), ("sensors", healthy, "measured")):
+        for group, members in GROUPS.items():
+            there = [name for name in members if name in record]
+            if there:
+                tints = [colour(name, i) for i, name in enumerate(there)]
+                tints = tints if root == "truth" else [lighter(tint) for tint in tints]
+                names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
+                values = record.matrix(there)
+                log_lines(recording, f"/{root}/{group}", record.time_s, values, names, tints, channels=there)
+    tints = [colour(name, i) for i, name in enumerate(SURFACES)]
+    names = [f"{name} (deg)" for name in SURFACES]
+    log_lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints, channels=SURFACES)

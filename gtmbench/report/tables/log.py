@@ -1,0 +1,109 @@
+"""A watched log as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.protocol import Watch
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.report.scores import level
+from gtmbench.report.tables.results import SCHEMA, plain, versions
+from gtmbench.report.words.log import alarm_bound, deviation, outcome_text, passed_alarms, rms
+from gtmbench.report.words.log_faults import began_s, disarmed_by
+from gtmbench.report.words.log_spans import stretches
+from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.study.log.watched import WatchedLog
+
+
+def log_results(watched: WatchedLog) -> dict[str, Any]:
+    """Return a watched log as one JSON-ready object, schema 2; units stand in the names, or beside.
+
+    Times are the log's. `findings` has a row for every alarm that first told of a fault. `stretches` covers the log
+    from its first sample to its last and says of every stretch whether it was watched, or why not; `residuals` has a
+    row for every score, or residual, on every record that the monitor was given.
+    """
+    found = {
+        "schema": SCHEMA,
+        "study": "log",
+        "outcome": watched.outcome.name.lower(),
+        "exit_code": int(watched.outcome),
+        "verdict": outcome_text(watched),
+        "reasons": watched.reasons,
+        "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
+        "watched_hours": watched.armed_hours,
+        "alarms_unexplained": passed_alarms(watched),
+        "false_alarms_per_hour_at_most": alarm_bound(watched),
+        "log": _log(watched.log),
+        "monitor": facts(watched.monitor),
+        "identified_s": watched.identified_s,
+        "stretches": [vars(one) for one in stretches(watched)],
+        "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
+        "versions": versions(),
+    }
+    return dict(plain(found))
+
+
+def _log(log: FlightLog) -> Mapping[str, Any]:
+    return {
+        "path": str(log.path),
+        "channels": [{"name": name, "unit": unit_of(name)} for name in log.channels],
+        "sample_period_s": log.sample_period_s,
+        "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
+        "method": log.method,
+        "remarks": [asdict(remark) for remark in log.remarks],
+    }
+
+
+def _finding(alarm: Alarm, watch: Watch) -> Mapping[str, Any]:
+    nothing = Judgement(time_s=alarm.time_s, sensor=None, candidates=())
+    return {
+        "verdict": alarm.verdict,
+        "alarm_s": alarm.time_s,
+        "began_s": began_s(alarm),
+        "isolated_s": alarm.isolated_s,
+        "ended_s": alarm.ended_s,
+        "end_known_s": alarm.end_known_s,
+        "residual": alarm.source,
+        "test": alarm.test,
+        "no_longer_watched": disarmed_by(alarm, watch),
+        "further_alarms_s": [other.time_s for other in watch.alarms if other.fault == alarm.number and other != alarm],
+        **_judgement(alarm.last or nothing),
+        "judgements": [_judgement(judged) for judged in alarm.judgements],
+    }
+
+
+def _judgement(judged: Judgement) -> Mapping[str, Any]:
+    """Return a judgement; parameters and errors are in `unit`, slopes per second, times in seconds."""
+    return vars(judged) | {"unit": unit_of(judged.candidates[0]) if judged.candidates else ""}
+
+
+def _names(watch: Watch) -> list[str]:
+    return list(dict.fromkeys([*watch.scores, *watch.residuals]))
+
+
+def _score(watch: Watch, name: str) -> Mapping[str, Any]:
+    """Return what a score came to, and the residual by the same name; None for what there isn't."""
+    row = {"start_s": watch.record.start_s, "end_s": watch.record.end_s, "residual": name, "unit": unit_of(name)}
+    raw, score = watch.residuals.get(name), watch.scores.get(name)
+    is_output = raw is not None and name in watch.record
+    row |= {
+        "watched_hours": None if score is None else np.count_nonzero(score.armed) * _hours(watch),
+        "rms_identified": rms_identified(watch.monitor).get(name),
+        "rms": None if raw is None else rms([raw]),
+        "rms_signal": deviation([watch.record[name]]) if is_output else None,
+    }
+    if score is None or not score.exists.any():
+        return row | {"peak_level": None, "peak_level_s": None}
+    levels = level(score)
+    peak = int(np.nanargmax(levels))
+    return row | {"peak_level": levels[peak], "peak_level_s": score.known_s[peak]}
+
+
+def _hours(watch: Watch) -> float:
+    return watch.record.sample_period_s / 3600.0

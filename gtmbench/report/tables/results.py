@@ -1,0 +1,133 @@
+"""A study as plain data: ``results.json`` and ``trials.csv``."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.report.words.monitor import bank_summary, norm_facts
+from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.version import __version__
+
+SCHEMA = 2
+_LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")
+
+
+def results(study: Study) -> dict[str, Any]:
+    """Return a study as one JSON-ready object, schema 2; units stand in the names.
+
+    `detectors` has an object a detector, `trials` a row a detector and trial. Where one detector watched, what is said
+    of it stands on top as well.
+    """
+    detectors = [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
+    found = {
+        "schema": SCHEMA,
+        "trim": asdict(study.baseline.trim),
+        **(detectors[0] if len(detectors) == 1 else {}),
+        "detectors": detectors,
+        "trials": [trial.row() for trial in study.trials],
+        "setup": _setup(study),
+        "versions": versions(),
+        "seed": study.baseline.setup.seed,
+    }
+    return dict(plain(found))
+
+
+def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
+    """Say what a detector is, and what it found; what it doesn't claim to find is None."""
+    monitor = baseline.monitor
+    armed = [score.armed_s for score in baseline.watch.scores.values() if score.armed_s is not None]
+    names_any = bool(monitor.suspects)
+    return {
+        "name": baseline.detector,
+        "channels": list(monitor.channels),
+        "look_ahead_s": monitor.look_ahead_s,
+        "provenance": dict(monitor.provenance),
+        **(norm_facts(monitor) if isinstance(monitor, NormMonitor) else {}),
+        **({"monitor": bank_summary(monitor)} if isinstance(monitor, BankMonitor) else {}),
+        "armed_s": min(armed, default=None),
+        "detected": sum(trial.detected for trial in trials),
+        "isolated": sum(bool(trial.isolated) for trial in trials) if names_any else None,
+        "kind_right": sum(bool(trial.kind_right) for trial in trials) if names_any else None,
+        "kind_right_20s": sum(bool(trial.kind_right_20s) for trial in trials) if names_any else None,
+        "false_alarms": baseline.false_alarms,
+        "healthy_hours": baseline.healthy_hours,
+        "false_alarms_per_hour_at_most": rate_bound(baseline.false_alarms, baseline.healthy_hours),
+    }
+
+
+def _setup(study: Study) -> dict[str, Any]:
+    """Return the scenarios' settings; those of their own detector only where it watched."""
+    setup = asdict(study.baseline.setup)
+    if not any(isinstance(baseline.monitor, NormMonitor) for baseline in study.baselines):
+        del setup["operator"]
+        setup["alarm"] = {key: setup["alarm"][key] for key in ("watch_from_s", "healthy_records")}
+    return setup
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the package, of Python and of the libraries that the figures depend on."""
+    return {
+        "gtmbench": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in _LIBRARIES},
+    }
+
+
+def write_results(study: Study, folder: Path) -> None:
+    """Write ``results.json``, and ``trials.csv``: one row a detector and trial, figures as ``name=value``."""
+    write_tables(results(study), folder)
+
+
+def write_tables(found: Mapping[str, Any], folder: Path) -> None:
+    """Write an object as ``results.json``, and its ``trials`` as ``trials.csv``."""
+    (folder / "results.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n")
+    rows = [_flat(row) for row in found["trials"]]
+    with (folder / "trials.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+    parameters = row["parameters"]
+    return {
+        **row,
+        "severity": named(row["severity"]),
+        "candidates": " ".join(row["candidates"]),
+        "parameters": named({one["name"]: one["value"] for one in parameters}),
+        "parameter_errors": named({one["name"]: one["error"] for one in parameters}),
+        "parameters_true": named({one["name"]: one["true"] for one in parameters}),
+    }
+
+
+def named(figures: Mapping[str, float | None]) -> str:
+    """Write figures as ``name=value``, those that are None left out.
+
+    >>> named({"slope": 0.05})
+    'slope=0.05'
+    """
+    return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON has it: NaN and infinities become None, numpy's numbers Python's, anything else words."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(of) for key, of in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(of) for of in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, (str, int, float, type(None))) else str(value)

@@ -1,0 +1,140 @@
+"""A study flown with several seeds, in one table: a row a detector and fault, how often it was detected, how soon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.report.tables.results import SCHEMA, plain, versions, write_tables
+from gtmbench.report.words.study import severity_text
+from gtmbench.report.words.units import counted
+from gtmbench.study.trial import Study, Trial
+
+
+@dataclass(kw_only=True)
+class SeedTable:
+    """What is kept of every study: its trials' rows, its false alarms and the hours watched."""
+
+    seeds: list[int] = field(default_factory=list)
+    trials: list[dict[str, Any]] = field(default_factory=list)
+    healthy: list[dict[str, Any]] = field(default_factory=list)
+    _labels: dict[tuple[str, int], list[str]] = field(default_factory=dict)
+    _by_fault: dict[tuple[str, int], list[dict[str, Any]]] = field(default_factory=dict)
+
+    def add(self, seed: int, study: Study) -> None:
+        """Take what a study has found; the study itself may go."""
+        self.seeds.append(seed)
+        for base in study.baselines:
+            figures = {"false_alarms": base.false_alarms, "healthy_hours": base.healthy_hours}
+            self.healthy.append({"seed": seed, "detector": base.detector, **figures})
+            for number, trial in enumerate(study.trials_of(base.detector)):
+                row = {"seed": seed, **trial.row()}
+                self.trials.append(row)
+                self._by_fault.setdefault((base.detector, number), []).append(row)
+                self._labels.setdefault((base.detector, number), _label(trial))
+
+    def figures(self) -> list[dict[str, Any]]:
+        """Return a row a detector and fault, over all seeds; fields on isolation are None where none is claimed."""
+        return [
+            {
+                "detector": key[0],
+                **dict(zip(("scenario", "fault", "channel", "severity_of_first_seed"), self._labels[key], strict=True)),
+                **_merits(rows),
+            }
+            for key, rows in self._by_fault.items()
+        ]
+
+    def totals(self) -> list[dict[str, Any]]:
+        """Return a row a detector: its trials, false alarms, hours watched and the rate's bound."""
+        found = []
+        for name in dict.fromkeys(row["detector"] for row in self.healthy):
+            own = [row for row in self.trials if row["detector"] == name]
+            alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
+            hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
+            found.append(
+                {
+                    "detector": name,
+                    **_merits(own),
+                    "false_alarms": alarms,
+                    "healthy_hours": hours,
+                    "false_alarms_per_hour_at_most": rate_bound(alarms, hours),
+                }
+            )
+        return found
+
+    def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
+        """Return the columns of the table, its rows as text, and which columns are numbers."""
+        figures = self.figures()
+        several = len({row["detector"] for row in figures}) > 1
+        isolates = any(row["isolated"] is not None for row in figures)
+        right = ["detected", "median delay (s)", "worst delay (s)", "isolated", "kind right"]
+        columns = ["fault", "channel", "severity", *right[: 5 if isolates else 3]]
+        rows = []
+        for row in figures:
+            named = [_count(row[name], row["detected"]) for name in ("isolated", "kind_right")] if isolates else []
+            delays = [_seconds(row[name]) for name in ("median_delay_s", "worst_delay_s")]
+            what = row["fault"] if row["fault"] == row["scenario"] else f"{row['scenario']}: {row['fault']}"
+            cells = [what, row["channel"], row["severity_of_first_seed"], _count(row["detected"], row["trials"])]
+            rows.append([*([row["detector"]] if several else []), *cells, *delays, *named])
+        return (["detector", *columns] if several else columns), rows, right
+
+    def summary_lines(self) -> list[str]:
+        """Return a line a detector: what was detected, false alarms, hours watched."""
+        lines = []
+        for row in self.totals():
+            bound = row["false_alarms_per_hour_at_most"]
+            limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
+            named = "" if row["isolated"] is None else f", isolated {row['isolated']}"
+            alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
+            lines.append(
+                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
+                f"healthy flight{limit}"
+            )
+        return lines
+
+    def results(self) -> dict[str, Any]:
+        """Return all of it as one JSON-ready object."""
+        found = {
+            "schema": SCHEMA,
+            "seeds": self.seeds,
+            "detectors": self.totals(),
+            "faults": self.figures(),
+            "trials": self.trials,
+            "versions": versions(),
+        }
+        return dict(plain(found))
+
+
+def write_seeds(table: SeedTable, folder: Path) -> None:
+    """Write ``results.json``, and ``trials.csv`` with one row a seed, detector and trial."""
+    write_tables(table.results(), folder)
+
+
+def _label(trial: Trial) -> list[str]:
+    return [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
+
+
+def _merits(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    detected = [row for row in rows if row["detected"]]
+    delays = [row["detection_delay_s"] for row in detected]
+    claims = any(row["isolated"] is not None for row in rows)
+    return {
+        "trials": len(rows),
+        "detected": len(detected),
+        "median_delay_s": float(np.median(delays)) if delays else None,
+        "worst_delay_s": max(delays) if delays else None,
+        "isolated": sum(bool(row["isolated"]) for row in detected) if claims else None,
+        "kind_right": sum(bool(row["kind_right"]) for row in detected) if claims else None,
+    }
+
+
+def _count(part: int | None, whole: int) -> str:
+    return "-" if part is None else f"{part} of {whole}"
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -1,0 +1,1 @@
+"""Results in words: units, judgements, studies, logs, monitors."""

@@ -1,0 +1,243 @@
+"""A watched log in words: what it is, what watched it, what was found, and what was not watched."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.record import FloatArray, Span
+from gtmbench.report.words.events import source_text
+from gtmbench.report.words.log_faults import began_s, disarmed_by, faults_of
+from gtmbench.report.words.log_spans import State, stretches
+from gtmbench.report.words.monitor import facts, origin_text, title_text
+from gtmbench.report.words.study import alarm_text
+from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
+from gtmbench.study.log.watched import Outcome, WatchedLog
+
+_MOST = 12  # of remarks, of alarms
+_MOST_SPANS = 3
+
+
+def log_report(watched: WatchedLog) -> list[str]:
+    """Return the report line by line; the last lines are the outcome and what it is worth."""
+    return [
+        *_log_lines(watched.log),
+        *_remark_lines(watched.log.remarks),
+        "",
+        *_monitor_lines(watched),
+        "",
+        *_alarms_lines(watched),
+        *_unwatched_lines(watched),
+        *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
+        outcome_text(watched),
+        *_worth_lines(watched),
+    ]
+
+
+def outcome_text(watched: WatchedLog) -> str:
+    """Say in a line what the log comes to.
+
+    Every fault with the time of its alarm; or that nothing was found, and how little that bounds; or why it can't be
+    told.
+    """
+    if watched.outcome is Outcome.UNKNOWN:
+        return f"could not tell: {'; '.join(watched.reasons) or 'no stretch is long enough to be watched'}"
+    faults = faults_of(watched).values()
+    return "; ".join(map(_fault_text, faults)) or f"nothing found{_alarms_text(watched)}"
+
+
+def _fault_text(same: Sequence[Alarm]) -> str:
+    first, at = same[0], f"at {same[0].time_s:.2f} s"
+    if len(same) > 1:
+        often = f"{len(same)} alarms" if first.last is None else f"found {len(same)} times"
+        at += f" ({often}, last at {same[-1].time_s:.2f} s)"
+    if first.last is None:
+        return f"something failed {at}"
+    named = not first.verdict.startswith("undecided")
+    return f"{first.verdict} {at}" if named else f"something failed {at}, {first.verdict}"
+
+
+def _alarms_text(watched: WatchedLog) -> str:
+    """Say which alarms nothing explains, how long was watched, and how few false alarms that shows."""
+    passed, bound = passed_alarms(watched), alarm_bound(watched)
+    alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
+    limit = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
+    return f"{alarms} in {duration_text(watched.armed_hours)} watched{limit} is all that this length shows"
+
+
+def passed_alarms(watched: WatchedLog) -> int:
+    """Return how many alarms had nothing left to explain: false ones."""
+    return sum(alarm.has_passed for alarm in watched.alarms)
+
+
+def alarm_bound(watched: WatchedLog) -> float | None:
+    """Return the upper 95 % bound of false alarms an hour that the log shows; None where nothing was watched."""
+    return rate_bound(passed_alarms(watched), watched.armed_hours)
+
+
+def _log_lines(log: FlightLog) -> list[str]:
+    first, last = log.segments[0], log.segments[-1]
+    length_s = sum(segment.end_s - segment.start_s for segment in log.segments)
+    parts = f", {len(log.segments)} segments of {length_s:.2f} s in all" if len(log.segments) > 1 else ""
+    return [
+        f"{log.path.name}: {_span((first.start_s, last.end_s))}, every {log.sample_period_s:g} s{parts}",
+        f"channels: {', '.join(with_unit(name, unit_of(name)) for name in log.channels)}",
+        *log.method,
+    ]
+
+
+def _remark_lines(remarks: Sequence[Remark]) -> list[str]:
+    """Return a line a remark; of a long list the first, and how many of which kind there are more."""
+    lines = [f"remark: {remark_text(remark)}" for remark in remarks[:_MOST]]
+    more = Counter(remark.kind for remark in remarks[_MOST:])
+    if more:
+        last_s = max(remark.end_s for remark in remarks[_MOST:])
+        kinds = ", ".join(f"{kind} ({count})" for kind, count in more.most_common())
+        lines.append(f"{more.total()} remarks more, up to {last_s:.2f} s: {kinds}")
+    return lines
+
+
+def remark_text(remark: Remark) -> str:
+    """Write a remark: when, what, about which channel.
+
+    >>> remark_text(Remark(kind="gap", channel=None, start_s=3.0, end_s=5.0, text="no samples for 2 s"))
+    '3.00 to 5.00 s  gap: no samples for 2 s'
+    """
+    what = remark.kind if remark.channel is None else f"{remark.kind}, {remark.channel}"
+    return f"{_span((remark.start_s, remark.end_s))}  {what}: {remark.text}"
+
+
+def _span(span: Span) -> str:
+    return f"{span[0]:z.2f} to {span[1]:z.2f} s"
+
+
+def _spans(spans: Sequence[Span]) -> str:
+    """Write spans, of many the first, and how long they are in all."""
+    more = f" and {len(spans) - _MOST_SPANS} more" if len(spans) > _MOST_SPANS else ""
+    total = f"; {sum(end_s - start_s for start_s, end_s in spans):.2f} s in all" if len(spans) > 1 else ""
+    return ", ".join(map(_span, spans[:_MOST_SPANS])) + more + total
+
+
+def _monitor_lines(watched: WatchedLog) -> list[str]:
+    monitor, on = watched.monitor, watched.identified_s
+    known = facts(monitor)
+    title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
+    origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
+    return [title, *origin, *_score_lines(watched, known)]
+
+
+def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:
+    """Say of a bank's residuals how large they are and what drift stays unseen, of other scores their thresholds."""
+    if "residuals" in known:
+        of = known["residuals"].items()
+        return [
+            f"{name} from {', '.join(one['inputs'])}: {_residual_text(name, one, watched.watches)}" for name, one in of
+        ]
+    lines = []
+    if "operator" in known:
+        operator = known["operator"]
+        for output, identified in zip(operator["outputs"], operator["rms_residual"], strict=True):
+            said = _sizes_text(output, identified, unit_of(output), watched.watches)
+            lines.append(f"{output} from {', '.join(operator['inputs'])}: {said}")
+    for name, score in (watched.watches[0].scores if watched.watches else {}).items():
+        threshold = f"{name}: alarm above {score.threshold:.3g} {score.unit}".rstrip()
+        lines.append(f"{threshold}; {_watched_text(name, watched.watches)}; known {known['look_ahead_s']:g} s later")
+    return lines
+
+
+def _residual_text(output: str, known: Mapping[str, Any], watches: Sequence[Watch]) -> str:
+    """Say how large a residual is, when it is known, and what drift stays unseen."""
+    unit, drift = known["unit"], known["slowest_drift_per_s"]
+    parts = [_sizes_text(output, known["rms_residual"], unit, watches)]
+    if watches:
+        parts.append(_watched_text(output, watches))
+    parts.append(f"known {known['look_ahead_s']:g} s later")
+    if drift is not None:
+        parts.append(f"a drift below {drift:.2g} {per_second(unit)} passes")
+    return "; ".join(parts)
+
+
+def _sizes_text(output: str, identified: float, unit: str, watches: Sequence[Watch]) -> str:
+    said = "residual " + f"{identified:.3g} {unit}".rstrip() + " RMS where identified"
+    if not watches:
+        return said
+    residual = rms([watch.residuals[output] for watch in watches])
+    signal = deviation([watch.record[output] for watch in watches])
+    return f"{said}, {residual:.3g} here, of a signal of {signal:.3g}"
+
+
+def _watched_text(name: str, watches: Sequence[Watch]) -> str:
+    armed = sum(np.count_nonzero(watch.scores[name].armed) * watch.record.sample_period_s for watch in watches)
+    return f"watched for {duration_text(armed / 3600.0)}"
+
+
+def rms(parts: Sequence[FloatArray]) -> float:
+    """Return the root mean square of what is there; NaN where nothing is."""
+    values = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
+
+
+def deviation(parts: Sequence[FloatArray]) -> float:
+    """Return the RMS of what is there about its mean; NaN where nothing is."""
+    values = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.std(values)) if len(values) else float("nan")
+
+
+def _alarms_lines(watched: WatchedLog) -> list[str]:
+    told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
+    lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
+    return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
+
+
+def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
+    """Return an alarm with what is known at the end, and how it came to that."""
+    what, known = alarm_text(alarm), []
+    if source := source_text(alarm, watch):
+        known.append(f"alarm of the {source}" if alarm.source in watch.residuals else f"alarm of {source}")
+    if alarm.last is not None or began_s(alarm) < alarm.time_s:
+        known.append(f"since about {began_s(alarm):.2f} s")
+    if alarm.isolated_s is not None:
+        known.append(f"named at {alarm.isolated_s:.2f} s")
+    elif alarm.last is not None and alarm.last.time_s > alarm.time_s:
+        known.append(f"as known at {alarm.last.time_s:.2f} s")
+    if alarm.ended_s is not None:
+        known.append(f"gone since {alarm.ended_s:.2f} s")
+    elif alarm.candidates:
+        known.append("not seen to end")
+    if disarmed := disarmed_by(alarm, watch):
+        known.append(f"no longer watched: {', '.join(disarmed)}")
+    return [f"{alarm.time_s:.2f} s  {what}", *([f"    {'; '.join(known)}"] if known else [])]
+
+
+def _unwatched_lines(watched: WatchedLog) -> list[str]:
+    """Return what wasn't watched, a line a reason."""
+    lines, found = [], stretches(watched)
+    for state in State:
+        own = [(one.start_s, one.end_s) for one in found if one.state is state]
+        if own and state is not State.WATCHED:
+            lines.append(f"not watched, {state}: {_spans(own)}")
+    return lines
+
+
+def _worth_lines(watched: WatchedLog) -> list[str]:
+    """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
+    if watched.outcome is Outcome.UNKNOWN:
+        return ["no false-alarm rate is bounded: at no time was an alarm possible"]
+    if watched.outcome is Outcome.FAILED:
+        return [f"nothing else{_alarms_text(watched)}"]
+    if not watched.monitor.suspects:
+        return ["that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
+    slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
+    return [
+        f"that is: no fault of {', '.join(watched.monitor.suspects)} above the thresholds began while watched;",
+        f"one that was there before, or grows more slowly than {slower}, isn't seen",
+    ]

@@ -1,0 +1,74 @@
+"""What a watched log shows: which faults, since when, and where to look at them."""
+
+from __future__ import annotations
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Watch
+from gtmbench.record import Span
+from gtmbench.report.style import colour
+from gtmbench.study.log.watched import WatchedLog
+
+_BEFORE_S, _AFTER_S, _LONGEST_S = 5.0, 15.0, 90.0  # about a fault, shown large
+_MOST_SIGNALS = 6
+
+
+def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:
+    """Return the alarms that tell of a fault, by their verdict: one that lasts is told of in every segment."""
+    found: dict[str, list[Alarm]] = {}
+    for alarm in watched.alarms:
+        if not alarm.has_passed:
+            found.setdefault(alarm.verdict, []).append(alarm)
+    return found
+
+
+def began_s(alarm: Alarm) -> float:
+    """Return when a fault began: as its kind's fit tells, or else the alarm's test."""
+    return alarm.onset_s if alarm.last is None else alarm.last.parameters.get("onset_s", alarm.onset_s)
+
+
+def disarmed_by(alarm: Alarm, watch: Watch) -> list[str]:
+    """Return the scores that can't alarm any more since an alarm: its judgement is that the fault lasts."""
+    return [name for name, time_s in watch.disarmed.items() if _disarming(time_s, watch) is alarm]
+
+
+def _disarming(time_s: float, watch: Watch) -> Alarm | None:
+    """Return the alarm that was judged at a time, or else the last one before it."""
+    told = [alarm for alarm in watch.faults if alarm.time_s <= time_s + 1e-9]
+    judged = [alarm for alarm in told if any(abs(one.time_s - time_s) < 1e-9 for one in alarm.judgements)]
+    return next(reversed(judged or told), None)
+
+
+def about(fault: Alarm, whole: Span) -> Span:
+    """Return the span about a fault: from before it began until after it was told."""
+    first_s = max(min(began_s(fault), fault.time_s) - _BEFORE_S, fault.time_s - _LONGEST_S)
+    last_s = min(max(fault.time_s, fault.isolated_s or fault.time_s) + _AFTER_S, fault.time_s + _LONGEST_S)
+    return max(first_s, whole[0]), min(last_s, whole[1])
+
+
+def whole_of(watched: WatchedLog) -> Span:
+    """Return the log's span."""
+    return watched.log.segments[0].start_s, watched.log.segments[-1].end_s
+
+
+def scores_of(watched: WatchedLog) -> list[str]:
+    """Return the names of the scores; none where the monitor shows none, or nothing was watched."""
+    return list(dict.fromkeys(name for watch in watched.watches for name in watch.scores))
+
+
+def residuals_of(watched: WatchedLog) -> list[str]:
+    """Return the outputs with residuals; none where the monitor has none, or nothing was watched."""
+    return list(dict.fromkeys(name for watch in watched.watches for name in watch.residuals))
+
+
+def tints_of(watched: WatchedLog) -> dict[str, str]:
+    """Return every score's and channel's colour, in figure and recording."""
+    names = dict.fromkeys([*scores_of(watched), *residuals_of(watched), *watched.log.channels])
+    return {name: colour(name, i) for i, name in enumerate(names)}
+
+
+def signals_of(watched: WatchedLog) -> list[str]:
+    """Return the sensors worth looking at: those that are predicted, and those that failed; or else those used."""
+    failed = [alarm.sensor for alarm in watched.alarms if alarm.sensor is not None]
+    predicted = [name for watch in watched.watches for name in watch.predictions]
+    used = [name for name in watched.monitor.channels or watched.log.channels if name in watched.log.channels]
+    return list(dict.fromkeys([*predicted, *failed] or used[:_MOST_SIGNALS]))

@@ -1,0 +1,224 @@
+"""A monitor of any detector in words and figures: what it is, what it stands on, what its false-alarm rate is worth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.report.words.units import counted, duration_text
+
+
+def facts(monitor: Monitor) -> dict[str, Any]:
+    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
+    found = {
+        "name": monitor.name,
+        "channels": list(monitor.channels),
+        "suspects": list(monitor.suspects),
+        "sample_period_s": monitor.sample_period_s,
+        "look_ahead_s": monitor.look_ahead_s,
+        "provenance": dict(monitor.provenance),
+    }
+    if isinstance(monitor, NormMonitor):
+        found |= norm_facts(monitor)
+    if isinstance(monitor, BankMonitor):
+        found |= {
+            "bank": monitor.bank.name,
+            "title": monitor.bank.title,
+            "residuals": {output: _residual(monitor, output) for output in monitor.operators},
+        }
+    return found
+
+
+def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
+    """Return the operator, the threshold of E(k) and the length of its window."""
+    return {
+        "operator": _operator(monitor.operator),
+        "threshold": monitor.threshold,
+        "threshold_unit": unit_of(monitor.operator.outputs[0]),
+        "window_s": monitor.window_s,
+    }
+
+
+def _operator(operator: Transmissibility) -> dict[str, Any]:
+    return {
+        "name": operator.name,
+        "inputs": list(operator.inputs),
+        "outputs": list(operator.outputs),
+        "causal_order": operator.causal_order,
+        "noncausal_order": operator.noncausal_order,
+        "sample_period_s": operator.sample_period_s,
+        "samples": operator.samples,
+        "estimator": operator.estimator,
+        "solver": operator.solver,
+        "rank": operator.rank,
+        "condition": operator.condition,
+        "rms_residual": operator.rms_residual.tolist(),
+        "input_means": operator.input_means.tolist(),
+        "output_means": operator.output_means.tolist(),
+    }
+
+
+def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
+    """Say what a bank is: its residuals with what they look back on and ahead, where it comes from."""
+    return {
+        "bank": monitor.bank.name,
+        "title": monitor.bank.title,
+        "statistic": monitor.bank.statistic.name,
+        "suspects": list(monitor.bank.suspects),
+        "residuals": [
+            {
+                "output": spec.output,
+                "inputs": list(spec.inputs),
+                "look_ahead_s": monitor.look_ahead_of(spec.output),
+                "history_s": monitor.history_of(spec.output),
+            }
+            for spec in monitor.bank.residuals
+        ],
+        "thresholds": sum(len(of) for of in monitor.thresholds.values()),
+        "sample_period_s": monitor.sample_period_s,
+        "provenance": dict(monitor.provenance),
+    }
+
+
+def rms_identified(monitor: Monitor) -> dict[str, float]:
+    """Return the RMS of every residual where its operator was identified, by output; empty where that isn't known."""
+    if isinstance(monitor, NormMonitor):
+        return dict(zip(monitor.operator.outputs, monitor.operator.rms_residual.tolist(), strict=True))
+    if isinstance(monitor, BankMonitor):
+        return {output: float(operator.rms_residual[0]) for output, operator in monitor.operators.items()}
+    return {}
+
+
+def title_text(monitor: Monitor) -> str:
+    """Name a monitor: a bank as one, others by their names."""
+    return f"bank {monitor.bank.name}" if isinstance(monitor, BankMonitor) else monitor.name
+
+
+def monitor_lines(monitor: Monitor, seen: Watch) -> list[str]:
+    """Say what a monitor is, and its thresholds, as far as its watch of a healthy record shows them."""
+    if isinstance(monitor, BankMonitor):
+        return [_bank_line(monitor)]
+    armed_s = min((score.armed_s for score in seen.scores.values() if score.armed_s is not None), default=None)
+    armed = "never armed" if armed_s is None else f"armed at {armed_s:g} s"
+    thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in seen.scores.values()]
+    if isinstance(monitor, NormMonitor):
+        when = "" if armed_s is None else ", when the norm first stood at or below it"
+        threshold = f"{monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip()
+        waits = f"look-ahead {monitor.look_ahead_s:g} s, window {monitor.window_s:g} s"
+        return [f"threshold: {threshold}; {armed}{when}", f"an alarm at k is dated (k + w + d) Ts: {waits}"]
+    known = f"thresholds: {', '.join(thresholds)}; {armed}" if thresholds else "it shows no score"
+    return [f"monitor: {monitor.name}; {known}; delays count look-ahead ({monitor.look_ahead_s:g} s)"]
+
+
+def _bank_line(monitor: BankMonitor) -> str:
+    ahead = sorted((monitor.look_ahead_of(spec.output), spec.output) for spec in monitor.bank.residuals)
+    looks = ", ".join(
+        f"{'/'.join(output for _, output in group)} {look_s:g} s"
+        for look_s, group in groupby(ahead, lambda one: one[0])
+    )
+    count = counted(sum(len(of) for of in monitor.thresholds.values()), "threshold")
+    hours = monitor.provenance.get("threshold_hours")
+    stand = f", set on {hours:.2f} h of healthy flight" if isinstance(hours, float) else ""
+    return f"monitor: bank {monitor.bank.name}; {count}{stand}; delays count look-ahead ({looks})"
+
+
+def _residual(monitor: BankMonitor, output: str) -> dict[str, Any]:
+    operator, tolerance = monitor.operators[output], monitor.tolerances[output]
+    return {
+        "inputs": list(operator.inputs),
+        "unit": unit_of(output),
+        "rms_residual": float(operator.rms_residual[0]),
+        "look_ahead_s": monitor.look_ahead_of(output),
+        "tolerated_shift": _finite(tolerated_shift(monitor, output)),
+        "tolerated_energy": [tolerance.low, tolerance.high],
+        "slowest_drift_per_s": _finite(slowest_drift(monitor, output)),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def residual_rows(monitor: BankMonitor) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return a table of the residuals: its columns, rows, and the columns to align to the right."""
+    columns = ["residual", "unit", "RMS", "ahead (s)", "shift", "energy", "drift per s", "predicted from"]
+    rows = []
+    for output in monitor.operators:
+        found = _residual(monitor, output)
+        rows.append(
+            [
+                output,
+                found["unit"],
+                f"{found['rms_residual']:.3g}",
+                f"{found['look_ahead_s']:g}",
+                _figure(found["tolerated_shift"]),
+                "{:.2f}..{:.2f}".format(*found["tolerated_energy"]),
+                _figure(found["slowest_drift_per_s"]),
+                " ".join(found["inputs"]),
+            ]
+        )
+    return columns, rows, columns[2:-1]
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
+
+
+def facts_text(monitor: BankMonitor) -> list[str]:
+    """Return what a monitor stands on, line by line; a line is left out where the monitor doesn't know."""
+    return [
+        "shift, energy: what the healthy residual's mean and mean square (1: noise) may do; drift: slower ones pass",
+        *origin_text(monitor),
+    ]
+
+
+def origin_text(monitor: Monitor) -> list[str]:
+    """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
+    known = monitor.provenance
+    lines = [f"calibrated on: {_origin(known)}"] if known or isinstance(monitor, BankMonitor) else []
+    if "tolerated_imperfections" in known:
+        lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
+    hours: list[Any] = [known.get(key) for key in ("identification_hours", "threshold_hours")]
+    if all(_is_number(value) for value in hours):
+        lines.append(f"identified on {duration_text(hours[0])}, {_thresholds_from(monitor, hours[1])}")
+    wanted, bound = known.get("false_alarms_per_hour"), known.get("false_alarms_per_hour_at_most")
+    if _is_number(wanted) and _is_number(bound) and _is_number(hours[1]):
+        seen = duration_text(hours[1])
+        lines.append(
+            f"false alarms: no more than {bound:.2g} an hour at 95 % from {seen} seen, those that set "
+            f"the thresholds; {wanted:g} an hour is extrapolated from the tails"
+        )
+    return lines
+
+
+def _thresholds_from(monitor: Monitor, hours: Any) -> str:
+    if isinstance(monitor, BankMonitor) and monitor.doubts:
+        return "thresholds from the same, each stretch judged by operators that hadn't seen it"
+    return f"thresholds from {duration_text(hours)} of other records"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _origin(known: Mapping[str, Any]) -> str:
+    """Say where the records come from; a file may hold anything there."""
+    count, source = known.get("records", "?"), known.get("source")
+    seeds, logs = known.get("seeds"), known.get("logs")
+    if source == "flights" and isinstance(seeds, list) and len(seeds) == 2 and _is_number(known.get("duration_s")):
+        return (
+            f"{count} flights of {known.get('aircraft')}, {known['duration_s']:g} s each, {known.get('excitation')}, "
+            f"noise {known.get('noise')}, seeds {seeds[0]} to {seeds[1]}"
+        )
+    if source == "logs" and isinstance(logs, list) and all(isinstance(log, dict) for log in logs):
+        more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
+        return f"{', '.join(str(log.get('name')) for log in logs[:5])}{more}"
+    return f"{count} records"

@@ -1,0 +1,217 @@
+"""Faults, judgements and a study in words: the table at the end of a run, and what stands below it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.registry import loaded_faults
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.report.words.monitor import monitor_lines
+from gtmbench.report.words.units import counted, per_second, with_error
+from gtmbench.study.score import first_after
+from gtmbench.study.trial import Baseline, Injection, Study, Trial
+
+
+def severity_text(trial: Injection) -> str:
+    """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
+    return _severities(trial.injected)
+
+
+def fault_text(fault: Fault) -> str:
+    """Name a fault with its channel and its severity.
+
+    >>> from gtmbench.faults.kinds import Drift, Jam
+    >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Jam(channel="q", onset_s=300))
+    ('drift of p, 0.05 deg/s²', 'jam of q')
+    """
+    what = f"{fault.kind.replace('_', ' ')} of {fault.channel}"
+    return ", ".join(part for part in (what, _severities(fault)) if part)
+
+
+def _severities(fault: Fault) -> str:
+    unit, values = unit_of(fault.channel), fault.severities
+    of = {item.name: per_second(unit) if item.per_second else unit for item in fault.parameters()}
+    return ", ".join(f"{value:.3g} {of[name]}".rstrip() for name, value in values.items())
+
+
+def trial_label(trial: Injection) -> str:
+    """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
+    severity = severity_text(trial)
+    return f"{trial.channel}, {severity}" if severity else trial.channel
+
+
+def repetitions(trials: Sequence[Injection]) -> list[int]:
+    """Return for every trial of a detector how many before it broke the same channel in the same scenario."""
+    often = Counter[tuple[str, str]]()
+    counts = []
+    for trial in trials:
+        counts.append(often[trial.scenario, trial.channel])
+        often[trial.scenario, trial.channel] += 1
+    return counts
+
+
+def estimate_text(
+    kind: str,
+    parameters: Mapping[str, float],
+    errors: Mapping[str, float],
+    unit: str,
+    injected: Fault | None = None,
+) -> str:
+    """Write the parameters of a kind of fault with their standard errors; times are left out.
+
+    Of a kind that only the `injected` fault knows, its declaration tells the units; otherwise there are none.
+
+    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.9}, {"slope": 0.00012}, "deg/s")
+    '0.0499 ± 0.0001 deg/s²'
+    >>> estimate_text("wobble", {"depth": 2.0}, {}, "deg/s")
+    '2'
+    """
+    known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
+    slopes = {item.name for item in known.parameters() if item.per_second} if known else set()
+    parts = []
+    for name, value in parameters.items():
+        if not name.endswith("_s"):
+            of = per_second(unit) if name in slopes else unit if known else ""
+            parts.append(f"{with_error(value, errors.get(name, math.nan))} {of}".rstrip())
+    return ", ".join(parts)
+
+
+def judgement_text(judged: Judgement) -> str:
+    """Say what a judgement says: who, and what kind of fault with which parameters."""
+    if judged.sensor is not None:
+        who = f"{judged.sensor} failed"
+    else:
+        who = f"undecided: {' or '.join(judged.candidates)}" if judged.candidates else "nothing is left to explain"
+    if judged.kind is None:
+        return who
+    likeliest = judged.candidates[0] if judged.candidates else ""
+    estimate = estimate_text(judged.kind, judged.parameters, judged.errors, unit_of(likeliest))
+    return f"{who}; {judged.kind.replace('_', ' ')} {estimate}".rstrip()
+
+
+def alarm_text(alarm: Alarm) -> str:
+    """Say what is known of an alarm at the end: as its last judgement does, or that it is one."""
+    return "alarm" if alarm.last is None else judgement_text(alarm.last)
+
+
+def counting_alarm(trial: Trial) -> Alarm | None:
+    """Return the alarm that counts: the first after the onset, or the one that first told of the same fault."""
+    told = first_after(trial.watch.alarms, trial.onset_s)
+    return None if told is None else next(alarm for alarm in trial.watch.alarms if alarm.number == told.fault)
+
+
+def title(baseline: Baseline) -> str:
+    """Name what watched: ``dissertation, [p q beta] -> r``, ``C``."""
+    operator = getattr(baseline.monitor, "operator", None)
+    return f"{baseline.detector}, {operator.name}" if isinstance(operator, Transmissibility) else baseline.detector
+
+
+def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
+
+    Columns that say nothing are left out: the detector where there is one, the scenario where it is called like its
+    fault, isolation where no detector names a sensor. Where one does, time and sizes of alarms make room for it.
+    """
+    rows = [_cells(trial) for trial in study.trials]
+    left_out: set[str] = set()
+    if len(study.baselines) == 1:
+        left_out.add("detector")
+    if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
+        left_out.add("scenario")
+    if any(baseline.monitor.suspects for baseline in study.baselines):
+        left_out |= {"alarm (s)", "peak ratio", "altered"}
+    else:
+        left_out |= {"isolated after (s)", "kind"}
+    columns = [name for name in rows[0] if name not in left_out]
+    numbers = ("severity", "alarm (s)", "delay (s)", "isolated after (s)", "peak ratio", "altered")
+    return columns, [[row[name] for name in columns] for row in rows], [name for name in columns if name in numbers]
+
+
+def _cells(trial: Trial) -> dict[str, str]:
+    return {
+        "detector": trial.detector,
+        "scenario": trial.scenario,
+        "fault": trial.fault,
+        "channel": trial.channel,
+        "severity": severity_text(trial),
+        "alarm (s)": _figure(trial.alarm_time_s),
+        "delay (s)": _figure(trial.detection_delay_s),
+        "isolated after (s)": _figure(trial.isolation_delay_s),
+        "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
+        "altered": f"{100.0 * trial.altered_share:.1f} %",
+        "verdict": _verdict(trial),
+        "kind": _kind(trial),
+    }
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _verdict(trial: Trial) -> str:
+    verdict = trial.verdict or "detected" if trial.detected else f"missed: {trial.reason}"
+    if trial.sensor is not None and not trial.isolated:
+        verdict += " (wrong)"
+    if trial.ended_s is not None:
+        verdict += f", ended at {trial.ended_s:.2f} s"
+    early = counted(trial.false_alarms, "false alarm")
+    return f"{verdict}; {early} before the onset" if trial.false_alarms else verdict
+
+
+def _kind(trial: Trial) -> str:
+    if trial.kind is None:
+        return "-"
+    values = {one.name: one.value for one in trial.parameters}
+    errors = {one.name: one.error for one in trial.parameters}
+    likeliest = trial.candidates[0] if trial.candidates else trial.channel
+    estimate = estimate_text(trial.kind, values, errors, unit_of(likeliest), trial.injected)
+    return f"{trial.kind.replace('_', ' ')} {estimate}".rstrip() + ("" if trial.kind_right else " (wrong)")
+
+
+def summary_lines(study: Study) -> list[str]:
+    """Say of every detector how much it found, what alarmed without a fault, and what it is."""
+    lines = []
+    several = len(study.baselines) > 1
+    for baseline in study.baselines:
+        own = [
+            _found_line(baseline, study.trials_of(baseline.detector)),
+            _false_alarm_line(baseline),
+            *_stuck_lines(baseline),
+            *monitor_lines(baseline.monitor, baseline.watch),
+        ]
+        lines += [f"{baseline.detector}:", *(f"  {line}" for line in own)] if several else own
+    return lines
+
+
+def _found_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
+    found = f"detected: {sum(trial.detected for trial in trials)} of {len(trials)}"
+    if not baseline.monitor.suspects:
+        return found
+    return (
+        f"{found}; the right sensor named: {sum(map(bool, (trial.isolated for trial in trials)))}; the right kind of "
+        f"fault 20 s after the alarm: {sum(map(bool, (trial.kind_right_20s for trial in trials)))}, at the end: "
+        f"{sum(map(bool, (trial.kind_right for trial in trials)))}"
+    )
+
+
+def _false_alarm_line(baseline: Baseline) -> str:
+    bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
+    limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
+    return f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}"
+
+
+def _stuck_lines(baseline: Baseline) -> list[str]:
+    """Say which scores can't tell anything: they stood above their thresholds from the start, without a fault."""
+    stuck = [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
+    if not stuck:
+        return []
+    return [
+        f"can't tell: on the healthy record {', '.join(stuck)} stood above the threshold from "
+        f"{baseline.watch.record.start_s:g} s on and never came down, so no alarm was possible"
+    ]

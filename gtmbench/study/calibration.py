@@ -1,0 +1,221 @@
+"""What watches a study: detectors found by name, checked against its sensors before the flight, and calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.flight import fly
+from gtmbench.bench.sensors import NOISES
+from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.checks import shown
+from gtmbench.clock import same_period
+from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.detectors.registry import as_detector
+from gtmbench.detectors.windowed_norm import DissertationOperator
+from gtmbench.errors import InputError
+from gtmbench.record import Record
+from gtmbench.study.flights import Flown, Tell
+from gtmbench.study.scenario import Setup
+
+FLIGHTS = 12
+OWN = "dissertation"
+_EXCITATION = "multisine+turbulence"
+_LONGEST_S = 300.0
+_SEEDS = 1_000_000_000  # calibration's seeds begin so far from the study's own
+
+
+def own_detector(setup: Setup) -> DissertationOperator:
+    """Return the detector whose settings a scenario's ``[operator]`` and ``[alarm]`` are.
+
+    >>> own_detector(Setup()) == DissertationOperator(identify_s=(25.0, 200.0), threshold_s=(200.0, 480.0))
+    True
+    """
+    operator, alarm = setup.operator, setup.alarm
+    return DissertationOperator(
+        inputs=operator.inputs,
+        outputs=operator.outputs,
+        causal_order=operator.causal_order,
+        noncausal_order=operator.noncausal_order,
+        window=alarm.window,
+        threshold_factor=alarm.threshold_factor,
+        identify_s=operator.identify_s,
+        threshold_s=alarm.threshold_s,
+    )
+
+
+def prepared(given: Any) -> Detector | Monitor:
+    """Return whatever can serve as a detector as one; a plain function, which learns nothing, as a monitor at once.
+
+    Raises
+    ------
+    InputError
+        As `as_detector`.
+
+    Examples
+    --------
+    >>> is_ready(prepared(lambda record: [])), is_ready(prepared("C"))
+    (True, False)
+    """
+    found = as_detector(given)
+    return found.calibrate() if isinstance(found, FunctionDetector) else found
+
+
+def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
+    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
+
+    Raises
+    ------
+    InputError
+        Where one can't be meant.
+    """
+    if isinstance(detectors, str) or not isinstance(detectors, Sequence):
+        raise InputError(f"detectors is {shown(detectors)}; give a list of them, detectors=[...]")
+    found: dict[str, Any] = {}
+    for source in detectors or (OWN,):
+        made: Any = own_detector if isinstance(source, str) and source == OWN else prepared(source)
+        name = OWN if made is own_detector else made.name
+        twins = [other for other in found if other == name or other.startswith(f"{name} (")]
+        found[f"{name} ({len(twins) + 1})" if twins else name] = made
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibrator:
+    """What a study's detectors need: by name a detector that is yet to calibrate, or a monitor that is ready.
+
+    Attributes
+    ----------
+    detectors : mapping of str to Detector
+    ready : mapping of str to Monitor
+    order : tuple of str
+    """
+
+    detectors: Mapping[str, Detector]
+    ready: Mapping[str, Monitor]
+    order: tuple[str, ...]
+
+    @classmethod
+    def of(cls, setup: Setup, named: Mapping[str, Any]) -> Calibrator:
+        """Sort detectors from monitors, and refuse what doesn't fit the study's sensors: before anything is flown."""
+        for name, watcher in named.items():
+            missing = [channel for channel in watcher.channels if channel not in (*SENSORS, *COMMANDS)]
+            if missing:
+                raise InputError(
+                    f"'{name}' needs {', '.join(missing)}, which no flight has; there are "
+                    f"{', '.join((*SENSORS, *COMMANDS))}"
+                )
+        ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
+        for name, monitor in ready.items():
+            _check_period(name, monitor)
+            _check_noise(name, monitor, setup)
+        rest = {name: watcher for name, watcher in named.items() if is_recipe(watcher)}
+        return cls(detectors=rest, ready=ready, order=tuple(named))
+
+    @property
+    def commands(self) -> bool:
+        """Whether a detector needs surface commands."""
+        watchers: list[Detector | Monitor] = [*self.detectors.values(), *self.ready.values()]
+        return any(channel in COMMANDS for watcher in watchers for channel in watcher.channels)
+
+    @property
+    def steps(self) -> int:
+        """How many steps `monitors` tells of."""
+        return len(self.detectors) + (FLIGHTS if self._need_flights else 0)
+
+    @property
+    def _need_flights(self) -> bool:
+        return any(not _is_tied(detector) for detector in self.detectors.values())
+
+    def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
+        """Calibrate what has to be, and return every monitor by name."""
+        records = _flights(flown, tell) if self._need_flights else []
+        found: dict[str, Monitor] = dict(self.ready)
+        for name, detector in self.detectors.items():
+            tell(f"calibrate {name}")
+            tied = _is_tied(detector)
+            monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
+            found[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
+        return {name: found[name] for name in self.order}
+
+
+def _is_tied(detector: Detector) -> bool:
+    return bool(getattr(detector, "tied_to_excitation", False))
+
+
+def _check_period(name: str, monitor: Monitor) -> None:
+    """Refuse a monitor of another sample period than flights have."""
+    period_s = monitor.sample_period_s
+    if period_s is not None and not same_period(period_s, SAMPLE_PERIOD_S):
+        raise InputError(
+            f"'{name}' doesn't fit: a flight is sampled every {SAMPLE_PERIOD_S:g} s, the monitor was calibrated at "
+            f"{period_s:g} s; calibrate it on flights, or on logs of that rate"
+        )
+
+
+def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
+    """Refuse a monitor that was calibrated on other sensors: it would alarm on healthy ones, or see little."""
+    was, now = monitor.provenance.get("noise"), _noise(setup)
+    if isinstance(was, str) and was != now:
+        raise InputError(
+            f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would "
+            f"alarm on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated "
+            "on the scenario's sensors"
+        )
+
+
+def _remedy(noise: str) -> str:
+    return f'state noise = "{noise}" in the scenario instead of snr, or ' if noise in NOISES else ""
+
+
+def _noise(setup: Setup) -> str:
+    """Return what noise a study's sensors have; a ratio gives another amplitude on another flight."""
+    if setup.snr is None:
+        return setup.noise or "none"
+    return f"snr {setup.snr:g} of a flight with {setup.excitation}, {setup.duration_s:g} s"
+
+
+def _flights(flown: Flown, tell: Tell) -> list[Record]:
+    """Fly healthy flights that the study doesn't use.
+
+    Multisine and turbulence shake them, whatever excites the study. The sensors are the study's: each of its channels'
+    noise is drawn anew, with the amplitude that it has in the study (a signal-to-noise ratio gives another amplitude on
+    another flight), and added to the truth.
+    """
+    setup = flown.setup
+    duration_s = min(setup.duration_s, _LONGEST_S)
+    records = []
+    for number in range(FLIGHTS):
+        tell(f"calibration flight {number + 1}")
+        truth = fly(setup.aircraft, _EXCITATION, duration_s, _seed(setup, number))
+        readings = flown.sensed(_SEEDS // 1000 + number)
+        noise = readings.values - flown.flight.matrix(readings.channels)
+        values = truth.matrix(readings.channels) + noise[: len(truth)]
+        records.append(Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s))
+    return records
+
+
+def _seed(setup: Setup, number: int) -> int:
+    return int((setup.seed + _SEEDS + number) % 2**31)
+
+
+def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
+    """Say with a monitor on what it was calibrated, where it keeps such a thing."""
+    try:
+        return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
+    except (TypeError, ValueError):  # somebody's own class, without such a field, or one that it fills itself
+        return monitor
+
+
+def _origin(setup: Setup) -> dict[str, Any]:
+    return {
+        "aircraft": setup.aircraft,
+        "excitation": _EXCITATION,
+        "flights": FLIGHTS,
+        "duration_s": min(setup.duration_s, _LONGEST_S),
+        "noise": _noise(setup),
+        "seed": _seed(setup, 0),
+    }

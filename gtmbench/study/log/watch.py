@@ -1,0 +1,246 @@
+"""Watching a recorded flight: with a monitor that is ready, or identified on one part of it or on other logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.checks import number
+from gtmbench.detectors.bank.bank import Bank, bank_of
+from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.method.estimators.bayesian import Bayesian
+from gtmbench.method.pose import operator_names
+from gtmbench.method.pseudo_inputs import raw_needs
+from gtmbench.record import Record, Span
+from gtmbench.study.calibration import prepared, with_provenance
+from gtmbench.study.log.open import open_for
+from gtmbench.study.log.parts import first_part, healthy_spans, within, without
+from gtmbench.study.log.watched import WatchedLog
+
+_FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
+_LONG_ENOUGH = 0.2  # of the longest healthy stretch
+_RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
+_WIDE = 3.0  # spread of a residual beyond which little shows
+_MUCH = 0.1  # of the time
+
+
+def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:
+    """Return a bank of operators from some channels to others, each judged by the energy of its residual.
+
+    Parameters
+    ----------
+    inputs, outputs : sequence of str
+        Pseudo inputs (channels, or names of `PSEUDO_INPUTS`) and pseudo outputs.
+    look_s : float
+        r Ts and d Ts: how far they look back and ahead.
+
+    Examples
+    --------
+    >>> bank = bank_between(["p", "q", "beta"], ["r"])
+    >>> bank.name, bank.suspects
+    ('[p q beta] -> r', ('r', 'p', 'q', 'beta'))
+    """
+    u, y = operator_names(inputs, outputs)
+    look = {"look_back_s": look_s, "look_ahead_s": look_s}
+    suspects = dict.fromkeys(raw for name in (*y, *u) for raw in sorted(raw_needs(name)))
+    table = {
+        "title": "identified on the log",
+        "suspects": list(suspects),
+        "residuals": [{"output": output, "inputs": list(u), **look} for output in y],
+        "alarm": {"statistic": "energy", "windows_s": [0.5, 2.0], "two_sided": False},
+    }
+    return bank_of(f"[{' '.join(u)}] -> {' '.join(y)}", table)
+
+
+def watch_log(
+    path: str | Path,
+    detector: Detector | Monitor | Bank | str | Path,
+    *,
+    healthy: Sequence[Span | str | Path] = (),
+    mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
+    false_alarms_per_hour: float | None = None,
+    progress: Progress = silent,
+) -> WatchedLog:
+    """Open a recorded flight and watch it.
+
+    A monitor (or a plain function) watches all of it. A detector is first calibrated on what is `healthy`, a bank with
+    caution, as a short record wants it, and watches the rest.
+
+    Parameters
+    ----------
+    path : str or Path
+        As `open_log` takes it.
+    detector : Detector, Monitor, Bank, or what names one
+        As `find_detector` takes it.
+    healthy : sequence of (start, end), str or Path
+        For a detector: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
+        first 40 % of this log, 300 s at most.
+    mapping : sequence of str
+        As `open_log` takes it.
+    rate_hz : float, optional
+        For a detector: to resample to; without it the slowest channel's, 100 at most. A monitor has its own.
+    false_alarms_per_hour : float, optional
+        Wanted of a detector; of a bank 0.002, and 1 of one that is judged by its residuals' energy, as
+        `bank_between`'s: most of that is the model's error, whose tail half a minute doesn't bound further.
+    progress : callable
+        Told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    InputError
+        Where a log can't be read, lacks channels, or holds too little that is healthy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gtmbench.logs import write_log
+    >>> from gtmbench.record import Record
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_log(record, Path(folder, "flight.csv"))
+    ...     seen = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> seen.outcome, seen.identified_s
+    (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
+    """
+    found = prepared(detector)
+    if is_ready(found):
+        return _by_monitor(path, found, healthy, mapping, rate_hz, progress)
+    assert is_recipe(found)
+    rate = _rate(found, false_alarms_per_hour)
+    log = _opened(path, found, mapping, rate_hz)
+    same_rate_hz = 1.0 / log.sample_period_s
+    paths = [_other(given, log) for given in healthy if isinstance(given, (str, Path))]
+    spans = healthy_spans(log, [given for given in healthy if not isinstance(given, (str, Path))])
+    reasons = []
+    if not healthy:
+        spans = (first_part(log),)
+        reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
+    others = [open_for(other, found, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
+    records = [record for other in others for record in other.segments] + within(log, spans)
+    shortest = _LONG_ENOUGH * max(map(len, records))
+    kept = [record for record in records if len(record) >= shortest]
+    if len(kept) < len(records):
+        reasons.append(
+            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: shorter than "
+            "a fifth of the longest"
+        )
+    origin = {
+        "source": "logs",
+        "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
+        "healthy_s": [list(span) for span in spans],
+    }
+    ready = _calibrated(found, kept, rate, origin, progress)
+    return _watched(log, ready, identified_s=spans, reasons=reasons, progress=progress)
+
+
+def _by_monitor(
+    path: str | Path,
+    monitor: Monitor,
+    healthy: Sequence[object],
+    mapping: Sequence[str],
+    rate_hz: float | None,
+    progress: Progress,
+) -> WatchedLog:
+    """Let a monitor that is ready watch all of a log, at its own rate."""
+    if healthy:
+        raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
+    own_hz = None if monitor.sample_period_s is None else 1.0 / monitor.sample_period_s
+    if own_hz is not None and rate_hz is not None:
+        raise InputError(
+            f"a rate of {rate_hz:g} Hz is given, and the monitor has its own, {own_hz:g} Hz; leave the rate out, or "
+            "give a bank"
+        )
+    log = open_for(path, monitor, mapping=mapping, rate_hz=rate_hz or own_hz)
+    return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
+
+
+def _rate(detector: Detector, wanted: float | None) -> float | None:
+    """Return the false-alarm rate to ask for; of a detector that isn't a bank, only what somebody wants."""
+    usual = None
+    if isinstance(detector, BankDetector):
+        usual = _RATE_OF_ENERGY if detector.bank.statistic.name == "energy" else _RATE
+    asked = usual if wanted is None else wanted
+    return None if asked is None else number("false_alarms_per_hour", asked, 1e-9, 1e3)
+
+
+def _calibrated(
+    detector: Detector,
+    records: Sequence[Record],
+    rate: float | None,
+    origin: Mapping[str, object],
+    progress: Progress,
+) -> Monitor:
+    """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
+    if isinstance(detector, BankDetector):
+        return calibrate(
+            records,
+            bank=detector.bank,
+            false_alarms_per_hour=rate,
+            estimator=Bayesian(),
+            provenance=origin,
+            progress=progress,
+        )
+    return with_provenance(detector.calibrate(records, rate, progress=progress), origin)
+
+
+def _opened(path: str | Path, detector: Detector, mapping: Sequence[str], rate_hz: float | None) -> FlightLog:
+    log = open_for(path, detector, mapping=mapping, rate_hz=rate_hz)
+    if rate_hz is None and log.sample_period_s < 0.99 / _FASTEST_HZ:
+        log = open_for(path, detector, mapping=mapping, rate_hz=_FASTEST_HZ)
+    return log
+
+
+def _other(path: str | Path, log: FlightLog) -> Path:
+    """Return the path of another log, and refuse this one: it would be watched by what it taught."""
+    found = Path(path)
+    if found.exists() and found.samefile(log.path):
+        raise InputError(f"{found} is the log that is watched; give a span of it that is healthy, or another log")
+    return found
+
+
+def _watched(
+    log: FlightLog, monitor: Monitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
+) -> WatchedLog:
+    """Watch every segment of a log but the spans that the monitor was identified on."""
+    parts = without(log, identified_s)
+    watches = []
+    for done, part in enumerate(parts):
+        progress("watch", done, len(parts))
+        watches.append(monitor.watch(part))
+    progress("watched", len(parts), len(parts))
+    return WatchedLog(
+        log=log,
+        monitor=monitor,
+        identified_s=tuple(identified_s),
+        watches=tuple(watches),
+        reasons=(*_limits(watches), *reasons),
+    )
+
+
+def _limits(watches: Sequence[Watch]) -> list[str]:
+    """Say why nothing was seen, or what limits what was."""
+    if not watches:
+        return ["nothing of the log is left to watch"]
+    reasons = [
+        f"the score of {name} stood above its threshold from {watch.record.start_s:.2f} s on and never came down, so "
+        "nothing is told of it: a fault from the beginning, or sensors that it wasn't calibrated for"
+        for watch in watches
+        for name, score in watch.scores.items()
+        if score.is_stuck_above
+    ]
+    if not reasons and not any(watch.armed_hours for watch in watches):
+        return ["what is left to watch is too short"]
+    wide = [np.logical_or.reduce([of > _WIDE for of in watch.widening.values()]) for watch in watches if watch.widening]
+    share = float(np.concatenate(wide).mean()) if wide else 0.0
+    if share >= _MUCH:
+        reasons.append(
+            f"{100.0 * share:.0f} % of the time the motion was beyond what identification held; faults show less there"
+        )
+    return reasons
