@@ -147,7 +147,7 @@ def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
 
 
 @contextmanager
-def written_aside(target: Path) -> Iterator[Path]:
+def atomic_write(target: Path) -> Iterator[Path]:
     """Give a path to write a file to; it becomes `target` when the block ends well and vanishes when it doesn't.
 
     Raises
@@ -162,7 +162,7 @@ def written_aside(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_aside(target: Path) -> Iterator[Path]:
+def atomic_folder(target: Path) -> Iterator[Path]:
     """Give a folder to write files to; they are moved into `target` when the block ends well.
 
     Files of other names that stand in `target` already stay as they are.

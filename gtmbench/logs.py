@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gtmbench.channels import channel_of, header_of
 from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files import LARGEST_LOG_BYTES, check_size, count_lines, is_file, written_aside
+from gtmbench.files import LARGEST_LOG_BYTES, atomic_write, check_size, count_lines, is_file
 from gtmbench.record import Record
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def write_log(record: Record, path: str | Path) -> None:
         if not _comes_back(name):
             raise InputError(f"channel '{name}' would be read back as something else; rename it before writing")
     frame = record.frame().rename(columns=header_of).reset_index()
-    with written_aside(path) as aside:
+    with atomic_write(path) as aside:
         if suffix == ".csv":
             frame.to_csv(aside, index=False)
         else:

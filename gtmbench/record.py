@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Span = tuple[float, float]
 
 
-def is_record(given: object) -> None:
+def check_record(given: object) -> None:
     """Refuse what isn't a Record, with a hint for what can be made one."""
     if not isinstance(given, Record):
         raise InputError(

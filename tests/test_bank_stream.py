@@ -33,10 +33,10 @@ def by(statistic):
 
 
 @cache
-def doubtful():
+def uncertain():
     """Return a monitor that stands on one minute."""
     found = calibrate(record(3000, seed=1), bank=load_bank("C"))
-    assert found.doubts
+    assert found.uncertainties
     return found
 
 
@@ -181,7 +181,7 @@ def test_every_statistic_streams(statistic):
 
 
 def test_a_monitor_in_doubt_streams():
-    assert check_stream(doubtful(), "jam", 500).alarms
+    assert check_stream(uncertain(), "jam", 500).alarms
 
 
 def test_two_faults_are_two_and_an_ended_one_makes_room_for_the_next():
@@ -254,7 +254,7 @@ def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():
 
 
 def test_nothing_is_said_of_rows_that_are_known_after_the_end():
-    for used in (monitor("C"), doubtful()):
+    for used in (monitor("C"), uncertain()):
         watched = used.watch(healthy())
         for score in watched.scores.values():
             assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()

@@ -98,15 +98,15 @@ def test_the_spread_is_one_in_motion_that_was_seen_and_large_in_what_nobody_saw(
 
 def test_a_shared_minimum_of_five_minutes_is_calibrated_on_without_doubt():
     records = [record(6000, seed=seed) for seed in (1, 2, 3)]  # two minutes each
-    assert gb.calibrate(records, bank=gb.load_bank("C")).doubts == {}
+    assert gb.calibrate(records, bank=gb.load_bank("C")).uncertainties == {}
     little = gb.calibrate(records[:2], bank=gb.load_bank("C"))
-    assert set(little.doubts) == {"p", "q", "r"}
+    assert set(little.uncertainties) == {"p", "q", "r"}
     assert gb.watch(little, records[2]).widening.keys() == {"p", "q", "r"}
     forced = gb.calibrate(records, bank=gb.load_bank("C"), estimator=gb.Bayesian())
-    assert set(forced.doubts) == {"p", "q", "r"}
+    assert set(forced.uncertainties) == {"p", "q", "r"}
     assert forced.provenance["identification_hours"] == forced.provenance["threshold_hours"] == pytest.approx(0.1)
     least_squares = gb.calibrate(records[:2], bank=gb.load_bank("C"), estimator=gb.LeastSquares())
-    assert least_squares.doubts == {}
+    assert least_squares.uncertainties == {}
     assert least_squares.provenance["identification_hours"] == pytest.approx(1.0 / 30.0)
 
 
@@ -131,15 +131,21 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
 
 
 HOSTILE = {
-    "a doubt that is no table": (lambda _: [1.0], "residuals.p.doubt is"),
-    "no root": (lambda doubt: {key: doubt[key] for key in ("raw", "white")}, "key 'root' is missing"),
-    "one key more": (lambda doubt: {**doubt, "grey": 1.0}, "unknown key 'grey'"),
-    "negative": (lambda doubt: {**doubt, "raw": -1.0}, "doubt.raw is -1"),
-    "a word": (lambda doubt: {**doubt, "white": "much"}, "doubt.white is 'much'"),
-    "no rows": (lambda doubt: {**doubt, "root": []}, "it must be a square table"),
-    "too few rows": (lambda doubt: {**doubt, "root": [[1.0]]}, "doubt.root has 1 rows; the operator has 5"),
-    "not square": (lambda doubt: {**doubt, "root": [[1.0] * 4] * 5}, "doubt.root holds a list of 4 where 5"),
-    "a flag": (lambda doubt: {**doubt, "root": [[True] * 5] * 5}, "doubt.root is True"),
+    "a uncertainty that is no table": (lambda _: [1.0], "residuals.p.uncertainty is"),
+    "no root": (lambda given: {key: given[key] for key in ("raw", "white")}, "key 'root' is missing"),
+    "one key more": (lambda given: {**given, "grey": 1.0}, "unknown key 'grey'"),
+    "negative": (lambda given: {**given, "raw": -1.0}, "uncertainty.raw is -1"),
+    "a word": (lambda given: {**given, "white": "much"}, "uncertainty.white is 'much'"),
+    "no rows": (lambda given: {**given, "root": []}, "it must be a square table"),
+    "too few rows": (
+        lambda given: {**given, "root": [[1.0]]},
+        "uncertainty.root has 1 rows; the operator has 5",
+    ),
+    "not square": (
+        lambda given: {**given, "root": [[1.0] * 4] * 5},
+        "uncertainty.root holds a list of 4 where 5",
+    ),
+    "a flag": (lambda uncertainty: {**uncertainty, "root": [[True] * 5] * 5}, "uncertainty.root is True"),
 }
 
 
@@ -148,7 +154,7 @@ def test_a_doubt_that_isnt_one_is_refused_by_name(change, words, tmp_path):
     gb.save_monitor(calibrated("pitch"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
     saved = document["figures"]["residuals"]["p"]
-    saved["doubt"] = change(saved["doubt"])
+    saved["uncertainty"] = change(saved["uncertainty"])
     (tmp_path / "m.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match=words):
         gb.load_monitor(tmp_path / "m.json")
@@ -196,7 +202,7 @@ def test_an_attitude_that_moves_in_one_stretch_only_will_do():
     for angle in ("phi", "theta", "psi"):  # as a coarse log has it: at rest, not a digit changes
         moving = (time_s > 13.0) & (time_s < 17.0)
         flight = flight.replace(angle, np.where(moving, flight[angle], flight[angle][0]))
-    assert set(gb.calibrate(flight, bank=gb.load_bank("C")).doubts) == {"p", "q", "r"}
+    assert set(gb.calibrate(flight, bank=gb.load_bank("C")).uncertainties) == {"p", "q", "r"}
 
 
 @pytest.mark.parametrize("missing", [[], [("phi", 460, 495)], [("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)]])

@@ -8,10 +8,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from gtmbench.bench.sensors import measure
+from gtmbench.check import run as study_check
 from gtmbench.check.figures import figures_of
 from gtmbench.check.renewal import new_baseline, write_figures
 from gtmbench.files import shipped_baselines
-from gtmbench.study import check as study_check
 from tests.test_check import SHORT, study
 from tests.watching import EXAMPLE
 

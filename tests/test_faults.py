@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from gtmbench.bench import faults
 from gtmbench.errors import InputError
+from gtmbench.faults import kinds as faults
 from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
 from gtmbench.record import Record

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake import limits, raw, read_mcap
+from gtmbench.intake.formats import limits, mcap, raw
 from tests import intake_files as files
 
 SAMPLES = 400
@@ -226,7 +226,7 @@ def test_a_parquet_file_that_declares_more_rows_than_fit_is_refused(tmp_path, mo
 def test_a_chunk_that_unpacks_without_end_is_refused(tmp_path, monkeypatch, compression):
     from mcap.writer import CompressionType
 
-    monkeypatch.setattr(read_mcap, "LARGEST_CHUNK_BYTES", 1 << 20)
+    monkeypatch.setattr(mcap, "LARGEST_CHUNK_BYTES", 1 << 20)
     bomb = b"0" * (200 << 20)
     files.mcap(tmp_path / "log.mcap", {"/x": [(0, bomb)]}, compression=CompressionType[compression])
     assert (tmp_path / "log.mcap").stat().st_size < 2e6
@@ -236,7 +236,7 @@ def test_a_chunk_that_unpacks_without_end_is_refused(tmp_path, monkeypatch, comp
 
 
 def test_many_chunks_that_unpack_to_too_much_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(read_mcap, "MOST_UNPACKED_BYTES", 1 << 22)
+    monkeypatch.setattr(mcap, "MOST_UNPACKED_BYTES", 1 << 22)
     messages = [(k, json.dumps({"p_deg_s": 0.0, "x": "0" * 10_000}).encode()) for k in range(1000)]
     files.mcap(tmp_path / "log.mcap", {"/x": messages})
     with pytest.raises(gb.InputError, match="unpacks to more than 4194304 bytes"):

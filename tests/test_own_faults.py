@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from gtmbench.bench import registry
 from gtmbench.errors import InputError
+from gtmbench.faults import registry
 from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS, Drift, Jam, inject
 from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault

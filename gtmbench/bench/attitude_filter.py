@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 GYROS = ("p", "q", "r")
 ATTITUDE = ("phi", "theta", "psi")
@@ -68,7 +68,7 @@ def filtered_attitude(
     >>> attitude["phi"][[0, 50, 1000]].round(3), attitude["psi"][1000].round(3)
     (array([0.   , 0.628, 1.   ]), np.float64(45.0))
     """
-    is_record(record)
+    check_record(record)
     tau = number("time_constant_s", time_constant_s, 0.0)
     deviation = number("reference_noise_deg", reference_noise_deg, 0.0, 180.0)
     seed = whole("seed", seed)

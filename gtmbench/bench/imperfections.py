@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import names, number, shown, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 LARGEST = 1e9  # of every figure; far beyond any sensor, and far from where numbers overflow
 SMALLEST_QUANTUM = 1e-9  # a finer one doesn't round, it costs digits
@@ -101,7 +101,7 @@ def imperfect(
     >>> imperfect(record, Imperfections(quantum=0.5), channels=["p"])["p"]
     array([0.5, 0.5, 1. ])
     """
-    is_record(record)
+    check_record(record)
     if not isinstance(imperfections, Imperfections):
         raise InputError(f"{imperfections!r} is no set of imperfections; give one such as Imperfections(bias=0.5)")
     seed = whole("seed", seed)

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from gtmbench.check.run import Check
 from gtmbench.check.words import regression_line
-from gtmbench.files import written_aside
+from gtmbench.files import atomic_write
 
 
 def write_junit(found: Check, path: Path, *, took_s: float) -> None:
@@ -30,7 +30,7 @@ def write_junit(found: Check, path: Path, *, took_s: float) -> None:
             ET.SubElement(case, "failure", {"message": lines[0], "type": "regression"}).text = "\n".join(lines)
     ET.indent(suites)
     suites.tail = "\n"
-    with written_aside(path) as aside:
+    with atomic_write(path) as aside:
         ET.ElementTree(suites).write(aside, encoding="utf-8", xml_declaration=True)
 
 

@@ -16,7 +16,7 @@ from gtmbench.check.figures import Group, Value
 from gtmbench.check.rules import FORMER, KINDS, RULES
 from gtmbench.checks import printable
 from gtmbench.errors import InputError
-from gtmbench.files import LARGEST_TOML_BYTES, shipped_scenarios, written_aside
+from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, shipped_scenarios
 from gtmbench.study.scenario import load_scenario
 
 _A_LINE = 10  # numbers of a list
@@ -94,7 +94,7 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) 
     reread = reference_of(path, tomllib.loads(written))
     if any(repr(pair.was) != repr(pair.now) for pair in pairs(reread.recorded, groups)):
         raise InputError(f"{path}: its layout doesn't take the figures; {_REMEDY}")
-    with written_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(written, encoding="utf-8")
 
 

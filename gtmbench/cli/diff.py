@@ -10,7 +10,7 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, written_aside
+from gtmbench.files import atomic_write, check_file
 from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
 from gtmbench.report.recording.read import read_recording
 
@@ -47,7 +47,7 @@ def diff_command(
             from gtmbench.report.recording.overlay import write_overlay
 
             tell("overlay", 3, total)
-            with written_aside(overlay) as aside:
+            with atomic_write(overlay) as aside:
                 write_overlay(frame_a, frame_b, found, aside, names=(str(a), str(b)))
     if as_json:
         _print_json(found, a, b, overlay)

@@ -14,7 +14,7 @@ from gtmbench.cli.detectors import detector_option, found_detector
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, is_file, shipped_banks, written_aside
+from gtmbench.files import atomic_write, check_file, is_file, shipped_banks
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.record import Span
 
@@ -212,12 +212,12 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
     if figure is not None:
         from gtmbench.report.figures.log import write_log_figure
 
-        with written_aside(figure) as aside:
+        with atomic_write(figure) as aside:
             write_log_figure(watched, aside)
     if record is not None:
         from gtmbench.report.recording.log import write_log_recording
 
-        with written_aside(record) as aside:
+        with atomic_write(record) as aside:
             write_log_recording(watched, aside)
     if save is not None:
         from gtmbench.detectors.files import save_monitor

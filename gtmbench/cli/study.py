@@ -16,7 +16,7 @@ import click
 from gtmbench.cli.detectors import detector_option, found_detectors, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, check_folder, folder_aside, shipped_scenarios, written_aside
+from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder, shipped_scenarios
 from gtmbench.report.recording.read import check_recording
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -99,7 +99,7 @@ def run_command(
             seed=None if seeds is None else seeds[0],
             progress=lambda step, done, total: tell(step, done, total + parts.count),
         )
-        with folder_aside(out) as folder:
+        with atomic_folder(out) as folder:
             _write(study, folder, parts, lambda step: tell(step, None, None))
     if as_json:
         from gtmbench.report.tables.results import results
@@ -153,7 +153,7 @@ def _run_seeds(
     from gtmbench.report.tables.seeds import SeedTable, write_seeds
 
     table = SeedTable()
-    with progress_bar(silent=as_json or quiet) as tell, folder_aside(out) as folder:
+    with progress_bar(silent=as_json or quiet) as tell, atomic_folder(out) as folder:
         for done, seed in enumerate(seeds):
             tell(f"seed {seed}", done, len(seeds))
             study = run_study(loaded, detectors=watching, seed=seed)
@@ -211,7 +211,7 @@ def new_command(name: Path, as_json: bool, quiet: bool) -> None:
     if name.exists():
         raise InputError(f"{name} exists; give another name")
     check_file(name, force=False)
-    with written_aside(name) as aside:
+    with atomic_write(name) as aside:
         aside.write_text((files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"), encoding="utf-8")
     if as_json:
         print_json({"scenario": str(name)})

@@ -20,7 +20,7 @@ from gtmbench.detectors.tables import PERIODS_S, keys, plain, table_of
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import came_down, rising
 from gtmbench.method.pose import as_records
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 
 
 class BaseMonitor:
@@ -187,7 +187,7 @@ class SimpleMonitor:
         InputError
             Where the record lacks a channel or has another sample period.
         """
-        is_record(record)
+        check_record(record)
         known_s = np.round(record.time_s + self.look_ahead_s, 9)
         scores = {
             name: Score(name=name, values=values, known_s=known_s, armed=came_down(values, 1.0))

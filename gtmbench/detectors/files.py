@@ -19,7 +19,7 @@ from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError
-from gtmbench.files import check_size, is_file, written_aside
+from gtmbench.files import atomic_write, check_size, is_file
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
@@ -76,7 +76,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
             BUILT_IN[kept.detector](kept.figures, kept.provenance)
     except (TypeError, ValueError, RecursionError) as error:  # an InputError is a ValueError
         raise InputError(f"the monitor can't be saved: {_short(error)}") from error
-    with written_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_text(content, encoding="utf-8", newline="\n")
 
 

@@ -16,7 +16,7 @@ from gtmbench.detectors.protocol import Progress, Watch, silent
 from gtmbench.detectors.stream import BufferedStream
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 
 Function = Callable[[Record], ArrayLike]
 
@@ -98,7 +98,7 @@ class FunctionMonitor:
 
     def watch(self, record: Record) -> Watch:
         """Return the alarms that the function gives, in time."""
-        is_record(record)
+        check_record(record)
         record.columns(self.channels)
         alarms = [
             Alarm(number=i, time_s=time_s, onset_s=time_s, source=self.name)

@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.clock import ChunkClock, advanced
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 
 _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those of the whole
 
@@ -42,7 +42,7 @@ class RollingBuffer:
         InputError
             Where the chunk doesn't continue the one before, or lacks a channel.
         """
-        is_record(chunk)
+        check_record(chunk)
         new = chunk.select(self._channels) if self._channels else chunk
         source = ", ".join(new.channels)
         here = ChunkClock(start_s=new.start_s, sample_period_s=new.sample_period_s, source=source, count=len(new))

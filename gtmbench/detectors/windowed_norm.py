@@ -20,7 +20,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record, Span, is_record
+from gtmbench.record import Record, Span, check_record
 
 SCORE = "E(k)"
 
@@ -194,7 +194,7 @@ class NormMonitor:
         InputError
             Where the record lacks a channel or has another sample period.
         """
-        is_record(record)
+        check_record(record)
         found = residual(self.operator, record)
         norm = windowed_norm(found, window=self.window)
         known_s = np.round(norm.known_s, 9)

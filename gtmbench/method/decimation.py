@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 
 _HALF = 13  # half of the filter's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
@@ -38,7 +38,7 @@ def decimate(record: Record, factor: int) -> Record:
     >>> decimate(record, 10)
     Record(75 samples, 1.3..8.7 s, every 0.1 s: p)
     """
-    is_record(record)
+    check_record(record)
     factor = whole("factor", factor, 1)
     if factor == 1:
         return record

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.errors import ConvergenceWarning, InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
-from gtmbench.method.pose import Records, Weights, operator_names, pose
+from gtmbench.method.pose import Records, Weights, operator_names, pose_problem
 from gtmbench.method.problem import Estimate, Estimator, Problem
 from gtmbench.method.rank import cause
 from gtmbench.method.transmissibility import Transmissibility
@@ -71,7 +71,9 @@ def identify(
     if isinstance(method, type) or not callable(getattr(method, "estimate", None)):
         raise InputError(f"estimator is {method!r}; give an object, such as gtmbench.LeastSquares()")
     u, y = operator_names(inputs, outputs)
-    problem = pose(records, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights)
+    problem = pose_problem(
+        records, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights
+    )
     return operator_of(problem, method.estimate(problem), method)
 
 

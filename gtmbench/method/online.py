@@ -18,7 +18,7 @@ from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 _LARGEST = 1e150  # what can be squared and summed
 _BLOCK = 64  # samples that are taken into the triangle together
@@ -107,7 +107,7 @@ class RecursiveIdentification:
         InputError
             Where a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
         """
-        is_record(record)
+        check_record(record)
         values = record.matrix((*self.inputs, *self.outputs))
         if self._end is not None:
             expected_s, period_s = self._end

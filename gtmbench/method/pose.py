@@ -13,7 +13,7 @@ from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Problem, require_equations
 from gtmbench.method.regression.stretches import check_constant, stretches
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 _MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
 
@@ -36,7 +36,7 @@ def as_records(given: Records) -> tuple[Record, ...]:
     """Return one record or several as a tuple: at least one, all of one sample period."""
     found = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
     for record in found:
-        is_record(record)
+        check_record(record)
     if not found:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in found}
@@ -48,7 +48,7 @@ def as_records(given: Records) -> tuple[Record, ...]:
     return found
 
 
-def pose(
+def pose_problem(
     records: Records,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],

@@ -18,7 +18,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.checks import names
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 _G = 9.80665  # m/s2
 _M_S_PER_KT = 1852.0 / 3600.0
@@ -158,7 +158,7 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     >>> derive(record, ["phi_rate"])["phi_rate"]
     array([nan,  3., nan])
     """
-    is_record(record)
+    check_record(record)
     new = [name for name in names("pseudo inputs", wanted) if name not in record]
     for name in new:
         check_derivable(name, record.channels)

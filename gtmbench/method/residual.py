@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen, is_record
+from gtmbench.record import FloatArray, Record, check_record, frozen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +83,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     array([[0.5],
            [0.5]])
     """
-    is_record(record)
+    check_record(record)
     values = operator.predict(record)
     for o, name in enumerate(operator.outputs):
         np.subtract(record[name], values[:, o], out=values[:, o])

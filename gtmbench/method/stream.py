@@ -16,7 +16,7 @@ from gtmbench.clock import ChunkClock, advanced
 from gtmbench.method.alarms import Alarms, alarms, check_start
 from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen, is_record
+from gtmbench.record import FloatArray, Record, check_record, frozen
 
 
 class ResidualStream:
@@ -51,7 +51,7 @@ class ResidualStream:
         InputError
             Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
-        is_record(record)
+        check_record(record)
         chunk = ChunkClock(
             start_s=record.start_s, sample_period_s=record.sample_period_s, source="the operator", count=len(record)
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.files import written_aside
+from gtmbench.files import atomic_write
 from gtmbench.kept import kept
 from gtmbench.record import Record
 
@@ -63,7 +63,7 @@ def _flown(aircraft: str | Path, excitation: str, duration_s: float, seed: int) 
         if path.is_file():
             return _read(path)
         flight = fly(aircraft, excitation, duration_s, seed)
-        with written_aside(path) as aside:
+        with atomic_write(path) as aside:
             np.savez(aside, values=flight.values, channels=flight.channels, times_s=[flight.sample_period_s])
         return flight
 

@@ -12,7 +12,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import inject
 from gtmbench.kept import kept
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 from gtmbench.report.words.study import fault_text
 from gtmbench.study.calibration import prepared
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
@@ -63,7 +63,7 @@ def assert_detects(
     if not isinstance(fault, Fault):
         raise InputError(f"{shown(fault)} is no fault; give one such as Jam(channel='p', onset_s=120)")
     healthy = standard_record() if record is None else record
-    is_record(healthy)
+    check_record(healthy)
     broken, due_s = inject(healthy, fault), fault.onset_s + within_s
     if due_s > broken.end_s + _TIE:
         raise InputError(
@@ -103,7 +103,7 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
     """
     __tracebackhide__ = True
     healthy = standard_record() if record is None else record
-    is_record(healthy)
+    check_record(healthy)
     watch = _monitor(detector).watch(healthy)
     alarms = false_alarms(watch)
     if alarms:

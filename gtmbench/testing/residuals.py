@@ -13,7 +13,7 @@ from gtmbench.errors import InputError
 from gtmbench.kept import kept
 from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record, is_record
+from gtmbench.record import Record, check_record
 
 Predictor = Transmissibility | Callable[[Record], Residual]
 Bound = float | Mapping[str, float]
@@ -50,7 +50,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
     >>> assert_residual(record, operator, below=0.01)
     """
     __tracebackhide__ = True
-    is_record(record)
+    check_record(record)
     found = _residual(record, operator)
     bounds = _bounds("below", below, found.outputs)
     failed = [complaint for name in found.outputs for complaint in _too_large(found, name, bounds[name])]

@@ -16,7 +16,7 @@ from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import Residual
-from gtmbench.record import FloatArray, Record, frozen, is_record
+from gtmbench.record import FloatArray, Record, check_record, frozen
 from gtmbench.theory.state_space import StateSpace, companion
 
 _TRUSTED = 1e-4  # of a column's length, what those before it must leave: of less, squares would lose too many digits
@@ -141,7 +141,7 @@ def iv4(record: Record, *, order: int, instrument: str, reach: int = 50, channel
 
 def signals(record: Record, channels: Channels, order: int, needed: int) -> tuple[FloatArray, FloatArray]:
     """Return u and y, checked."""
-    is_record(record)
+    check_record(record)
     whole("order", order, 1)
     u, y = (record[name] for name in channels)
     for name, values in zip(channels, (u, y), strict=True):

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gtmbench.files import written_aside
+from gtmbench.files import atomic_write
 
 from .table import block
 
@@ -37,5 +37,5 @@ def write(results: dict) -> None:
         README: before + BEGIN + block(results) + "\n" + END + rest.split(END, 1)[1],
     }
     for path, text in texts.items():
-        with written_aside(path) as aside:
+        with atomic_write(path) as aside:
             aside.write_text(text)

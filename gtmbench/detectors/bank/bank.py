@@ -73,7 +73,7 @@ class Bank:
         """Return the measured channels that a residual's prediction stands on."""
         return {raw for name in spec.inputs for raw in raw_needs(name)}
 
-    def disturbs(self, channel: str) -> tuple[str, ...]:
+    def affects(self, channel: str) -> tuple[str, ...]:
         """Return the residuals (by output) that a fault of a channel enters."""
         return tuple(spec.output for spec in self.residuals if channel == spec.output or channel in self.sources(spec))
 
@@ -107,7 +107,7 @@ def load_bank(source: str | Path) -> Bank:
     >>> bank = load_bank("C")
     >>> bank.channels
     ('p', 'q', 'r', 'phi', 'psi', 'theta')
-    >>> bank.disturbs("psi")
+    >>> bank.affects("psi")
     ('p', 'q', 'r')
     """
     shipped = shipped_banks()
@@ -139,7 +139,7 @@ def bank_of(name: str, table: dict[str, Any]) -> Bank:
         whitening_s=number("whitening_s", table.get("whitening_s", 0.3), 0.0, 60.0),
         attitude_from_gyros=_flag("attitude_from_gyros", table.get("attitude_from_gyros", False)),
     )
-    idle = [channel for channel in bank.suspects if not bank.disturbs(channel)]
+    idle = [channel for channel in bank.suspects if not bank.affects(channel)]
     if idle:
         raise InputError(f"suspects: a fault of {shown(idle[0])} enters no residual; leave it out")
     return bank

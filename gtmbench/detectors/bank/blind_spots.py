@@ -52,7 +52,7 @@ def blind_spots(bank: Bank, pattern: Pattern, monitor: CalibratedBank | None = N
 def _groups(bank: Bank, channels: Iterable[str]) -> dict[tuple[str, ...], list[str]]:
     found: dict[tuple[str, ...], list[str]] = {}
     for channel in channels:
-        found.setdefault(bank.disturbs(channel), []).append(channel)
+        found.setdefault(bank.affects(channel), []).append(channel)
     return found
 
 
@@ -86,7 +86,7 @@ def _unpredicted(bank: Bank) -> list[str]:
         one = "it" if len(suspects) == 1 else "one of them"
         found.append(f"Nothing predicts {_or(suspects)}: an alarm that {one} may explain stays undecided.")
     if others:
-        raised = {output: None for name in others for output in bank.disturbs(name)}
+        raised = {output: None for name in others for output in bank.affects(name)}
         what = "is no suspect" if len(others) == 1 else "are no suspects"
         where = _and(list(raised))
         found.append(f"{_and(others)} {what}: a fault there rises in {where} and is put down to a suspect, or to none.")

@@ -10,11 +10,11 @@ from typing import Any
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.spread import Spread
 from gtmbench.detectors.statistics.statistic import Tolerance
-from gtmbench.detectors.statistics.uncertainty import HALF, Doubt
+from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, frozen, is_record
+from gtmbench.record import FloatArray, Record, check_record, frozen
 
 Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a series (by label)
 
@@ -33,7 +33,7 @@ class CalibratedBank:
     sample_period_s : float
     provenance : mapping
         Where it comes from: records, hours, the false-alarm rate asked for and the bound shown.
-    doubts : mapping of output to Doubt
+    uncertainties : mapping of output to ParameterUncertainty
         Of operators that stand on little flight; none of those that stand on much.
     """
 
@@ -44,12 +44,12 @@ class CalibratedBank:
     thresholds: Thresholds
     sample_period_s: float
     provenance: Mapping[str, Any]
-    doubts: Mapping[str, Doubt] = field(default_factory=dict)
+    uncertainties: Mapping[str, ParameterUncertainty] = field(default_factory=dict)
 
     def look_ahead_of(self, output: str) -> float:
-        """How long after a sample its residual is judged: d Ts, one sample for derivatives, and what doubt looks at."""
+        """How long after a sample its residual is judged: d Ts, a sample for derivatives, what uncertainty looks at."""
         operator = self.operators[output]
-        more = any(name in PSEUDO_INPUTS for name in operator.inputs) + (HALF if output in self.doubts else 0)
+        more = any(name in PSEUDO_INPUTS for name in operator.inputs) + (HALF if output in self.uncertainties else 0)
         return round(operator.look_ahead_s + more * self.sample_period_s, 9)
 
     def corrected_look_ahead_of(self, output: str) -> float:
@@ -91,19 +91,19 @@ def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[st
     outputs : iterable of str, optional
         Only these.
     """
-    is_record(record)
+    check_record(record)
     record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
     monitor.bank.check_channels(record.channels)
     found = residuals_of(monitor.bank, record, monitor.operators, outputs)
     spread = {
-        output: monitor.doubts[output].spread(
+        output: monitor.uncertainties[output].spread(
             monitor.operators[output],
             record.select(monitor.bank.channels),
             monitor.whiteners[output].coefficients,
             monitor.bank.statistic,
         )
         for output in found.raw
-        if output in monitor.doubts
+        if output in monitor.uncertainties
     }
     return replace(found, spread=MappingProxyType(spread))
 

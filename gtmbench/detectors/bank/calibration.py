@@ -18,7 +18,7 @@ from gtmbench.detectors.statistics.spread import Spread
 from gtmbench.detectors.statistics.statistic import Tolerance, tolerance_of
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.detectors.statistics.thresholds import Residual, thresholds_of
-from gtmbench.detectors.statistics.uncertainty import Doubt
+from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
@@ -98,7 +98,7 @@ def calibrate_bank(
             output: {label: plan.margin * threshold for label, threshold in own.items()}
             for output, own in thresholds.items()
         },
-        doubts={output: one.doubt for output, one in learnt.items() if one.doubt is not None},
+        uncertainties={output: one.uncertainty for output, one in learnt.items() if one.uncertainty is not None},
         sample_period_s=period_s,
         provenance={
             **(provenance or {}),
@@ -118,7 +118,7 @@ class _Learnt:
 
     operator: Transmissibility
     whitener: Whitener
-    doubt: Doubt | None = None
+    uncertainty: ParameterUncertainty | None = None
     seen: Sequence[Residual] = field(repr=False)
 
 
@@ -149,7 +149,7 @@ def _judged(
     raw, white = residual[rows], whitener.whiten(residual)[rows]
     if not uncertain:
         return raw, white, None
-    alone = Doubt(root=operator.covariance_root(*operator.outputs), raw=1.0, white=1.0)
+    alone = ParameterUncertainty(root=operator.covariance_root(*operator.outputs), raw=1.0, white=1.0)
     return raw, white, alone.spread(operator, record, whitener.coefficients, bank.statistic).between(rows)
 
 
@@ -182,7 +182,7 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
     variance = float(np.asarray(operator.noise_variance)[0])
     raw_factor, _ = _factor(raw, (spread.raw**2 - 1.0) / variance, noise)
     white_factor, scale = _factor(white, (spread.white**2 - 1.0) / whitener.deviation**2, 1.0)
-    doubt = Doubt(
+    uncertainty = ParameterUncertainty(
         root=frozen(operator.covariance_root(*operator.outputs)),
         raw=raw_factor / variance,
         white=white_factor / whitener.deviation**2,
@@ -190,8 +190,8 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
     return _Learnt(
         operator=replace(operator, rms_residual=frozen([np.sqrt(noise)])),
         whitener=replace(whitener, deviation=whitener.deviation * scale),
-        doubt=doubt,
-        seen=[(raw, white / scale, doubt.weighed(alone)) for raw, white, alone in seen],
+        uncertainty=uncertainty,
+        seen=[(raw, white / scale, uncertainty.weighed(alone)) for raw, white, alone in seen],
     )
 
 

@@ -12,7 +12,7 @@ from gtmbench.checks import number, shown, text
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.statistics.statistic import Tolerance
-from gtmbench.detectors.statistics.uncertainty import Doubt
+from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.detectors.tables import (
     MOST_LAGS,
@@ -29,7 +29,7 @@ from gtmbench.method.transmissibility import Transmissibility
 
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")
-_PARTS = ("operator", "whitener", "tolerance", "thresholds", "doubt")
+_PARTS = ("operator", "whitener", "tolerance", "thresholds", "uncertainty")
 _LONGEST_WHITENER = 100_000
 
 
@@ -48,13 +48,15 @@ def bank_figures(monitor: CalibratedBank) -> dict[str, Any]:
 
 def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
     whitener, tolerance = monitor.whiteners[output], monitor.tolerances[output]
-    thresholds, doubt = monitor.thresholds[output], monitor.doubts.get(output)
+    thresholds, uncertainty = monitor.thresholds[output], monitor.uncertainties.get(output)
     return {
         "operator": operator_table(monitor.operators[output]),
         "whitener": {key: plain(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
         "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
         "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
-        "doubt": None if doubt is None else {key: plain(getattr(doubt, key)) for key in ("raw", "white", "root")},
+        "uncertainty": None
+        if uncertainty is None
+        else {key: plain(getattr(uncertainty, key)) for key in ("raw", "white", "root")},
     }
 
 
@@ -85,11 +87,15 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
         }
 
     operators = each("operator", lambda where, table, spec: _operator(where, table, spec, period_s))
-    doubts = {output: doubt for output, doubt in each("doubt", _doubt).items() if doubt is not None}
-    for output, doubt in doubts.items():
-        if len(doubt.root) != operators[output].markov.size:
+    uncertainties = {
+        output: uncertainty
+        for output, uncertainty in each("uncertainty", _uncertainty).items()
+        if uncertainty is not None
+    }
+    for output, uncertainty in uncertainties.items():
+        if len(uncertainty.root) != operators[output].markov.size:
             raise InputError(
-                f"residuals.{output}.doubt.root has {len(doubt.root)} rows; the operator has "
+                f"residuals.{output}.uncertainty.root has {len(uncertainty.root)} rows; the operator has "
                 f"{operators[output].markov.size} Markov parameters, and they must be one"
             )
     return CalibratedBank(
@@ -98,7 +104,7 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
         whiteners=each("whitener", _whitener),
         tolerances=each("tolerance", _tolerance),
         thresholds=each("thresholds", lambda where, table, _: _thresholds(where, table, bank, period_s)),
-        doubts=doubts,
+        uncertainties=uncertainties,
         sample_period_s=period_s,
         provenance=dict(provenance),
     )
@@ -138,7 +144,7 @@ def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str
     }
 
 
-def _doubt(where: str, table: Any, spec: ResidualSpec) -> Doubt | None:
+def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncertainty | None:
     if table is None:
         return None
     found = keys(where, table, ("raw", "white", "root"))
@@ -146,7 +152,7 @@ def _doubt(where: str, table: Any, spec: ResidualSpec) -> Doubt | None:
     size = len(given) if isinstance(given, list) else 0
     if not 0 < size <= MOST_LAGS or size % len(spec.inputs):
         raise InputError(f"{where}.root is {shown(given)}; it must be a square table, {len(spec.inputs)} rows a lag")
-    return Doubt(
+    return ParameterUncertainty(
         root=array_of(f"{where}.root", given, (size, size)),
         raw=number(f"{where}.raw", found["raw"], 0.0),
         white=number(f"{where}.white", found["white"], 0.0),

@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.blind_spots import LEVEL, NOTHING, SLOPE, blind_spo
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derive, raw_needs
-from gtmbench.record import FloatArray, Record, frozen, is_record
+from gtmbench.record import FloatArray, Record, check_record, frozen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,7 +99,7 @@ def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> S
 
 
 def _entry(bank: Bank, spec: ResidualSpec, channel: str) -> str:
-    if spec.output not in bank.disturbs(channel):
+    if spec.output not in bank.affects(channel):
         return NOTHING
     return LEVEL if channel == spec.output or _offset_enters(spec, channel) else SLOPE
 
@@ -117,7 +117,7 @@ def _offset_enters(spec: ResidualSpec, channel: str) -> bool:
 
 
 def _strength(monitor: CalibratedBank, record: Record) -> FloatArray:
-    is_record(record)
+    check_record(record)
     outputs = [spec.output for spec in monitor.bank.residuals]
     healthy = _rms(monitor, record, outputs)
     short = [output for output, rms in healthy.items() if not rms > 0.0]
@@ -128,7 +128,7 @@ def _strength(monitor: CalibratedBank, record: Record) -> FloatArray:
         )
     found = np.ones((len(monitor.bank.channels), len(outputs)))
     for i, channel in enumerate(monitor.bank.channels):
-        jammed = _rms(monitor, _jammed(record, channel), monitor.bank.disturbs(channel))
+        jammed = _rms(monitor, _jammed(record, channel), monitor.bank.affects(channel))
         for output, rms in jammed.items():
             found[i, outputs.index(output)] = rms / healthy[output]
     return frozen(found)

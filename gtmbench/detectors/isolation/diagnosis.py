@@ -34,18 +34,18 @@ def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
     """
     if bank.attitude_from_gyros and candidates:
         return {spec.output for spec in bank.residuals}
-    return {output for name in candidates for output in bank.disturbs(name)}
+    return {output for name in candidates for output in bank.affects(name)}
 
 
 def suspects_of(bank: Bank, trusted: Sequence[str]) -> tuple[str, ...]:
     """Return the suspects whose residuals can all be trusted to tell of them: no earlier fault enters one."""
-    return tuple(name for name in bank.suspects if set(bank.disturbs(name)) <= set(trusted))
+    return tuple(name for name in bank.suspects if set(bank.affects(name)) <= set(trusted))
 
 
 def by_signature(bank: Bank, trusted: Sequence[str], output: str, time_s: float) -> Judgement:
     """Return what can be said with the alarm: the suspects whose faults enter the residual that rose."""
-    able = tuple(name for name in suspects_of(bank, trusted) if output in bank.disturbs(name))
-    able = able or tuple(name for name in bank.suspects if output in bank.disturbs(name))
+    able = tuple(name for name in suspects_of(bank, trusted) if output in bank.affects(name))
+    able = able or tuple(name for name in bank.suspects if output in bank.affects(name))
     return Judgement(time_s=time_s, sensor=able[0] if len(able) == 1 else None, candidates=able)
 
 
@@ -96,7 +96,7 @@ def _untestable(case: Case) -> list[str]:
     bank, found = case.monitor.bank, []
     for name in suspects_of(bank, tuple(case.residuals.raw)):
         if name not in case.residuals.raw and not integrable(name, bank.channels):
-            spared = [output for output in case.residuals.raw if output not in bank.disturbs(name)]
+            spared = [output for output in case.residuals.raw if output not in bank.affects(name)]
             if not spared or _excess(case, spared) <= 0.0:
                 found.append(name)
     return found
@@ -110,7 +110,7 @@ def _excess(case: Case, outputs: list[str]) -> float:
 
 def _explained(case: Case, best: Explanation) -> bool:
     """Tell whether the best explanation leaves its residuals healthy, or takes most of what was wrong with them."""
-    own = list(case.monitor.bank.disturbs(best.channel))
+    own = list(case.monitor.bank.affects(best.channel))
     energy, count = case.energy({name: case.residuals.raw[name] for name in own})
     over = (best.left - 1.0) * count
     return bool(over <= max(0.5 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))

@@ -158,7 +158,7 @@ class _Suspect:
         virtual = virtual_sensor(case, channel)
         if virtual is None:
             return None
-        disturbed = case.monitor.bank.disturbs(channel)
+        disturbed = case.monitor.bank.affects(channel)
         own, count = case.energy({name: case.residuals.raw[name] for name in disturbed})
         stretch = stretch_of(case, channel, virtual)
         score = _scorer(case, channel, virtual)

@@ -32,9 +32,9 @@ class Memory:
         self.channels, self.outputs = monitor.bank.channels, tuple(monitor.operators)
         self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
         self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
-        self._doubted = tuple(output for output in self.outputs if output in monitor.doubts)
+        self._uncertain = tuple(output for output in self.outputs if output in monitor.uncertainties)
         made = [("raw", output) for output in self.outputs]
-        made += [(kind, output) for output in self._doubted for kind in ("spread", "white")]
+        made += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
         self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
         self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
         self._blots: list[tuple[str, range]] = []
@@ -114,7 +114,7 @@ class Memory:
             spread={
                 output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
                 for output in outputs
-                if output in self._doubted
+                if output in self._uncertain
             },
         )
 

@@ -44,9 +44,9 @@ class RowByRow:
 
     @staticmethod
     def can(monitor: CalibratedBank) -> bool:
-        """Tell whether there is a path for single samples: likelihood ratios, nothing in doubt."""
+        """Tell whether there is a path for single samples: likelihood ratios, nothing uncertain."""
         known = all(value > 0.0 for of in monitor.thresholds.values() for value in of.values())
-        return monitor.bank.statistic.name == "glr" and not monitor.doubts and known
+        return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and known
 
     def take(self, row: list[float]) -> list[float] | None:
         """Take a sample of the bank's channels; return the levels, sorted by name; None where arrays have to."""

@@ -90,7 +90,7 @@ class Track:
         self._looks_back = self._test.looks_back(self._period_s)
         self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
         self._rows = np.zeros(0, dtype=int)  # of the samples that exist,
-        self._samples: FloatArray | None = None  # and they: values, plain, doubtful share, variances of means
+        self._samples: FloatArray | None = None  # and they: values, plain, uncertain share, variances of means
         self._judged = 0  # so many of them
         self._carried: Carried = {}
         self._fresh: list[tuple[int, float]] = []  # taken one by one
@@ -292,15 +292,15 @@ def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
 
 
 def _matrix(given: Given) -> FloatArray:
-    """Return what a statistic is made of as columns: one where nothing is in doubt."""
+    """Return what a statistic is made of as columns: one where nothing is uncertain."""
     if given.values is given.plain:
         return given.values[:, np.newaxis]
-    return np.column_stack([given.values, given.plain, given.doubtful, *given.means.values()])
+    return np.column_stack([given.values, given.plain, given.uncertain, *given.means.values()])
 
 
 def _given(samples: FloatArray, windows: list[int]) -> Given:
     values = np.ascontiguousarray(samples[:, 0])
     if samples.shape[1] == 1:
-        return Given(values=values, plain=values, means={}, doubtful=values)
+        return Given(values=values, plain=values, means={}, uncertain=values)
     means = dict(zip(windows, samples[:, 3:].T, strict=False))
-    return Given(values=values, plain=samples[:, 1], means=means, doubtful=samples[:, 2])
+    return Given(values=values, plain=samples[:, 1], means=means, uncertain=samples[:, 2])

@@ -25,7 +25,7 @@ from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.rows import RowByRow
 from gtmbench.detectors.monitor.scores import Track
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, is_record
+from gtmbench.record import FloatArray, Record, check_record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -127,7 +127,7 @@ class BankStream:
 
     def _checked(self, chunk: Record) -> list[int]:
         """Refuse a chunk that isn't the next; return where the bank's channels stand in it."""
-        is_record(chunk)
+        check_record(chunk)
         if chunk.sample_period_s != self._period_s:
             chunk.check_period(self._period_s, "the monitor was calibrated at")
         if self._known is None or chunk.channels != self._known[0]:
@@ -147,12 +147,12 @@ class BankStream:
 
 
 def _reach(monitor: CalibratedBank) -> int:
-    """Return how many rows before a chunk its residuals look back at, whitened and with what doubt looks at."""
+    """Return how many rows before a chunk its residuals look back at, whitened and with what uncertainty looks at."""
     most = 0
     for output, operator in monitor.operators.items():
         ahead = round(monitor.look_ahead_of(output) / monitor.sample_period_s)
         rows = ahead + operator.causal_order + monitor.whiteners[output].order + 2
-        if output in monitor.doubts:
+        if output in monitor.uncertainties:
             rows += monitor.bank.statistic.looks_back(monitor.sample_period_s) + operator.noncausal_order
         most = max(most, rows)
     return most

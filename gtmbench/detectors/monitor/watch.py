@@ -32,7 +32,7 @@ def _score(monitor: CalibratedBank, record: Record, arming: Arming) -> Score:
         name=arming.output,
         values=level.values,
         known_s=level.known_s,
-        channels=tuple(name for name in monitor.bank.channels if arming.output in monitor.bank.disturbs(name)),
+        channels=tuple(name for name in monitor.bank.channels if arming.output in monitor.bank.affects(name)),
         armed=np.isfinite(level.values) & _armed(arming, len(record)),
         disarmed_s=None if since is None else float(record.time_s[since]),
     )

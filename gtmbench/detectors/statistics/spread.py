@@ -1,4 +1,4 @@
-"""Spread: what statistics are told of an operator in doubt, beside its residual."""
+"""Spread: what statistics are told of an uncertain operator, beside its residual."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gtmbench.record import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """How far a residual may be off where its operator is in doubt.
+    """How far a residual may be off where its operator is uncertain.
 
     Attributes
     ----------
@@ -46,10 +46,10 @@ class Spread:
 class Given:
     """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
 
-    `doubtful` is the share of the variance of `values` that an operator's error has, 0 where all is known.
+    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known.
     """
 
     values: FloatArray
     plain: FloatArray
     means: Mapping[int, FloatArray]
-    doubtful: FloatArray
+    uncertain: FloatArray

@@ -124,13 +124,13 @@ class Statistic:
         most = 1e150 if self.name == "energy" else MOST
         clipped = np.clip(plain[there], -most, most)
         if spread is None:
-            return there, Given(values=clipped, plain=clipped, means={}, doubtful=np.zeros(len(there)))
+            return there, Given(values=clipped, plain=clipped, means={}, uncertain=np.zeros(len(there)))
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
             values=np.clip((plain / by)[there], -most, most),
             plain=clipped,
             means={rows: values[there] for rows, values in spread.means.items()},
-            doubtful=(1.0 - 1.0 / np.square(spread.white))[there],
+            uncertain=(1.0 - 1.0 / np.square(spread.white))[there],
         )
 
     def of(
@@ -238,8 +238,8 @@ def _glr(
         high: float | FloatArray = tolerance.high
         if values is not None:
             _, power, _ = _windows(values, rows, test, sample_period_s, last)
-            doubtful = _trailing(given.doubtful, rows, last) / rows
-            high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * doubtful)
+            uncertain = _trailing(given.uncertain, rows, last) / rows
+            high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * uncertain)
             variance = given.means[rows][len(given.plain) - last :] if rows in given.means else 0.0
         chance = 1.0 / rows + 1.0 / np.maximum(length, 1) + variance
         of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high)

@@ -1,4 +1,4 @@
-"""Doubt: an operator's parameter uncertainty, and how far it may be wrong on motion that its records didn't hold.
+"""Parameter uncertainty: what the records leave open of an operator, and so how wrong it may be on other motion.
 
 A minute of flight excites few directions. On another manoeuvre the residual is then noise plus what the Markov
 parameters leave open, phi(k)'(theta - theta_hat); its deviation follows from their covariance, and what is judged is
@@ -26,7 +26,7 @@ _Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Doubt:
+class ParameterUncertainty:
     """What the records leave open of an operator.
 
     Attributes
@@ -76,7 +76,7 @@ class SpreadStream:
 
     Motion is slow motion about the operator's means, whitened motion the same behind the whitening filter, and
 
-    - raw, white: sqrt(1 + f |F' phi(k)|^2), f the doubt's factor, phi(k) the window k-r..k+d of (whitened) motion;
+    - raw, white: sqrt(1 + f |F' phi(k)|^2), f its factor, phi(k) the window k-r..k+d of (whitened) motion;
     - means: f |F' (mean of phi over a window's rows - that over the baseline's before)|^2.
 
     A missing sample is bridged by the last one before it. Rows whose window phi(k) isn't complete have no residual, and
@@ -85,7 +85,7 @@ class SpreadStream:
     Parameters
     ----------
     operator : Transmissibility
-    doubt : Doubt
+    uncertainty : ParameterUncertainty
     coefficients : shape (n + 1,)
         Of the whitening filter.
     test : Statistic
@@ -96,18 +96,18 @@ class SpreadStream:
     def __init__(
         self,
         operator: Transmissibility,
-        doubt: Doubt,
+        uncertainty: ParameterUncertainty,
         coefficients: FloatArray,
         test: Statistic,
         sample_period_s: float,
     ) -> None:
-        self._root = doubt.root
+        self._root = uncertainty.root
         self._means = operator.input_means
         self._ahead = operator.noncausal_order
         self._lags = operator.causal_order + operator.noncausal_order + 1
         self._coefficients = coefficients
         self._windows = np.array(test.rows(sample_period_s) if test.name == "glr" else [], dtype=int)
-        self._factors = np.array([[doubt.raw], *[[doubt.white]] * (1 + len(self._windows))])
+        self._factors = np.array([[uncertainty.raw], *[[uncertainty.white]] * (1 + len(self._windows))])
         self._before = round(test.baseline_s / sample_period_s)
         inputs = len(operator.inputs)
         self._count = self._given = 0  # rows pushed, rows whose spread was returned

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.checks import names, number
 from gtmbench.errors import InputError
-from gtmbench.method.pose import Records, Weights, pose
+from gtmbench.method.pose import Records, Weights, pose_problem
 from gtmbench.method.regression.triangle import without
 from gtmbench.record import FloatArray
 
@@ -107,7 +107,7 @@ def count_excitations(
     wanted = names("channels", channels)
     number("gain", gain, 1.0, above=True)
     _check_channels(wanted)
-    problem = pose(records, wanted, (), causal_order, noncausal_order, weights=weights)
+    problem = pose_problem(records, wanted, (), causal_order, noncausal_order, weights=weights)
     equations = problem.triangle()
     count, lags = len(wanted), problem.lags
     blocks = equations.root.reshape(len(equations.root), lags, count)

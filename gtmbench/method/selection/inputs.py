@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import whole
-from gtmbench.method.pose import Records, Weights, operator_names, pose
+from gtmbench.method.pose import Records, Weights, operator_names, pose_problem
 from gtmbench.method.problem import Problem
 from gtmbench.method.regression.triangle import Triangle, without
 from gtmbench.method.selection.criteria import information
@@ -87,7 +87,7 @@ def select_inputs(
     """
     u, y = operator_names(candidates, outputs)
     steps = len(u) if most is None else min(whole("most", most, 1), len(u))
-    problem = pose(records, u, y, causal_order, noncausal_order, weights=weights)
+    problem = pose_problem(records, u, y, causal_order, noncausal_order, weights=weights)
     return _choice(problem, problem.triangle(), steps)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve
-from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose
+from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose_problem
 from gtmbench.method.problem import Problem
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
@@ -126,7 +126,7 @@ def select_orders(
     """
     causal, noncausal = _orders("causal_orders", causal_orders), _orders("noncausal_orders", noncausal_orders)
     u, y = operator_names(inputs, outputs)
-    problem = pose(records, u, y, causal[-1], noncausal[-1], weights=weights)
+    problem = pose_problem(records, u, y, causal[-1], noncausal[-1], weights=weights)
     held = None if validation is None else _held_out(problem, validation)
     equations = problem.triangle()
     return _choice(_table(problem, equations, held, causal, noncausal), held is not None)

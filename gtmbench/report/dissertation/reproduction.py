@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import check_folder, folder_aside
+from gtmbench.files import atomic_folder, check_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,7 +140,7 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
     try:
         _make_parents(given.out)
         check_folder(given.out, force=True)
-        with folder_aside(given.out) as folder:
+        with atomic_folder(given.out) as folder:
             page = Reproduction(quick=given.quick, folder=folder, silent=given.json)
             steps(page)
             results = {

@@ -200,7 +200,7 @@ def origin_text(monitor: Monitor) -> list[str]:
 
 
 def _thresholds_from(monitor: Monitor, hours: Any) -> str:
-    if isinstance(monitor, BankMonitor) and monitor.doubts:
+    if isinstance(monitor, BankMonitor) and monitor.uncertainties:
         return "thresholds from the same, each stretch judged by operators that hadn't seen it"
     return f"thresholds from {duration_text(hours)} of other records"
 

@@ -1,4 +1,4 @@
-"""Doubt: the variance of a model's error from the covariance of its parameters, against the same the slow way."""
+"""Parameter uncertainty: the variance of a model's error from that of its parameters, against the same the slow way."""
 
 import pickle
 from dataclasses import replace
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gtmbench.detectors.statistics.spread import Spread
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
-from gtmbench.detectors.statistics.uncertainty import Doubt, SpreadStream
+from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, SpreadStream
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
@@ -25,6 +25,10 @@ def motion(samples, inputs=2, seed=1):
 
 def root_of(size, seed=2):
     return np.random.default_rng(seed).standard_normal((size, size))
+
+
+def known_to(root):
+    return ParameterUncertainty(root=root, raw=2.0, white=3.0)
 
 
 def operator(theta, causal, noncausal, inputs=2, period_s=0.1):
@@ -56,9 +60,9 @@ def test_regressors_times_parameters_are_what_the_operator_predicts(causal, nonc
     assert np.isnan(np.delete(predicted, np.arange(40)[rows])).all()
 
 
-def through(u, by, doubt, coefficients=ONE, test=None, chunk=None):
+def through(u, by, uncertainty, coefficients=ONE, test=None, chunk=None):
     """Return the spread of all rows of a stream, pushed some rows at a time."""
-    stream = SpreadStream(by, doubt, coefficients, test or Statistic(name="energy"), by.sample_period_s)
+    stream = SpreadStream(by, uncertainty, coefficients, test or Statistic(name="energy"), by.sample_period_s)
     chunk = chunk or max(len(u), 1)
     return Spread.joined([*(stream.push(u[k : k + chunk]) for k in range(0, max(len(u), 1), chunk)), stream.end()])
 
@@ -95,7 +99,11 @@ def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_o
     root, coefficients = root_of(size), np.array([1.0, -0.6, 0.2])
     test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
     found = through(
-        u, operator(np.zeros(size), causal, noncausal), Doubt(root=root, raw=2.0, white=3.0), coefficients, test
+        u,
+        operator(np.zeros(size), causal, noncausal),
+        known_to(root),
+        coefficients,
+        test,
     )
     white = whitened(slow(u), coefficients)
     np.testing.assert_allclose(found.raw**2 - 1.0, 2.0 * leverage(slow(u), causal, noncausal, root), rtol=1e-9)
@@ -112,7 +120,7 @@ def test_the_spread_draws_the_scatter_of_predictions():
     draws = np.random.default_rng(4).standard_normal((4000, 12)) @ root.T
     still = Record(slow(u), channels=["p", "q"], sample_period_s=0.1)
     scatter = np.std([operator(theta, 3, 2).predict(still)[:, 0] for theta in draws], axis=0)
-    found = through(u, operator(np.zeros(12), 3, 2), Doubt(root=root, raw=1.0, white=1.0))
+    found = through(u, operator(np.zeros(12), 3, 2), ParameterUncertainty(root=root, raw=1.0, white=1.0))
     np.testing.assert_allclose(np.sqrt(found.raw**2 - 1.0)[3:-2], scatter[3:-2], rtol=0.08)
 
 
@@ -124,7 +132,12 @@ def test_however_the_rows_come_the_spread_is_the_same(samples, gaps):
         u[np.random.default_rng(3).random(u.shape) < 0.02] = np.nan
         u[: samples // 3, 0] = np.nan
     test = Statistic(windows_s=(0.4, 30.0), baseline_s=100.0)
-    given = operator(np.zeros(12), 3, 2), Doubt(root=root, raw=2.0, white=3.0), np.array([1.0, -0.6]), test
+    given = (
+        operator(np.zeros(12), 3, 2),
+        known_to(root),
+        np.array([1.0, -0.6]),
+        test,
+    )
     whole = through(u, *given)
     for chunk in (7, 50) if samples > 100 else (1, 2, 3):
         parts = through(u, *given, chunk=chunk)
@@ -150,8 +163,8 @@ def test_the_spread_stands_on_nothing_beyond_its_look_ahead(causal, noncausal, m
     if missing == "gaps":
         u[np.random.default_rng(3).random(u.shape) < 0.03] = np.nan
     test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
-    doubt = Doubt(root=root_of(size), raw=2.0, white=3.0)
-    given = operator(np.zeros(size), causal, noncausal), doubt, np.array([1.0, -0.6]), test
+    uncertainty = ParameterUncertainty(root=root_of(size), raw=2.0, white=3.0)
+    given = operator(np.zeros(size), causal, noncausal), uncertainty, np.array([1.0, -0.6]), test
     whole = arrays(through(u, *given))
     for cut in (*range(1, 40), *range(41, 120, 7)):
         known = max(cut - HALF - noncausal, 0)
@@ -164,11 +177,13 @@ def test_a_derivative_takes_one_sample_more():
     angles = np.cumsum(np.random.default_rng(8).standard_normal((200, 3)), axis=0)
     angles[80:90, 1] = np.nan
     by = replace(operator(np.zeros(5), 2, 2, inputs=1), inputs=("p_att",))
-    doubt = Doubt(root=root_of(5), raw=2.0, white=3.0)
+    uncertainty = ParameterUncertainty(root=root_of(5), raw=2.0, white=3.0)
 
     def spread(rows):
         record = Record(angles[:rows], channels=["phi", "theta", "psi"], sample_period_s=0.1)
-        return arrays(doubt.spread(by, record, np.array([1.0, -0.6]), Statistic(windows_s=(0.4,), baseline_s=4.0)))
+        return arrays(
+            uncertainty.spread(by, record, np.array([1.0, -0.6]), Statistic(windows_s=(0.4,), baseline_s=4.0))
+        )
 
     whole = spread(200)
     assert whole[0].max() > 1.5
@@ -179,9 +194,9 @@ def test_a_derivative_takes_one_sample_more():
 
 
 def test_a_stream_remembers_no_more_after_much_than_after_little():
-    doubt, sizes = Doubt(root=root_of(12), raw=2.0, white=3.0), []
+    uncertainty, sizes = known_to(root_of(12)), []
     test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
-    stream = SpreadStream(operator(np.zeros(12), 3, 2), doubt, np.array([1.0, -0.6]), test, 0.1)
+    stream = SpreadStream(operator(np.zeros(12), 3, 2), uncertainty, np.array([1.0, -0.6]), test, 0.1)
     for k in range(300):
         stream.push(motion(100, seed=k))
         if k in (150, 299):
@@ -193,7 +208,7 @@ def test_a_stream_remembers_no_more_after_much_than_after_little():
 def test_rows_that_no_complete_window_tells_of_have_a_spread_of_one(gap):
     u = motion(60)
     u[gap, 1] = np.nan
-    found = through(u, operator(np.zeros(12), 3, 2), Doubt(root=root_of(12), raw=2.0, white=3.0))
+    found = through(u, operator(np.zeros(12), 3, 2), known_to(root_of(12)))
     there = np.isfinite(operator(np.zeros(12), 3, 2).predict(Record(u, channels=["p", "q"], sample_period_s=0.1))[:, 0])
     assert (found.raw[~there] == 1.0).all()
     assert (found.raw[there] > 1.0).all()
@@ -201,7 +216,7 @@ def test_rows_that_no_complete_window_tells_of_have_a_spread_of_one(gap):
 
 @pytest.mark.parametrize("samples", [0, 1, 5])
 def test_a_record_shorter_than_a_window_has_a_spread_of_one(samples):
-    found = through(motion(samples), operator(np.zeros(12), 3, 2), Doubt(root=root_of(12), raw=2.0, white=3.0))
+    found = through(motion(samples), operator(np.zeros(12), 3, 2), known_to(root_of(12)))
     assert found.raw.tolist() == found.white.tolist() == [1.0] * samples
 
 
@@ -264,14 +279,14 @@ def test_missing_samples_are_held_or_bridged_by_a_line():
 
 def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
     root, coefficients = 0.5 * np.eye(6), np.array([1.0, -0.5])
-    doubt = Doubt(root=root, raw=4.0, white=9.0)
+    uncertainty = ParameterUncertainty(root=root, raw=4.0, white=9.0)
     by = operator(np.zeros(6), 1, 1)
     time = np.arange(400.0)
     push = np.exp(-(((time - 200.0) / 20.0) ** 2))
 
     def spread(size):
         record = Record(np.outer(size * push, [1.0, 2.0]), channels=["p", "q"], sample_period_s=0.1)
-        return doubt.spread(by, record, coefficients, Statistic())
+        return uncertainty.spread(by, record, coefficients, Statistic())
 
     rest, once, twice, other = (spread(size) for size in (0.0, 1.0, 2.0, -1.0))
     for way in ("raw", "white"):
@@ -286,12 +301,12 @@ def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
 
 
 def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
-    """Operators drawn from the doubt: they shift means by what is said, and seldom alarm."""
+    """Operators drawn from the uncertainty: they shift means by what is said, and seldom alarm."""
     random = np.random.default_rng(5)
     by, test = operator(np.zeros(2), 0, 0, period_s=0.01), Statistic(windows_s=(0.64,), baseline_s=2.0, two_sided=False)
     push = np.where((np.arange(1500) // 150) % 2, 3.0, -3.0)  # half turns of 1.5 s
     record = Record(np.column_stack([push, push**2 / 3.0]), channels=["p", "q"], sample_period_s=0.01)
-    spread = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0).spread(by, record, np.ones(1), test)
+    spread = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0).spread(by, record, np.ones(1), test)
     tolerance, drawn, greatest, judged = Tolerance(high=2.0), [], [], []
     for _ in range(60):
         error = record.matrix(["p", "q"]) @ (0.5 * random.standard_normal(2)) + random.standard_normal(1500)
@@ -311,8 +326,8 @@ def test_a_shift_in_known_motion_alarms_as_without_doubt():
     test, noise = Statistic(windows_s=(0.64,), baseline_s=2.0), np.random.default_rng(6).standard_normal(1500)
     shifted = noise + np.where(np.arange(1500) > 1000, 1.5, 0.0)
     still = Record(np.zeros((1500, 2)), channels=["p", "q"], sample_period_s=0.01)
-    doubt = Doubt(root=0.5 * np.eye(2), raw=1.0, white=1.0)
-    spread = doubt.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
+    uncertainty = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0)
+    spread = uncertainty.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
     for one, other in zip(
         test.series(noise, shifted, 0.01, Tolerance()),
         test.series(noise, shifted, 0.01, Tolerance(), spread),
