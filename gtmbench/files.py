@@ -18,7 +18,6 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 
 LARGEST_TOML_BYTES = 100_000
-LARGEST_LOG_BYTES = 1 << 30
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
 _LONGEST_LINE_BYTES = 1 << 20
