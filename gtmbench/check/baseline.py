@@ -14,7 +14,8 @@ from gtmbench.check.tolerance import Tolerance, parse_tolerance
 from gtmbench.checks import keys, number, shown, table_of, whole
 from gtmbench.detectors.windowed_norm import SCORE
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_baselines, shipped_scenarios
+from gtmbench.files import is_file, read_toml
+from gtmbench.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
