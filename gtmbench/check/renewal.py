@@ -16,7 +16,8 @@ from gtmbench.check.figures import Group, Value
 from gtmbench.check.rules import FORMER, KINDS, RULES
 from gtmbench.checks import printable
 from gtmbench.errors import InputError
-from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, shipped_scenarios
+from gtmbench.files import LARGEST_TOML_BYTES, atomic_write
+from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.scenario import load_scenario
 
 _A_LINE = 10  # numbers of a list

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import atomic_folder, check_folder
+from gtmbench.plain import dumps, finite_or_none, plain
 from gtmbench.theory.polynomials import read_polynomial, write_polynomial
 from gtmbench.theory.rational import Coefficients, PolynomialMatrix, entries
 
@@ -113,7 +113,7 @@ class Reproduction:
             agreement=agreement,
             note=note,
             seconds=now - self._last,
-            values=_plain(values),
+            values=plain(values, _number_or_words),
         )
         self._last = now
         self.rows.append(row)
@@ -154,7 +154,7 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
                 "figures": page.figures,
                 "rows": [asdict(row) for row in page.rows],
             }
-            written = json.dumps(results, indent=1, allow_nan=False)
+            written = dumps(results, indent=1)
             (folder / RESULTS).write_text(written + "\n", encoding="utf-8")
     except GtmbenchError as error:
         click.echo(f"{name}.py: {error}", err=True)
@@ -225,18 +225,10 @@ def _written(values: np.ndarray[Any, Any], form: str) -> str:
     return " ".join(cells if len(cells) <= 8 else [*cells[:4], "...", *cells[-2:]])
 
 
-def _plain(value: object) -> Any:
-    """Return a value as JSON knows it; complex numbers as [real, imaginary], symbols as text."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(held) for key, held in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+def _number_or_words(value: object) -> object:
+    """Return a leaf with nothing lost: complex numbers as [real, imaginary], NaN, infinities and symbols as words."""
     if isinstance(value, Fraction):
         return value.numerator if value.denominator == 1 else float(value)
     if isinstance(value, complex):
         return [value.real, value.imag]
-    if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
-        return value
-    return str(value)  # JSON knows neither infinity nor NaN
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else finite_or_none(value)
