@@ -26,7 +26,8 @@ from gtmbench.check.figures import Group, rounded
 from gtmbench.check.rules import KINDS, RULES
 from gtmbench.check.run import check, run_reference
 from gtmbench.detectors.registry import find_detector
-from gtmbench.files import LARGEST_TOML_BYTES, shipped_baselines
+from gtmbench.files import LARGEST_TOML_BYTES
+from gtmbench.shipped import shipped_baselines
 from gtmbench.study.scenario import load_scenario
 
 HEALTHY = Group(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})

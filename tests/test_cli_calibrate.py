@@ -13,7 +13,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
 

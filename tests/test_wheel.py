@@ -54,7 +54,7 @@ def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
 
 def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anywhere(installed, tmp_path):
     script = (
-        "import gtmbench as gb; from gtmbench.files import share;"
+        "import gtmbench as gb; from gtmbench.shipped import share;"
         "print('_share' in str(share()), len(gb.run('faults/drift.toml')))"
     )
     done = subprocess.run(

@@ -18,8 +18,9 @@ from gtmbench.bench.model_file import check_model
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.checks import number, one_line, shown, text
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import is_file, read_toml, share, shipped_aircraft
+from gtmbench.files import is_file, read_toml
 from gtmbench.record import Span
+from gtmbench.shipped import share, shipped_aircraft
 
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for

@@ -21,14 +21,8 @@ from gtmbench.check.rules import FORMER, KINDS, RULES, Tolerance, parse_toleranc
 from gtmbench.checks import keys, naming, number, printable, shown, table_of, whole
 from gtmbench.detectors.windowed_norm import SCORE
 from gtmbench.errors import InputError
-from gtmbench.files import (
-    LARGEST_TOML_BYTES,
-    atomic_write,
-    is_file,
-    read_toml,
-    shipped_baselines,
-    shipped_scenarios,
-)
+from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 

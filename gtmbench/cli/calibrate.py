@@ -18,10 +18,11 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, shipped_banks
+from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.record import Record
 from gtmbench.report.words.monitor import facts, facts_text, residual_rows
+from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
 from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
 

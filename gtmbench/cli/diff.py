@@ -68,7 +68,7 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
 
 
 def _print_json(found: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
-    from gtmbench.report.tables.results import plain
+    from gtmbench.plain import plain
 
     told = {"a": str(a), "b": str(b), "equal": found.equal, **asdict(found)}
     print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))

@@ -20,10 +20,11 @@ from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import GROUP as FAULT_GROUP
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
+from gtmbench.files import check_file
 from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.study.scenario import load_scenario
 
 _aircraft_option = click.option(

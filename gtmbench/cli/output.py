@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
 
 from gtmbench.checks import printable
+from gtmbench.plain import dumps
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -27,7 +27,7 @@ def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
 
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object."""
-    click.echo(json.dumps(value, indent=2, allow_nan=False))
+    click.echo(dumps(value, indent=2))
 
 
 def print_table(

@@ -16,9 +16,10 @@ import click
 from gtmbench.cli.detectors import detector_option, found_detectors, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder, shipped_scenarios
+from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
 from gtmbench.progress import progress_bar
 from gtmbench.report.recording.read import check_recording
+from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study

@@ -6,7 +6,7 @@ import re
 import shlex
 from dataclasses import dataclass
 
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import CHANNEL_OF_HEADER
 from gtmbench.intake.formats.raw import Meaning
 from gtmbench.intake.units import dimension_of, hint, unit
 
@@ -141,4 +141,4 @@ def _key(name: str) -> str:
 
 def is_table_header(name: str) -> bool:
     """Tell whether a column is named exactly as this package names it: ``p_deg_s``."""
-    return any(channel.header == name for channel in CHANNELS.values()) or name == "time_s"
+    return name == "time_s" or name in CHANNEL_OF_HEADER

@@ -13,16 +13,15 @@ from gtmbench.channels import SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
-from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values
-from gtmbench.intake.formats.read import read_raw
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, split_mapping, with_time
+from gtmbench.intake.flight_log import FlightLog, summed_up
+from gtmbench.intake.formats.limits import check_values
+from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.questions import judged, not_taken
-from gtmbench.intake.remarks import summed_up
+from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.segments import Track, cut
 from gtmbench.intake.stamps import Clock, cleaned
-from gtmbench.intake.suspicious import remarks_on
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,9 +11,9 @@ import numpy as np
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark
-from gtmbench.intake.formats.raw import check_values
+from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.resample import HALF, decimation, resampled
+from gtmbench.intake.resampling import HALF, decimation, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.record import Record, Span
 

@@ -14,8 +14,9 @@ from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_scenarios
+from gtmbench.files import is_file, read_toml
 from gtmbench.record import Span
+from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000

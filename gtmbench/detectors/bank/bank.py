@@ -10,8 +10,9 @@ from typing import Any
 from gtmbench.checks import keys, number, shown, table_of, text
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_banks
+from gtmbench.files import is_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
+from gtmbench.shipped import shipped_banks
 
 _MOST_RESIDUALS = 50
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import atomic_folder, check_folder
+from gtmbench.plain import dumps, finite_or_none, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ class Reproduction:
             agreement=agreement,
             note=note,
             seconds=now - self._last,
-            values=_plain(values),
+            values=plain(values, _number_or_words),
         )
         self._last = now
         self.rows.append(row)
@@ -150,7 +150,7 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
                 "figures": page.figures,
                 "rows": [asdict(row) for row in page.rows],
             }
-            written = json.dumps(results, indent=1, allow_nan=False)
+            written = dumps(results, indent=1)
             (folder / RESULTS).write_text(written + "\n", encoding="utf-8")
     except GtmbenchError as error:
         click.echo(f"{name}.py: {error}", err=True)
@@ -185,16 +185,8 @@ def _written(values: np.ndarray[Any, Any], form: str) -> str:
     return " ".join(flat if len(flat) <= 8 else [*flat[:4], "...", *flat[-2:]])
 
 
-def _plain(value: object) -> Any:
-    """Return a value as JSON knows it; complex numbers as [real, imaginary]."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+def _number_or_words(value: object) -> object:
+    """Return a leaf with nothing lost: complex numbers as [real, imaginary], NaN and infinities by their names."""
     if isinstance(value, complex):
         return [value.real, value.imag]
-    if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
-        return value
-    return str(value)  # JSON knows neither infinity nor NaN
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else finite_or_none(value)

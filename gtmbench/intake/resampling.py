@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gtmbench.clock import FloatArray
-from gtmbench.intake.formats.raw import check_values
+from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import JITTER
 
 HALF = 13  # half of the low-pass's length, in samples of the result
