@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.detectors import detector_option, found_detector, import_option
+from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.detectors.registry import find_detector, is_python
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
@@ -107,7 +108,7 @@ def _watcher(reference: Reference, detector: str | None, calibrated: Path | None
     """Return what goes by the name that a baseline states, where the command line brings it."""
     if detector is None:
         return None
-    watcher = found_detector(detector, calibrated)
+    watcher = find_detector(detector, calibrated=calibrated)
     if reference.detector != watcher.name:
         raise InputError(
             f"{reference.path} names {reference.detector or 'no detector'}, and --detector {detector} is "
@@ -128,12 +129,11 @@ def _update(
     from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
     from gtmbench.check.compare import pairs
     from gtmbench.check.report import update_results
-    from gtmbench.detectors.registry import is_python
 
     _check_target(path)
     if not path.exists():
         python = detector is not None and is_python(detector)
-        named = found_detector(str(detector), calibrated).name if python else detector
+        named = find_detector(str(detector), calibrated=calibrated).name if python else detector
         text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), detector=named)
         reference = reference_of(path, tomllib.loads(text))
     elif scenarios:
