@@ -70,10 +70,10 @@ def _spline(time_s: FloatArray, values: FloatArray, at_s: FloatArray, hole_s: fl
     if len(time_s) < 4:
         return np.full(len(at_s), np.nan)
     # times are counted from the span's start: cubes of large numbers lose digits
-    found: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
+    spline: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
     after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
     left_s, right_s = at_s - time_s[after - 1], time_s[after] - at_s
     beside = (np.abs(left_s) <= near_s) | (np.abs(right_s) <= near_s)
     between = (left_s >= 0) & (right_s >= 0) & (left_s + right_s <= hole_s)
-    found[~(beside | between)] = np.nan
-    return found
+    spline[~(beside | between)] = np.nan
+    return spline
