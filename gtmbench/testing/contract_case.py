@@ -17,7 +17,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import Drift, inject
 from gtmbench.method.decimation import decimate
-from gtmbench.method.pose import as_records
+from gtmbench.method.problem import as_records
 from gtmbench.record import Record
 from gtmbench.study.shared_flights import fly_once
 

@@ -14,7 +14,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_r
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.pose import operator_names
+from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
