@@ -13,7 +13,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.resampling import HALF, decimation, resampled
+from gtmbench.intake.resampling import HALF, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.record import Record, Span
 
@@ -109,7 +109,7 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     laid = {id(track): _between_gaps(track, rough_s, breaks_s, made.remarks) for track in tracks}
     reference, all_parts = laid[id(slowest)], list(laid.values())
     period_s = _common_period(reference, rate_hz)
-    filtered = any(decimation(parts.period_s, period_s) > 1 for parts in all_parts)
+    filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts)
     made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, filtered=filtered)
     if rate_hz is None and filtered:
         made.method.append(

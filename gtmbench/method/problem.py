@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import names, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
-from gtmbench.method.noise_model import NoiseModel
+from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.regression.stretches import Stretch, check_constant, stretches
 from gtmbench.method.regression.triangle import Columns, Triangle, triangle
 from gtmbench.record import FloatArray, Record, check_record

@@ -16,7 +16,7 @@ from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import Drift, inject
-from gtmbench.method.decimation import decimate
+from gtmbench.intake.resampling import decimate
 from gtmbench.method.problem import as_records
 from gtmbench.record import Record
 from gtmbench.study.shared_flights import fly_once
