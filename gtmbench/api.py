@@ -16,7 +16,7 @@ from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrat
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, silent, watch
+from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
@@ -43,6 +43,7 @@ from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.log.watch import bank_between, watch_log

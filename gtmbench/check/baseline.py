@@ -11,7 +11,7 @@ from gtmbench.check.compare import Recorded
 from gtmbench.check.figures import Value, trial_names
 from gtmbench.check.rules import FORMER, KINDS, RULES
 from gtmbench.check.tolerance import Tolerance, parse_tolerance
-from gtmbench.checks import number, shown, whole
+from gtmbench.checks import keys, number, shown, table_of, whole
 from gtmbench.detectors.windowed_norm import SCORE
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
@@ -151,9 +151,9 @@ def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
     if "monitor" in table and "detector" in table:
         raise InputError("both detector and monitor are given; monitor is its former name, so keep detector")
     found = {("detector" if key == "monitor" else key): value for key, value in table.items() if key not in FORMER}
-    scores = dict(_table("score", found.get("score", {})))
+    scores = dict(table_of("score", found.get("score", {})))
     for kind in FORMER:
-        for name, figures in _table(kind, table.get(kind, {})).items():
+        for name, figures in table_of(kind, table.get(kind, {})).items():
             now = SCORE if kind == "norm" else name
             if now in scores:
                 raise InputError(f"both {kind}.{name} and score.{now} are given; the first is a former name, remove it")
@@ -189,7 +189,7 @@ def _tolerances(given: Any) -> dict[str, Tolerance]:
 
 def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
     groups = {}
-    for name, figures in _table(kind, given).items():
+    for name, figures in table_of(kind, given).items():
         where = f"{kind}.{name}"
         own = _known(where, figures, KINDS[kind][1])
         groups[name] = {key: _value(f"{where}.{key}", RULES[key].form, value) for key, value in own.items()}
@@ -223,15 +223,5 @@ def _texts(where: str, given: Any) -> list[str]:
     return given
 
 
-def _known(where: str, given: Any, keys: tuple[str, ...]) -> dict[str, Any]:
-    found = _table(where, given)
-    for key in found:
-        if key not in keys:
-            raise InputError(f"unknown key {shown(key)}{where and f' in [{where}]'}; there are {', '.join(keys)}")
-    return found
-
-
-def _table(where: str, given: Any) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise InputError(f"{where} is {shown(given)}; it must be a table, [{where}]")
-    return given
+def _known(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, Any]:
+    return keys(table_of(section, given), legal, section=section)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, compare
 from gtmbench.check.figures import Group, figures_of
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, silent
+from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
+from gtmbench.progress import Progress, silent
 from gtmbench.study.run import run_study
 
 

@@ -11,7 +11,7 @@ import click
 from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option, found_detector
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
 from gtmbench.detectors.bank.signatures import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankMonitor
@@ -19,6 +19,7 @@ from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
+from gtmbench.progress import progress_bar
 from gtmbench.record import Record
 from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks

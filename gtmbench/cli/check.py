@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.detectors import detector_option, found_detector, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file
+from gtmbench.progress import progress_bar
 from gtmbench.shipped import is_installed, shipped_baselines, shipped_scenarios
 
 if TYPE_CHECKING:

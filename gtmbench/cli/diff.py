@@ -8,9 +8,10 @@ from pathlib import Path
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file
+from gtmbench.progress import progress_bar
 from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
 from gtmbench.report.recording.read import read_recording
 

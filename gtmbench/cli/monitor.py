@@ -11,11 +11,12 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option, found_detector
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file, is_file
 from gtmbench.method.pseudo_inputs import derivable
+from gtmbench.progress import progress_bar
 from gtmbench.record import Span
 from gtmbench.shipped import shipped_banks
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -29,33 +28,6 @@ def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object."""
     click.echo(dumps(value, indent=2))
-
-
-@contextmanager
-def progress_bar(*, silent: bool) -> Iterator[Callable[[str, int | None, int | None], None]]:
-    """Give a function that shows a step, how many are done and of how many; None: one more, of as many as before.
-
-    The bar stands on stderr, on terminals only, and is gone afterwards.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description:<24}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-
-        def tell(step: str, done: int | None = None, total: int | None = None) -> None:
-            bar.update(
-                task, description=printable(step), completed=done, total=total, advance=1 if done is None else None
-            )
-
-        yield tell
 
 
 def print_table(

@@ -14,9 +14,10 @@ from typing import Any
 import click
 
 from gtmbench.cli.detectors import detector_option, found_detectors, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
+from gtmbench.progress import progress_bar
 from gtmbench.report.recording.read import check_recording
 from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.run import run_study

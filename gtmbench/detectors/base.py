@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.clock import FloatArray
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Progress, Score, Stream, Watch, silent
+from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.stream import BufferedStream, RollingBuffer
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import came_down, rising
 from gtmbench.method.problem import as_records
 from gtmbench.plain import exact
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, check_record
 
 

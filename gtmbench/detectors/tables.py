@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gtmbench import checks
 from gtmbench.checks import names, number, shown, text, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
@@ -80,22 +81,19 @@ def operator_of(
     )
 
 
-def keys(where: str, table: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
+def keys(where: str, given: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
     """Return a table that has exactly these keys, in the file's order."""
-    found = table_of(where or "it", table)
+    found = table_of(where or "it", given)
     missing = [key for key in wanted if key not in found]
-    strange = [key for key in found if key not in wanted]
-    if missing or strange:
-        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {shown(strange[0])}"
-        raise InputError(f"{where + ': ' if where else ''}{what}; there must be {', '.join(wanted) or 'none'}")
-    return found
+    if missing:
+        before = f"{where}: " if where else ""
+        raise InputError(f"{before}key '{missing[0]}' is missing; there must be {', '.join(wanted)}")
+    return checks.keys(found, wanted, where=where, there="there must be")
 
 
 def table_of(where: str, given: Any) -> dict[str, Any]:
     """Return what should be a table."""
-    if not isinstance(given, dict):
-        raise InputError(f"{where} is {shown(given)}; it must be a table, {{...}}")
-    return given
+    return checks.table_of(where, given, "{...}")
 
 
 def names_of(where: str, given: Any) -> tuple[str, ...]:

@@ -17,8 +17,9 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
+from gtmbench.progress import Tell
 from gtmbench.record import Record
-from gtmbench.study.flights import Flown, Tell
+from gtmbench.study.flights import Flown
 from gtmbench.study.scenario import Setup
 
 FLIGHTS = 12

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number, shown
+from gtmbench.checks import keys, number, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, Parameter
 from gtmbench.faults.registry import find_fault
@@ -60,9 +60,7 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     parameters = cls.parameters()
     own = [item.name for item in parameters]
     legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
-    for key in block:
-        if key not in legal:
-            raise InputError(f"{where}: unknown key {shown(key)}; a {cls.kind} has {', '.join(legal)}")
+    keys(block, legal, where=where, there=f"a {cls.kind} has")
     for key in ("channels", "onset_s", *own):
         if key not in block:
             raise InputError(f"{where}: key '{key}' is missing; a {cls.kind} needs it")

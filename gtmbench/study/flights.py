@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import unit_of
-from gtmbench.detectors.protocol import Progress
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import inject
+from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec, build
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.severity import resolve
 from gtmbench.study.trial import Injection
 
-Tell = Callable[[str], None]
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
 
 
@@ -91,15 +90,3 @@ def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:
                 "one flight and one detector, so run them one at a time"
             )
     return first.setup if seed is None else replace(first.setup, seed=seed)
-
-
-def counted(progress: Progress, total: int) -> Tell:
-    """Return a function to be told every step as it begins; `progress` hears how many are done, and of how many."""
-    done = 0
-
-    def tell(step: str) -> None:
-        nonlocal done
-        progress(step, done, total)
-        done += 1
-
-    return tell

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.detectors.protocol import Monitor, Progress, Watch, silent
+from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
+from gtmbench.progress import Progress, Tell, counted, silent
 from gtmbench.record import Record
 from gtmbench.study.calibration import Calibrator, own_detector, resolved
 from gtmbench.study.fault_tables import FaultSpec, spec_of
-from gtmbench.study.flights import Flown, Tell, common_setup, counted, fly_setup
+from gtmbench.study.flights import Flown, common_setup, fly_setup
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial

@@ -12,7 +12,7 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number, shown, text, whole
+from gtmbench.checks import keys, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.record import Span
@@ -150,19 +150,13 @@ def _setup(table: dict[str, Any]) -> Setup:
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     """Return a table's values as a dataclass wants them, or say which key is wrong and how."""
-    known = [item.name for item in fields(of)]
-    for key in table:
-        if key not in known:
-            where = f" in [{prefix.rstrip('.')}]" if prefix else ""
-            raise InputError(f"unknown key {shown(key)}{where}; there are {', '.join(known)}")
-    return {key: _CHECKS[key](prefix + key, value) for key, value in table.items()}
+    known = keys(table, [item.name for item in fields(of)], section=prefix.rstrip("."))
+    return {key: _CHECKS[key](prefix + key, value) for key, value in known.items()}
 
 
 def _table(of: type) -> Callable[[str, Any], Any]:
     def check(key: str, value: Any) -> Any:
-        if not isinstance(value, dict):
-            raise InputError(f"{key} is {shown(value)}; it must be a table, [{key}]")
-        return of(**_checked(of, value, f"{key}."))
+        return of(**_checked(of, table_of(key, value), f"{key}."))
 
     return check
 

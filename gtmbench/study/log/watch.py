@@ -10,12 +10,13 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, calibrate
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.open import open_for
