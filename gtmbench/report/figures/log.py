@@ -15,11 +15,7 @@ from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.scores import LOWEST, level
 from gtmbench.report.style import COLOURS
-from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
-from gtmbench.report.words.log import outcome_text
-from gtmbench.report.words.monitor import rms_identified, title_text
-from gtmbench.report.words.units import with_unit
-from gtmbench.report.words.watched import (
+from gtmbench.report.watched import (
     TINTS,
     State,
     Stretch,
@@ -33,6 +29,10 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
+from gtmbench.report.words.log import outcome_text
+from gtmbench.report.words.monitor import rms_identified, title_text
+from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watched import WatchedLog
 
 if TYPE_CHECKING:

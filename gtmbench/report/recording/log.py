@@ -43,11 +43,7 @@ from gtmbench.report.recording.log_blueprint import log_blueprint, sensor_entity
 from gtmbench.report.recording.timeline import set_time
 from gtmbench.report.style import COLOURS
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.judgement import MOST_ALARMS, Event, watch_events
-from gtmbench.report.words.log import outcome_text, remark_text
-from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.units import with_unit
-from gtmbench.report.words.watched import (
+from gtmbench.report.watched import (
     TINTS,
     State,
     began_s,
@@ -58,6 +54,10 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, watch_events
+from gtmbench.report.words.log import outcome_text, remark_text
+from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
 _OUTCOME = (
