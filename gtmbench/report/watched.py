@@ -15,6 +15,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.style import colour
+from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watched import WatchedLog
 
 _BEFORE_S, _AFTER_S, _LONGEST_S = 5.0, 15.0, 90.0  # about a fault, shown large
@@ -56,7 +57,7 @@ def about(fault: Alarm, whole: Span) -> Span:
 
 def whole_of(watched: WatchedLog) -> Span:
     """Return the log's span."""
-    return watched.log.segments[0].start_s, watched.log.segments[-1].end_s
+    return whole_s(watched.log)
 
 
 def scores_of(watched: WatchedLog) -> list[str]:
