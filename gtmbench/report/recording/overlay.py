@@ -134,7 +134,8 @@ def _blueprint(parts: Parts, comparison: Comparison) -> rrb.Blueprint:
     """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
     plotted = [name for name in names if _is_line(name, parts)]
-    times_s = [time_s for part in parts.values() for name, (time_s, _) in part.items() if name in plotted]
+    drawn = [time_s for part in parts.values() for name, (time_s, _) in part.items() if name in plotted]
+    times_s = [time_s for time_s in drawn if len(time_s)]  # a difference has none where the two share no time
     shown_s = (float(min(of[0] for of in times_s)), float(max(of[-1] for of in times_s))) if times_s else (0.0, 1.0)
     tabs: dict[str, list[Name]] = defaultdict(list)
     for name in sorted(plotted, key=_importance):
