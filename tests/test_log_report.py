@@ -15,7 +15,7 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.figures.panels import thinned
-from gtmbench.report.recording.log import write_log_recording
+from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.watched import State, stretches
 from gtmbench.report.words.log import log_report, outcome_text

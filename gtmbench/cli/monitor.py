@@ -221,10 +221,9 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         with atomic_write(figure) as aside:
             write_log_figure(watched, aside)
     if record is not None:
-        from gtmbench.report.recording.log import write_log_recording
+        from gtmbench.report.recording.write import write_log_recording
 
-        with atomic_write(record) as aside:
-            write_log_recording(watched, aside)
+        write_log_recording(watched, record)
     if save is not None:
         from gtmbench.detectors.files import save_monitor
 

@@ -160,6 +160,6 @@ def _fail(
     def write(path: Path) -> None:
         from gtmbench.report.recording.failure import FailedWatch, write_watch_recording
 
-        write_watch_recording(path, FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said))
+        write_watch_recording(FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said), path)
 
     raise AssertionError(f"{said}; {kept().record(write)}")
