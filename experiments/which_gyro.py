@@ -36,7 +36,7 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.study.fault_tables import parse_severity, resolve
 from gtmbench.study.score import false_alarms, score
 

@@ -25,16 +25,16 @@ from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturati
 from gtmbench.faults.registry import register_fault
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
-from gtmbench.method.decimation import decimate
+from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
-from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
 from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm

@@ -15,8 +15,7 @@ from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.watch import scores_and_alarms
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
-from gtmbench.method.pose import Records, as_records
-from gtmbench.method.problem import Estimator
+from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 

@@ -19,7 +19,7 @@ from gtmbench.detectors.stream import BufferedStream, RollingBuffer
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import came_down, rising
-from gtmbench.method.pose import as_records
+from gtmbench.method.problem import as_records
 from gtmbench.plain import exact
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, check_record

@@ -68,6 +68,11 @@ class FlightLog:
         return self.segments[0].sample_period_s
 
 
+def remark(kind: str, start_s: float, end_s: float, text: str, channel: str | None = None) -> Remark:
+    """Return a remark on a channel, or on all of them; times may be numpy's."""
+    return Remark(kind=kind, channel=channel, start_s=float(start_s), end_s=float(end_s), text=text)
+
+
 def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     """Return remarks in time, a few dozen at most.
 
@@ -76,16 +81,16 @@ def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     '9 times from 0 to 9 s, in all 9 s; the first: nothing from 0 s'
     """
     plain = [replace(remark, text=one_line(remark.text)) for remark in remarks]
-    found = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
-    one_by_one = _grouped(found, _APART, by_channel=True)
-    return tuple(one_by_one if len(one_by_one) <= _MOST_REMARKS else _grouped(found, 1, by_channel=False))
+    ordered = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
+    one_by_one = _grouped(ordered, _APART, by_channel=True)
+    return tuple(one_by_one if len(one_by_one) <= _MOST_REMARKS else _grouped(ordered, 1, by_channel=False))
 
 
 def _grouped(remarks: Sequence[Remark], apart: int, *, by_channel: bool) -> list[Remark]:
     groups: dict[tuple[str, str | None], list[Remark]] = {}
     for remark in remarks:
         groups.setdefault((remark.kind, remark.channel if by_channel else None), []).append(remark)
-    summed = [one for group in groups.values() for one in (group if len(group) <= apart else [_sum(group)])]
+    summed = [remark for group in groups.values() for remark in (group if len(group) <= apart else [_sum(group)])]
     return sorted(summed, key=lambda remark: (remark.start_s, remark.end_s))
 
 

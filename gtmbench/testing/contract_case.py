@@ -16,8 +16,8 @@ from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import Drift, inject
-from gtmbench.method.decimation import decimate
-from gtmbench.method.pose import as_records
+from gtmbench.intake.resampling import decimate
+from gtmbench.method.problem import as_records
 from gtmbench.record import Record
 from gtmbench.testing.flights import fly_once
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -12,6 +11,7 @@ from types import ModuleType
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
+from gtmbench.imports import load_extra
 from gtmbench.logs import LARGEST_LOG_BYTES, MOST_LOG_VALUES
 
 LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
@@ -42,14 +42,8 @@ def check_columns(names: Sequence[str]) -> None:
 
 def library(name: str, path: Path, kind: str) -> ModuleType:
     """Import a module of the extra ``logs``, or say in one line how to get it."""
-    try:
-        with quiet():
-            return importlib.import_module(name)
-    except ImportError as error:
-        package = name.partition(".")[0]
-        raise InputError(
-            f"{path} is a {kind}: reading it needs the package {package}; pip install 'gtmbench[logs]'"
-        ) from error
+    with quiet():
+        return load_extra(name, "logs", f"{path} is a {kind}: reading it needs")
 
 
 @contextlib.contextmanager

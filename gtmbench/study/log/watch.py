@@ -14,7 +14,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_r
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.pose import operator_names
+from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
