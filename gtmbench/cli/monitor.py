@@ -23,7 +23,7 @@ from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
     from gtmbench.intake.open import LogColumn
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.study.log.watch import WatchedLog
 
 
 @click.command("monitor")

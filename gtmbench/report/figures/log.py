@@ -33,7 +33,7 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.log.watch import WatchedLog
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

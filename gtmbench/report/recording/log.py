@@ -58,7 +58,7 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watch import Outcome, WatchedLog
 
 _OUTCOME = (
     "outcome",

@@ -18,7 +18,7 @@ from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.words.log import alarm_bound, deviation, outcome_text, passed_alarms, rms
 from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.report.words.watched import began_s, disarmed_by, stretches
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.log.watch import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
