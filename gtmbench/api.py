@@ -46,8 +46,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
-from gtmbench.study.log.watch import bank_between, watch_log
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score

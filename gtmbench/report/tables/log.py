@@ -18,7 +18,7 @@ from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.log.watch import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
