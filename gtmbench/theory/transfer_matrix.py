@@ -101,11 +101,8 @@ def _rows(what: str, given: Any) -> list[list[FloatArray]]:
         ]
     except (TypeError, ValueError):
         rows = []
-    if (
-        not rows
-        or not rows[0]
-        or any(len(row) != len(rows[0]) or any(entry.ndim != 1 for entry in row) for row in rows)
-    ):
+    lengths = {len(row) for row in rows}
+    if len(lengths) != 1 or 0 in lengths or any(entry.ndim != 1 for row in rows for entry in row):
         raise InputError(f"{what} aren't rows of polynomials; a single entry is [[[1.0, -0.5]]], for z - 0.5")
     return rows
 
