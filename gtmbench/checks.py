@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -89,6 +90,22 @@ def keys(table: Table, legal: Iterable[str], *, where: str = "", section: str = 
             before, within = f"{where}: " if where else "", f" in [{section}]" if section else ""
             raise InputError(f"{before}unknown key {shown(key)}{within}; {there} {', '.join(known) or 'none'}")
     return table
+
+
+@contextmanager
+def naming(where: object) -> Iterator[None]:
+    """Begin the message of an error of input by where it is: a file, a table, a key.
+
+    >>> with naming("mine.toml"):
+    ...     whole("seed", -1)
+    Traceback (most recent call last):
+        ...
+    gtmbench.errors.InputError: mine.toml: seed is -1; it must be a whole number, 0 or more, at most 2147483647
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def shown(value: Any) -> str:

@@ -14,9 +14,8 @@ from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.record import Record
 from gtmbench.shipped import shipped_scenarios
-from gtmbench.study.fault_tables import build
+from gtmbench.study.fault_tables import Severity, build, parse_severity, resolve
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_scenario
-from gtmbench.study.severity import Severity, parse_severity, resolve
 
 TEMPLATE = Path(gtmbench.__file__).parent / "cli" / "template.toml"
 

@@ -12,7 +12,7 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import keys, number, shown, table_of, text, whole
+from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.record import Span
@@ -87,10 +87,8 @@ def load_scenario(source: str | Path) -> Scenario:
     """
     path = _find(source)
     table = read_toml(path, "scenario")
-    try:
+    with naming(path):
         return _scenario(path.stem, table)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _find(source: str | Path) -> Path:
@@ -165,10 +163,8 @@ def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
     def check(key: str, value: Any) -> str:
         if not isinstance(value, str):
             raise InputError(f"{key} is {shown(value)}; it must be a text")
-        try:
+        with naming(key):
             look_up(value)
-        except InputError as error:
-            raise InputError(f"{key}: {error}") from error
         return value
 
     return check

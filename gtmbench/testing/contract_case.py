@@ -19,7 +19,7 @@ from gtmbench.faults.kinds import Drift, inject
 from gtmbench.intake.resampling import decimate
 from gtmbench.method.problem import as_records
 from gtmbench.record import Record
-from gtmbench.study.shared_flights import fly_once
+from gtmbench.testing.flights import fly_once
 
 _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those of the whole
 

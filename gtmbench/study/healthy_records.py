@@ -15,7 +15,7 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.channels import SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector
@@ -23,7 +23,8 @@ from gtmbench.errors import InputError
 from gtmbench.processes import spread
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
-from gtmbench.study.log.open import open_for
+from gtmbench.study.flights import check_flown
+from gtmbench.study.log.records import open_for
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
@@ -91,12 +92,7 @@ class CalibrationFlights:
         progress : callable
             Told the step, how many are flown, and of how many.
         """
-        there = (*SENSORS, *COMMANDS)
-        missing = [channel for channel in detector.channels if channel not in there]
-        if missing:
-            raise InputError(
-                f"'{detector.name}' needs {', '.join(missing)}, which no flight has; there are {', '.join(there)}"
-            )
+        check_flown(detector.name, detector.channels)
         channels = detector.channels or SENSORS
         tasks = [(self, channels, self.seed + i) for i in range(self.flights)]
         return spread(_flown, tasks, processes=processes, step="flying", progress=progress, killed=_KILLED)
