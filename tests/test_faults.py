@@ -8,8 +8,8 @@ import pytest
 
 from gtmbench.errors import InputError
 from gtmbench.faults import kinds as faults
-from gtmbench.faults.fault import Fault, other_channel, severity
-from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
+from gtmbench.faults.fault import Fault, inject, other_channel, severity
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
 from gtmbench.record import Record
 
 PERIOD_S = 0.01

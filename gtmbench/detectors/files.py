@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import shown, text
+from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
-from gtmbench.detectors.installed import installed, installed_names
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm

@@ -11,7 +11,7 @@ from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Progress
 from gtmbench.errors import InputError
-from gtmbench.faults.kinds import inject
+from gtmbench.faults.fault import inject
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec, build
 from gtmbench.study.scenario import Scenario, Setup

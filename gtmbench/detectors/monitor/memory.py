@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.record import FloatArray, Record
 
 
@@ -106,11 +106,11 @@ class Memory:
 
     def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
         """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
-        found = self.residuals(rows, outputs)
+        residuals = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
         return self.record(rows), BankResiduals(
-            raw={output: np.where(known[output], found.raw[output], np.nan) for output in outputs},
-            predicted={output: np.where(known[output], found.predicted[output], np.nan) for output in outputs},
+            raw={output: np.where(known[output], residuals.raw[output], np.nan) for output in outputs},
+            predicted={output: np.where(known[output], residuals.predicted[output], np.nan) for output in outputs},
             spread={
                 output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
                 for output in outputs

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.tables.results import SCHEMA, plain, versions, write_tables
 from gtmbench.report.words.study import severity_text
 from gtmbench.report.words.units import counted

@@ -12,7 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.words.events import source_text

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
