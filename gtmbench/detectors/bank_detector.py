@@ -17,11 +17,11 @@ from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
-from gtmbench.detectors.protocol import Progress, Score, Watch, silent
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import BoolArray
-from gtmbench.method.pose import Records, as_records
-from gtmbench.method.problem import Estimator
+from gtmbench.method.problem import Estimator, Records, as_records
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says

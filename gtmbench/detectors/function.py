@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import shown
 from gtmbench.detectors.alarm import alarms_at
 from gtmbench.detectors.base import BaseMonitor
-from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, check_record
 
 Function = Callable[[Record], ArrayLike]

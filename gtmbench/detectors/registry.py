@@ -17,7 +17,7 @@ from gtmbench.detectors.files import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 
 DISSERTATION = "dissertation"
 

@@ -18,7 +18,6 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
-from gtmbench.detectors.protocol import Progress, silent
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Residual, rate_bound, thresholds_of
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
@@ -28,6 +27,7 @@ from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.problem import Estimator
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.progress import Progress, silent
 from gtmbench.record import FloatArray, Record, frozen
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts

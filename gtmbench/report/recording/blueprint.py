@@ -13,7 +13,7 @@ from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.report.recording.lines import entity
 from gtmbench.report.recording.views import event_log, opened, path_tab, plot, sensors_tab, whole
 from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
-from gtmbench.report.words.study import trial_label
+from gtmbench.report.words.judgement import trial_label
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Baseline, Trial
 

@@ -47,8 +47,7 @@ from gtmbench.report.recording.lines import (
 from gtmbench.report.recording.views import event_log, opened, plot, whole
 from gtmbench.report.scores import SHOWN_LEVELS, tints
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.events import MOST_ALARMS, Event, watch_events
-from gtmbench.report.words.study import fault_text
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
 from gtmbench.report.words.units import with_unit
 
 _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last mark

@@ -12,8 +12,8 @@ from gtmbench.record import Span
 from gtmbench.report.recording.lines import GROUPS, entity
 from gtmbench.report.recording.views import event_log, opened, plot
 from gtmbench.report.scores import SHOWN_LEVELS
-from gtmbench.report.words.log_faults import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.study.log.watched import WatchedLog
 
 _MOST_SIGNALS = 6

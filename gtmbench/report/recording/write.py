@@ -76,9 +76,8 @@ from gtmbench.report.recording.scene import log_scene
 from gtmbench.report.recording.views import whole
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.events import Event, trial_events, watch_events
+from gtmbench.report.words.judgement import Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.study import trial_label
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
 
