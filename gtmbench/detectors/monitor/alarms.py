@@ -250,11 +250,10 @@ class AlarmLogic:
         raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
         return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
 
-    def _tell(self, of: OpenFault, /, **changes: Any) -> None:
+    def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
-        of.alarm = replace(of.alarm, **changes)
-        self.alarms[of.alarm.number] = of.alarm
-        self._told[of.alarm.number] = of.alarm
+        alarm = open_fault.alarm = replace(open_fault.alarm, **changes)
+        self.alarms[alarm.number] = self._told[alarm.number] = alarm
 
     # ---- who counts to whom ----
 
@@ -265,10 +264,10 @@ class AlarmLogic:
     def _leader(self, fault: OpenFault) -> OpenFault | None:
         """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose."""
         for each in self._earlier(fault):
-            told = each.alarm.last
-            if told is None or (fault.is_judged and told.sensor is None):
+            last = each.alarm.last
+            if last is None or (fault.is_judged and last.sensor is None):
                 continue
-            if fault.alarm.source in entered(self._bank, told.candidates):
+            if fault.alarm.source in entered(self._bank, last.candidates):
                 return each
         return None
 
@@ -357,8 +356,7 @@ class AlarmLogic:
 
     def _close(self, fault: OpenFault, **end: float) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew."""
-        told = fault.alarm.last
-        outputs = {fault.alarm.source} | entered(self._bank, () if told is None else told.candidates)
+        outputs = {fault.alarm.source} | entered(self._bank, fault.alarm.candidates)
         if end:
             self._tell(fault, **end)
         for each in [each for each in self._open if each.alarm.fault == fault.alarm.number]:

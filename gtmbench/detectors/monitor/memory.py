@@ -33,10 +33,10 @@ class Memory:
         self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
         self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
         self._uncertain = tuple(output for output in self.outputs if output in monitor.uncertainties)
-        made = [("raw", output) for output in self.outputs]
-        made += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
-        self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
-        self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
+        beside = [("raw", output) for output in self.outputs]
+        beside += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
+        self._columns = {name: len(self.channels) + i for i, name in enumerate(beside)}
+        self._table = np.full((capacity, len(self.channels) + len(beside)), np.nan)
         self._blots: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
 
@@ -58,11 +58,11 @@ class Memory:
 
     def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
         """Put a residual beside rows that were taken, from `row` on."""
-        made = {("raw", output): raw}
+        columns = {("raw", output): raw}
         if spread is not None:
-            made |= {("spread", output): spread.raw, ("white", output): spread.white}
+            columns |= {("spread", output): spread.raw, ("white", output): spread.white}
         begin = max(row - self.first, 0)
-        for name, values in made.items():
+        for name, values in columns.items():
             late = values[begin - (row - self.first) :]
             self._table[begin : begin + len(late), self._columns[name]] = late
 

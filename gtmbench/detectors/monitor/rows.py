@@ -45,8 +45,8 @@ class RowByRow:
     @staticmethod
     def can(monitor: CalibratedBank) -> bool:
         """Tell whether there is a path for single samples: likelihood ratios, nothing uncertain."""
-        known = all(value > 0.0 for of in monitor.thresholds.values() for value in of.values())
-        return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and known
+        above_0 = all(value > 0.0 for own in monitor.thresholds.values() for value in own.values())
+        return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and above_0
 
     def take(self, row: list[float]) -> list[float] | None:
         """Take a sample of the bank's channels; return the scores, sorted by name; None where arrays have to."""
@@ -196,10 +196,10 @@ class _Ratios:
         """Begin with the samples before."""
         for i, values in enumerate(samples):
             self._counts[i] = len(values)
-            for which, of in enumerate((values, values * values)):
+            for which, summands in enumerate((values, values * values)):
                 self._sums[which, i, 0] = 0.0
-                np.cumsum(of, out=self._sums[which, i, 1 : len(of) + 1])
-                self._totals[i][which] = float(self._sums[which, i, len(of)])
+                np.cumsum(summands, out=self._sums[which, i, 1 : len(values) + 1])
+                self._totals[i][which] = float(self._sums[which, i, len(values)])
 
     def scores(self, white: list[float], there: list[bool]) -> list[float]:
         """Take a sample of every residual; return the scores, NaN where there is none."""

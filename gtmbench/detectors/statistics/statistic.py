@@ -214,22 +214,18 @@ def _energy(
     test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
 ) -> list[RawScore]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
-    scores = []
-    for rows in test.rows(sample_period_s):
-        norm = np.sqrt(_trailing(np.square(given.values), rows + 1, last))
-        scores += _sides(test, f"energy {rows * sample_period_s:g} s", norm, -norm, rows)
-    return scores
+    squares = np.square(given.values)
+    norms = {rows: np.sqrt(_trailing(squares, rows + 1, last)) for rows in test.rows(sample_period_s)}
+    return _sides(test, "energy", norms, sample_period_s)
 
 
 def _whitened_energy(
     test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
 ) -> list[RawScore]:
     """RMS of the whitened residual over a window; healthy: about 1."""
-    scores = []
-    for rows in test.rows(sample_period_s):
-        rms = np.sqrt(_trailing(np.square(given.values), rows, last) / rows)
-        scores += _sides(test, f"whitened energy {rows * sample_period_s:g} s", rms, -rms, rows)
-    return scores
+    squares = np.square(given.values)
+    rms = {rows: np.sqrt(_trailing(squares, rows, last) / rows) for rows in test.rows(sample_period_s)}
+    return _sides(test, "whitened energy", rms, sample_period_s)
 
 
 def _cusum(
@@ -339,9 +335,15 @@ def _windows(
     return mean - base, np.maximum(power - 2.0 * base * mean + base * base, 1e-12), length
 
 
-def _sides(test: Statistic, label: str, high: FloatArray, low: FloatArray, rows: int) -> list[RawScore]:
-    up = RawScore(label=f"{label} high", values=high, reach=rows)
-    return [up, RawScore(label=f"{label} low", values=low, reach=rows)] if test.two_sided else [up]
+def _sides(test: Statistic, name: str, norms: dict[int, FloatArray], sample_period_s: float) -> list[RawScore]:
+    """Return the scores of norms over windows of so many samples: too high, and too low."""
+    scores = []
+    for rows, norm in norms.items():
+        window = f"{name} {rows * sample_period_s:g} s"
+        scores.append(RawScore(label=f"{window} high", values=norm, reach=rows))
+        if test.two_sided:
+            scores.append(RawScore(label=f"{window} low", values=-norm, reach=rows))
+    return scores
 
 
 def _trailing(values: FloatArray, length: int, last: int) -> FloatArray:
