@@ -64,15 +64,15 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
     if first.sensor is not None:
         ranking = [fit for fit in ranking if fit.channel == first.sensor]
     healthy, _ = case.energy(dict(case.residuals.raw))
-    good = [fit for fit in ranking if fit.score < healthy - DECISIVE]
+    good = [fit for fit in ranking if fit.bic < healthy - DECISIVE]
     if not good:
         return replace(first, time_s=time_s, candidates=_unexplained(case, first))
     best, untestable = good[0], _untestable(case)
     explains = _explains(case, best)
-    order = tuple(dict.fromkeys(fit.channel for fit in good if not explains or fit.score < best.score + DECISIVE))
+    order = tuple(dict.fromkeys(fit.channel for fit in good if not explains or fit.bic < best.bic + DECISIVE))
     alone = order == (best.channel,) and not untestable
     sensor = first.sensor or (best.channel if alone else None)
-    others = [fit.score for fit in ranking if fit.channel == best.channel and fit.kind != best.kind]
+    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind != best.kind]
     return Judgement(
         time_s=time_s,
         sensor=sensor,
@@ -80,7 +80,7 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
         kind=best.kind if explains else None,
         parameters=best.parameters if explains else {},
         errors=standard_errors(case, best) if explains else {},
-        kind_margin=min(others, default=float("inf")) - best.score if explains else 0.0,
+        kind_margin=min(others, default=float("inf")) - best.bic if explains else 0.0,
     )
 
 

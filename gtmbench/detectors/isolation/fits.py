@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.isolation.hypotheses import HYPOTHESES, Fit, Likelihood, Parameters, Stretch
+from gtmbench.detectors.isolation.hypotheses import HYPOTHESES, Deviance, Fit, Parameters, Stretch
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.record import FloatArray, Record
 
@@ -24,12 +24,13 @@ _HOPELESS = 200.0  # of -2 log likelihood
 
 @dataclass(frozen=True, kw_only=True)
 class FittedHypothesis(Fit):
-    """The fit of a suspect, its score the BIC: log(samples) a parameter added, residuals that it leaves alone included.
+    """The fit of a suspect, and its BIC: log(samples) a parameter added, residuals that it leaves alone included.
 
     `left` is the mean square of the suspect's own residuals, whitened, once corrected: about 1 if that explains them.
     """
 
     channel: str
+    bic: float
     left: float
 
 
@@ -41,9 +42,9 @@ class Case:
     ----------
     record : Record
         From before the onset to the end of the horizon.
-    start, sure, stop : int
+    start, sure : int
         Rows of it: the suspect isn't believed from `start` on, the fault is surely there from `sure` on, and
-        residuals are judged from there to `stop`, as far as they are known.
+        residuals are judged from there to the end, as far as they are known.
     shift : dict
         Means of the residuals before the fault (biases), in the outputs' units.
     """
@@ -53,8 +54,12 @@ class Case:
     residuals: BankResiduals = field(repr=False)
     start: int
     sure: int
-    stop: int
     shift: dict[str, float]
+
+    @property
+    def stop(self) -> int:
+        """One past the last row."""
+        return len(self.record)
 
     def energy(self, raw: dict[str, FloatArray]) -> tuple[float, int]:
         """Return the sum of squares of some residuals, whitened, over the rows judged, and how many they are."""
@@ -80,27 +85,6 @@ class Case:
         return np.asarray(np.square(np.clip(white, -_MOST, _MOST)))
 
 
-def open_case(
-    monitor: CalibratedBank,
-    record: Record,
-    residuals: BankResiduals,
-    *,
-    shift: dict[str, float],
-    start_row: int,
-    sure_row: int,
-) -> Case:
-    """Judge a record to its end: the suspect isn't believed from `start_row` on, the fault is there from `sure_row`."""
-    return Case(
-        monitor=monitor,
-        record=record,
-        residuals=residuals,
-        start=start_row,
-        sure=max(sure_row, start_row + 1),
-        stop=len(record),
-        shift=shift,
-    )
-
-
 def shift_of(monitor: CalibratedBank, output: str, before: FloatArray) -> float:
     """Return the mean of a residual before a fault, about that of its identification."""
     there = before[np.isfinite(before)]
@@ -118,27 +102,26 @@ def ranked_hypotheses(case: Case, channels: tuple[str, ...]) -> list[FittedHypot
     suspects = [_Suspect.of(case, channel, healthy) for channel in channels]
     ranking: list[FittedHypothesis] = []
     for suspect in sorted((each for each in suspects if each is not None), key=lambda suspect: suspect.bound):
-        if ranking and suspect.bound > min(fit.score for fit in ranking) + _HOPELESS:
+        if ranking and suspect.bound > min(fit.bic for fit in ranking) + _HOPELESS:
             continue
         for hypothesis in HYPOTHESES.values():
-            fit = hypothesis.fit(suspect.stretch, suspect.likelihood)
+            fit = hypothesis.fit(suspect.stretch, suspect.deviance)
             if fit is not None:
-                cost = len(fit.parameters) * penalty + suspect.others
-                left = fit.score / max(suspect.count, 1)
-                figures = {**vars(fit), "score": fit.score + cost}
-                ranking.append(FittedHypothesis(**figures, channel=suspect.channel, left=left))
-    return sorted(ranking, key=lambda fit: fit.score)
+                bic = fit.deviance + (len(fit.parameters) * penalty + suspect.others)
+                left = fit.deviance / max(suspect.count, 1)
+                ranking.append(FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, left=left))
+    return sorted(ranking, key=lambda fit: fit.bic)
 
 
 def within_reach(ranking: Sequence[FittedHypothesis]) -> tuple[str, ...]:
     """Return the suspects that more data may still prove right."""
-    return tuple(dict.fromkeys(fit.channel for fit in ranking if fit.score <= ranking[0].score + _HOPELESS))
+    return tuple(dict.fromkeys(fit.channel for fit in ranking if fit.bic <= ranking[0].bic + _HOPELESS))
 
 
 def standard_errors(case: Case, best: FittedHypothesis) -> Parameters:
     """Return standard errors of a hypothesis' parameters."""
     suspect = _Suspect.of(case, best.channel, 0.0)
-    return {} if suspect is None else HYPOTHESES[best.kind].errors(suspect.stretch, suspect.likelihood, best)
+    return {} if suspect is None else HYPOTHESES[best.kind].errors(suspect.stretch, suspect.deviance, best)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,7 +130,7 @@ class _Suspect:
 
     channel: str
     stretch: Stretch
-    likelihood: Likelihood
+    deviance: Deviance
     others: float
     count: int
     bound: float
@@ -162,14 +145,14 @@ class _Suspect:
         own, count = case.energy({name: case.residuals.raw[name] for name in affected})
         stretch = stretch_of(case, channel, virtual)
 
-        def likelihood(reads: FloatArray) -> float:
+        def deviance(reads: FloatArray) -> float:
             values = corrected(case, channel, virtual, reads)
             return case.energy(corrected_residuals(case, channel, values))[0]
 
         others = healthy - own
         # the two ends: all that was measured is the fault (what is left is the virtual sensor), or nothing is
-        bound = min(likelihood(stretch.measured), own) + others
-        return cls(channel=channel, stretch=stretch, likelihood=likelihood, others=others, count=count, bound=bound)
+        bound = min(deviance(stretch.measured), own) + others
+        return cls(channel=channel, stretch=stretch, deviance=deviance, others=others, count=count, bound=bound)
 
 
 def stretch_of(case: Case, channel: str, virtual: FloatArray) -> Stretch:

@@ -20,7 +20,7 @@ _GRID = 14  # trial values of a parameter, evenly spaced in its logarithm
 _TURNS = 12
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
-Likelihood = Callable[[FloatArray], float]  # of what the broken sensor reads: -2 log likelihood, to a constant
+Deviance = Callable[[FloatArray], float]  # of what the broken sensor reads: -2 log likelihood, to a constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,13 +57,12 @@ class Fit:
     Attributes
     ----------
     kind : str
-    score : float
-        -2 log likelihood to a constant.
+    deviance : float
     parameters : dict
     """
 
     kind: str
-    score: float
+    deviance: float
     parameters: Parameters
 
 
@@ -95,22 +94,22 @@ class Hypothesis:
         """Return what the fault carries into a stretch."""
         return fault.begin(np.array([stretch.before]))
 
-    def fit(self, stretch: Stretch, likelihood: Likelihood) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Return the best parameters, or None where the stretch allows none."""
         raise NotImplementedError
 
-    def errors(self, stretch: Stretch, likelihood: Likelihood, fit: Fit) -> Parameters:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Return standard errors of the parameters: how far each may go until -2 log likelihood has risen by 1."""
         raise NotImplementedError
 
-    def _fitted(self, stretch: Stretch, likelihood: Likelihood, parameters: Parameters) -> Fit:
-        return Fit(kind=self.kind, score=likelihood(self.reads(stretch, parameters)), parameters=parameters)
+    def _fitted(self, stretch: Stretch, deviance: Deviance, parameters: Parameters) -> Fit:
+        return Fit(kind=self.kind, deviance=deviance(self.reads(stretch, parameters)), parameters=parameters)
 
 
 class Ramp(Hypothesis):
     """A fault that adds a slope, its onset not after the stretch begins."""
 
-    def fit(self, stretch: Stretch, likelihood: Likelihood) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Fit a line; its onset is held to its range."""
         added = stretch.measured - stretch.virtual
         there = np.isfinite(added)
@@ -125,10 +124,10 @@ class Ramp(Hypothesis):
             return float(np.clip(wanted, stretch.earliest_s, begin_s))
 
         def tried(line: FloatArray) -> float:
-            return likelihood(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
+            return deviance(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
 
         line = self._searched(tried, np.array([offset, slope * span]))
-        return self._fitted(stretch, likelihood, {"slope": float(line[1] / span), "onset_s": onset_s(line)})
+        return self._fitted(stretch, deviance, {"slope": float(line[1] / span), "onset_s": onset_s(line)})
 
     def _searched(self, tried: Callable[[FloatArray], float], line: FloatArray) -> FloatArray:
         """Return the best line, as its middle and its rise: least squares begins, the likelihood decides.
@@ -142,14 +141,14 @@ class Ramp(Hypothesis):
         options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3 * size, "fatol": 0.05}
         return np.asarray(minimize(tried, line, method="Nelder-Mead", options=options).x)
 
-    def errors(self, stretch: Stretch, likelihood: Likelihood, fit: Fit) -> Parameters:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Turn the line about its middle, so that the onset moves along."""
         slope, onset_s = fit.parameters["slope"], fit.parameters["onset_s"]
         middle = float(stretch.time_s.mean())
 
         def tried(trial: float) -> float:
             begun_s = middle - (middle - onset_s) * slope / trial if trial else middle
-            return likelihood(self.reads(stretch, {"slope": trial, "onset_s": begun_s}))
+            return deviance(self.reads(stretch, {"slope": trial, "onset_s": begun_s}))
 
         error = _standard_error(tried, slope)
         return {"slope": error, "onset_s": abs(error / slope) * (middle - onset_s) if slope else float("nan")}
@@ -162,12 +161,12 @@ class Constant(Hypothesis):
         """Return the value: it is searched, for the last reading before the stretch may be another."""
         return parameters["value"]
 
-    def fit(self, stretch: Stretch, likelihood: Likelihood) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Take the median."""
         there = stretch.measured[np.isfinite(stretch.measured)]
-        return self._fitted(stretch, likelihood, {"value": float(np.median(there))}) if len(there) else None
+        return self._fitted(stretch, deviance, {"value": float(np.median(there))}) if len(there) else None
 
-    def errors(self, stretch: Stretch, likelihood: Likelihood, fit: Fit) -> Parameters:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Return the error of the mean reading: 0 where the sensor reads the same all the time."""
         there = stretch.measured[np.isfinite(stretch.measured)]
         return {"value": float(np.std(there) / np.sqrt(len(there)))}
@@ -188,7 +187,7 @@ class Scale(Hypothesis):
         (self._severity,) = self._severities
         self._largest = largest
 
-    def fit(self, stretch: Stretch, likelihood: Likelihood) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Try a grid down to a hundredth of the largest, then refine the best neighbourhood."""
         from scipy.optimize import minimize_scalar
 
@@ -197,7 +196,7 @@ class Scale(Hypothesis):
             return None
 
         def tried(value: float) -> float:
-            return likelihood(self.reads(stretch, {self._severity: value}))
+            return deviance(self.reads(stretch, {self._severity: value}))
 
         grid = np.geomspace(largest / 100.0, largest, _GRID)
         scores = [tried(value) for value in grid.tolist()]
@@ -207,13 +206,13 @@ class Scale(Hypothesis):
             bounds = (float(grid[best - 1]), float(grid[best + 1]))
             refined = minimize_scalar(tried, bounds=bounds, method="bounded", options={"maxiter": _TURNS})
             value = float(refined.x) if refined.fun < scores[best] else value
-        return self._fitted(stretch, likelihood, {self._severity: value})
+        return self._fitted(stretch, deviance, {self._severity: value})
 
-    def errors(self, stretch: Stretch, likelihood: Likelihood, fit: Fit) -> Parameters:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Move the severity to both sides."""
 
         def tried(trial: float) -> float:
-            return likelihood(self.reads(stretch, {self._severity: trial}))
+            return deviance(self.reads(stretch, {self._severity: trial}))
 
         return {self._severity: _standard_error(tried, fit.parameters[self._severity], low=0.0)}
 

@@ -37,7 +37,6 @@ from gtmbench.detectors.isolation.diagnosis import DECISIVE, by_signature, end_s
 from gtmbench.detectors.isolation.fits import (
     Case,
     FittedHypothesis,
-    open_case,
     ranked_hypotheses,
     shift_of,
     within_reach,
@@ -324,7 +323,7 @@ class AlarmLogic:
         suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
         ranking = [] if is_late else ranked_hypotheses(case, suspects)
         if fault.held is not None:
-            ended = ended_s(case, fault.held, ranking[0].score if ranking else float("inf"))
+            ended = ended_s(case, fault.held, ranking[0].bic if ranking else float("inf"))
             if ended is not None:
                 self._close(fault, ended_s=ended, end_known_s=end_s(case))
                 return
@@ -350,8 +349,13 @@ class AlarmLogic:
             start = max(start, sure - self._history)
         first = max(start - self._history, self._memory.first, 0)
         record, residuals = self._memory.cut(range(first, stop), trusted)
-        return open_case(
-            self._monitor, record, residuals, shift=fault.shift, start_row=start - first, sure_row=sure - first
+        return Case(
+            monitor=self._monitor,
+            record=record,
+            residuals=residuals,
+            start=start - first,
+            sure=max(sure, start + 1) - first,
+            shift=fault.shift,
         )
 
     def _close(self, fault: OpenFault, **end: float) -> None:
