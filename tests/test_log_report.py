@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.figures.panels import thinned
 from gtmbench.report.recording.write import write_log_recording

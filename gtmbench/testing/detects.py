@@ -9,8 +9,7 @@ from typing import Any, NoReturn
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import inject
+from gtmbench.faults.fault import Fault, inject
 from gtmbench.kept import kept
 from gtmbench.record import Record, check_record
 from gtmbench.report.words.judgement import fault_text

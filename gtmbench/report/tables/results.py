@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.plain import dumps, plain
 from gtmbench.report.words.monitor import bank_summary, norm_facts

@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import estimate_text, severity_text
 from gtmbench.report.words.monitor import monitor_lines
