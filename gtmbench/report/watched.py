@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.style import colour
 from gtmbench.study.log.records import whole_s
