@@ -38,14 +38,11 @@ class Kept:
 
     def record(self, write: Callable[[Path], None]) -> str:
         """Write a recording; say where it is, or why there is none: what failed must be told in any case."""
-        from gtmbench.files import atomic_write
-
         several = f"-{len(self.recordings) + 1}" if self.recordings else ""
         path = self.folder.absolute() / f"{self.name}{several}.rrd"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_write(path) as aside:
-                write(aside)
+            write(path)
         except Exception as error:  # whatever it is
             return f"no recording: {' '.join(str(error).split()) or type(error).__name__}"
         self.recordings.append(path)

@@ -223,6 +223,9 @@ def test_an_overlay_of_equal_recordings_and_of_recordings_without_a_common_serie
     write_overlay(a, b, compare(a, b), tmp_path / "strange.rrd")
     strange = gb.read_recording(tmp_path / "strange.rrd")
     assert list(strange.value) == [1.0, 2.0, 1.0]
+    b = line([1.0, 2.0], "a b/c").assign(time_s=[7.0, 8.0])  # no difference anywhere: there is no common time
+    write_overlay(a, b, compare(a, b), tmp_path / "apart.rrd")
+    assert list(gb.read_recording(tmp_path / "apart.rrd").value) == [1.0, 2.0, 1.0, 2.0]
 
 
 @pytest.mark.viewer

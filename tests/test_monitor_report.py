@@ -14,7 +14,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.plain import plain
 from gtmbench.report.figures.study import write_figures
-from gtmbench.report.recording.lines import trial_paths
+from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.report.words.judgement import estimate_text, fault_text, judgement_text

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.report.recording import read as module
-from gtmbench.report.recording.lines import log_events, log_lines, log_verdict, trial_paths
+from gtmbench.report.recording.entities import log_events, log_lines, log_verdict, trial_paths
 from gtmbench.report.recording.read import check_recording
 from gtmbench.report.recording.write import write_recording
 from tests.watching import study as monitored_study

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.report.recording.log import write_log_recording
-from gtmbench.report.recording.write import write_recording
+from gtmbench.report.recording.write import write_log_recording, write_recording
 from gtmbench.study.run import run_study
 from tests.logged import watched_log
 from tests.monitors import monitor, record

@@ -10,7 +10,7 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file
+from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
 from gtmbench.report.recording.read import read_recording
@@ -43,20 +43,19 @@ def diff_command(
         tell(f"reading {b.name}", 1, total)
         frame_b = read_recording(b)
         tell("comparing", 2, total)
-        found = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
+        comparison = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
         if overlay is not None:
             from gtmbench.report.recording.overlay import write_overlay
 
             tell("overlay", 3, total)
-            with atomic_write(overlay) as aside:
-                write_overlay(frame_a, frame_b, found, aside, names=(str(a), str(b)))
+            write_overlay(frame_a, frame_b, comparison, overlay, names=(str(a), str(b)))
     if as_json:
-        _print_json(found, a, b, overlay)
+        _print_json(comparison, a, b, overlay)
     elif not quiet:
-        _print(found, a, b)
+        _print(comparison, a, b)
         if overlay is not None:
             echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
-    return 0 if found.equal else 1
+    return 0 if comparison.equal else 1
 
 
 def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
@@ -67,29 +66,29 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
     check_file(overlay, force=force, option="--overlay")
 
 
-def _print_json(found: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
+def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
     from gtmbench.plain import plain
 
-    told = {"a": str(a), "b": str(b), "equal": found.equal, **asdict(found)}
+    told = {"a": str(a), "b": str(b), "equal": comparison.equal, **asdict(comparison)}
     print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))
 
 
-def _print(found: Comparison, a: Path, b: Path) -> None:
+def _print(comparison: Comparison, a: Path, b: Path) -> None:
     echo(f"A: {a}\nB: {b}")
-    if found.lines:
+    if comparison.lines:
         names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
-        rows = [_row(line) for line in found.lines]
+        rows = [_row(line) for line in comparison.lines]
         _table("Series that differ, the worst first", ["series", *names], rows, right=names)
-    if found.verdicts:
-        rows = [[one.entity, one.field, _shown(one.a), _shown(one.b)] for one in found.verdicts]
+    if comparison.verdicts:
+        rows = [[field.entity, field.field, _shown(field.a), _shown(field.b)] for field in comparison.verdicts]
         _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
-    if found.told:
-        rows = [[one.only_in, one.entity, one.level, one.text] for one in found.told]
+    if comparison.told:
+        rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
         _table("Events in one only", ["in", "entity", "level", "event"], rows)
-    alone = [("A", name) for name in found.only_a] + [("B", name) for name in found.only_b]
+    alone = [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
     if alone:
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
-    echo(_summary(found, len(alone)))
+    echo(_summary(comparison, len(alone)))
 
 
 def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
@@ -115,10 +114,11 @@ def _shown(value: float | str | None) -> str:
     return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
 
 
-def _summary(found: Comparison, alone: int) -> str:
-    held = f"{found.series} series, {found.fields} fields of verdicts, {found.events} events"
-    if found.equal:
+def _summary(comparison: Comparison, alone: int) -> str:
+    held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
+    if comparison.equal:
         return f"equal: {held}"
     only = f"; {alone} series or fields in one only" if alone else ""
-    differ = f"{len(found.lines)} of {found.series} series, {len(found.verdicts)} of {found.fields} fields of verdicts"
-    return f"different: {differ}, {len(found.told)} events in one only{only}"
+    series = f"{len(comparison.lines)} of {comparison.series} series"
+    fields = f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts"
+    return f"different: {series}, {fields}, {len(comparison.told)} events in one only{only}"

@@ -9,8 +9,7 @@ from typing import Any, NoReturn
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import inject
+from gtmbench.faults.fault import Fault, inject
 from gtmbench.kept import kept
 from gtmbench.record import Record, check_record
 from gtmbench.report.words.judgement import fault_text
@@ -160,6 +159,6 @@ def _fail(
     def write(path: Path) -> None:
         from gtmbench.report.recording.failure import FailedWatch, write_watch_recording
 
-        write_watch_recording(path, FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said))
+        write_watch_recording(FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said), path)
 
     raise AssertionError(f"{said}; {kept().record(write)}")

@@ -65,7 +65,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
         from gtmbench.report.recording.failure import write_residual_recording
 
         inputs = operator.inputs if isinstance(operator, Transmissibility) else ()
-        write_residual_recording(path, record, found, bounds, inputs, said)
+        write_residual_recording(found, path, record=record, inputs=inputs, bounds=bounds, said=said)
 
     raise AssertionError(f"{said}; {kept().record(write)}")
 

@@ -1,25 +1,111 @@
-"""How a study's recording opens: what every detector decided, then the sensors and the flight's path."""
+"""How a recording opens: what was decided, with scores, signals and events beside each other, then the sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.protocol import Score
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.report.recording.lines import entity
-from gtmbench.report.recording.views import event_log, opened, path_tab, plot, sensors_tab, whole
+from gtmbench.faults.fault import Fault
+from gtmbench.record import Record, Span
+from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, sensor_entity, whole
 from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
+from gtmbench.report.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.words.judgement import trial_label
 from gtmbench.report.words.units import with_unit
+from gtmbench.study.log.watch import WatchedLog
 from gtmbench.study.trial import Baseline, Trial
 
 _BESIDE = 3  # trials on a page
+_MOST_SIGNALS = 6  # of a log on a page
 
 Page = Sequence[tuple[Trial, str]]  # trials of a scenario, each with its entity
+
+
+# what every recording opens with
+
+
+def opened(*tabs: rrb.Container) -> rrb.Blueprint:
+    """Return a blueprint of tabs, the first in front, panels closed, playback at rest."""
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def plot(
+    name: str, entities: Sequence[str], shown_s: Span, *, top: float | None = None, legend: bool = True
+) -> rrb.TimeSeriesView:
+    """Return a plot over a span in seconds; with `top`, its axis runs from 0 to it."""
+    return rrb.TimeSeriesView(
+        name=name,
+        origin="/",
+        contents=shown(entities),
+        axis_x=_time_axis(shown_s),  # without it a plot shows a minute around the cursor
+        axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
+    )
+
+
+def shown(entities: Sequence[str]) -> list[str]:
+    """Return some entities as what a view shows."""
+    return [f"+ {entity}" for entity in entities]
+
+
+def _time_axis(shown_s: Span) -> rrb.TimeAxis:
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=time_s) for time_s in shown_s)
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
+
+
+def event_log(*entities: str) -> rrb.TextLogView:
+    """Return the log of events of some entities."""
+    columns = [
+        rrb.encodings.TextLogColumn(kind, visible=kind != "EntityPath") for kind in ("EntityPath", "LogLevel", "Body")
+    ]
+    return rrb.TextLogView(
+        name="events", origin="/", contents=shown(entities), columns=rrb.TextLogColumns(text_log_columns=columns)
+    )
+
+
+def beside(plots: rrb.Container, words: rrb.Container | rrb.View, name: str) -> rrb.Container:
+    """Return a tab of plots, with words beside them."""
+    return rrb.Horizontal(plots, words, column_shares=[5, 2], name=name)
+
+
+def _in_pairs(plots: Sequence[rrb.View], name: str) -> rrb.Container:
+    return rrb.Grid(*plots, grid_columns=2, name=name)
+
+
+def _judged(
+    roots: Mapping[str, Sequence[str]],
+    residuals: Collection[str],
+    scores: Collection[str],
+    threshold: str,
+    shown_s: Span,
+) -> list[rrb.View]:
+    """Return a plot of every residual and one of every score, each below its roots."""
+    plots: list[rrb.View] = []
+    for name, where in roots.items():
+        if name in residuals:
+            entities = [entity(f"{root}/residuals", name) for root in where]
+            plots.append(plot(in_unit(f"residual of {name}", name), entities, shown_s, legend=False))
+        if name in scores:
+            entities = [*(entity(f"{root}/levels", name) for root in where), threshold]
+            plots.append(plot(f"level of {name}", entities, shown_s, top=SHOWN_LEVELS, legend=False))
+    return plots
+
+
+# a study
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,15 +117,13 @@ class Placed:
     baseline : Baseline
     root : str
         Its entity; empty where it is the only one.
-    trials : sequence of Trial
-    paths : sequence of str
-        Their entities.
+    trials : sequence of (Trial, str)
+        Each with its entity.
     """
 
     baseline: Baseline
     root: str
-    trials: Sequence[Trial]
-    paths: Sequence[str]
+    trials: Sequence[tuple[Trial, str]]
 
     def entered(self, trial: Trial) -> tuple[str, ...]:
         """Return the scores and residuals that a trial's channel may enter; the others are the healthy ones."""
@@ -48,20 +132,18 @@ class Placed:
         return tuple(name for name in tints(trial.watch) if name not in free)
 
 
-def blueprint(placed: Sequence[Placed]) -> rrb.Blueprint:
-    """Return the blueprint of a study's recording; with several detectors, a tab for each."""
-    flight = placed[0].baseline.flight
-    shared = [sensors_tab(flight, placed[0].paths), path_tab()]
-    if len(placed) == 1:
-        return opened(*_tabs(placed[0]), *shared)
-    own = [rrb.Tabs(*_tabs(one), active_tab=0, name=one.baseline.detector) for one in placed]
-    return opened(*own, *shared)
+def study_blueprint(placed: Sequence[Placed]) -> rrb.Blueprint:
+    """Return how a study opens: what every detector decided, then the sensors and the flight's path."""
+    decided = _detector(placed[0])
+    if len(placed) > 1:
+        decided = [rrb.Tabs(*_detector(part), active_tab=0, name=part.baseline.detector) for part in placed]
+    return opened(*decided, _flight_sensors(placed[0]), _path())
 
 
-def _tabs(placed: Placed) -> list[rrb.Container]:
+def _detector(placed: Placed) -> list[rrb.Container]:
     norm, monitor = norm_of(placed.baseline.watch), placed.baseline.monitor
     if norm is None:
-        return [_decision(placed), *_residuals(placed)]
+        return [_decision(placed), *_study_residuals(placed)]
     operator = [_operator(placed.root, monitor)] if isinstance(monitor, NormMonitor) else []
     return [_norms(placed, norm), *operator]
 
@@ -69,19 +151,19 @@ def _tabs(placed: Placed) -> list[rrb.Container]:
 def _norms(placed: Placed, norm: Score) -> rrb.Container:
     """Return the one score of all trials, a plot a scenario: a large fault must not hide a small one."""
     baseline, root = placed.baseline, placed.root
-    top = SHOWN_LEVELS * norm.threshold
-    norms, residuals, shown_s = [], [], whole(baseline.flight)
-    for scenario in dict.fromkeys(trial.scenario for trial in placed.trials):
-        own = [path for trial, path in zip(placed.trials, placed.paths, strict=True) if trial.scenario == scenario]
-        marks = [f"+ {path}/{name}" for path in own for name in ("norm", "onset", "alarm")]
-        contents = [f"+ {root}/threshold", f"+ {root}/healthy/norm", *marks]
-        norms.append(plot(f"{norm.name}, {scenario} ({norm.unit})", contents, shown_s, top=top))
-        residuals += [f"+ {path}/residual" for path in own]
+    plots, residuals, shown_s = [], [], whole(baseline.flight)
+    for scenario in dict.fromkeys(trial.scenario for trial, _ in placed.trials):
+        paths = [path for trial, path in placed.trials if trial.scenario == scenario]
+        marks = [f"{path}/{name}" for path in paths for name in ("norm", "onset", "alarm")]
+        entities = [f"{root}/threshold", f"{root}/healthy/norm", *marks]
+        title = f"{norm.name}, {scenario} ({norm.unit})"
+        plots.append(plot(title, entities, shown_s, top=SHOWN_LEVELS * norm.threshold))
+        residuals += [f"{path}/residual" for path in paths]
     if baseline.watch.residuals:
-        contents = [*residuals, f"+ {root}/healthy/residual"]
-        norms.append(plot(f"residual e(k) ({norm.unit})", contents, shown_s, legend=False))
-    plots = rrb.Grid(*norms, grid_columns=2 if len(norms) > 2 else 1)
-    return rrb.Horizontal(plots, event_log([f"+ {root}/events"]), column_shares=[5, 2], name="Alarms")
+        entities = [*residuals, f"{root}/healthy/residual"]
+        plots.append(plot(f"residual e(k) ({norm.unit})", entities, shown_s, legend=False))
+    grid = rrb.Grid(*plots, grid_columns=2 if len(plots) > 2 else 1)
+    return beside(grid, event_log(f"{root}/events"), "Alarms")
 
 
 def _operator(root: str, monitor: NormMonitor) -> rrb.Container:
@@ -99,50 +181,140 @@ def _operator(root: str, monitor: NormMonitor) -> rrb.Container:
 
 def _decision(placed: Placed) -> rrb.Container:
     """Return the trials of every scenario, a few on a page."""
-    pages: list[list[tuple[Trial, str]]] = []
-    for trial, path in zip(placed.trials, placed.paths, strict=True):
-        page = pages[-1] if pages else []
-        if page and page[0][0].scenario == trial.scenario and len(page) < _BESIDE:
-            page.append((trial, path))
-        else:
-            pages.append([(trial, path)])
-    return rrb.Tabs(*(_decision_page(placed, page) for page in pages), active_tab=0, name="Decision")
+    pages = []
+    for _, trials in groupby(placed.trials, key=lambda pair: pair[0].scenario):
+        rest = list(trials)
+        pages += [_decision_page(placed, rest[at : at + _BESIDE]) for at in range(0, len(rest), _BESIDE)]
+    return rrb.Tabs(*pages, active_tab=0, name="Decision")
 
 
 def _decision_page(placed: Placed, page: Page) -> rrb.Container:
-    """Return levels above, measured and virtual sensor in the middle, the log of events below; a column a trial."""
-    levels, signals = [], []
+    """Return scores above, measured and virtual sensor in the middle, the log of events below; a column a trial."""
+    score_plots, signal_plots = [], []
     for trial, path in page:
         span, names = around(trial, before_s=5.0, after_s=15.0), trial.watch.scores
         healthy = [entity("/healthy/levels", name) for name in names if name not in placed.entered(trial)]
-        shared = [f"+ {placed.root}{of}" for of in (["/threshold", *healthy] if names else [])]
-        own = [f"+ {path}/{name}" for name in ("levels/**", "onset", "alarm", "named")]
-        what = f"{trial.fault.replace('_', ' ')} of {trial_label(trial)}"
-        levels.append(plot(f"{'levels' if names else 'alarms'}: {what}", [*shared, *own], span, top=SHOWN_LEVELS))
-        signal = with_unit(trial.channel, trial.unit) + ": measured" + " and virtual" * bool(names)
-        signals.append(plot(signal, [f"+ {path}/measured", f"+ {path}/virtual"], span))
-    logs = [event_log([f"+ {path}/events"]) for _, path in page]
-    plots = rrb.Grid(*levels, *signals, grid_columns=len(page))
+        shared = [f"{placed.root}{of}" for of in (["/threshold", *healthy] if names else [])]
+        own = [f"{path}/{name}" for name in ("levels/**", "onset", "alarm", "named")]
+        title = f"{'levels' if names else 'alarms'}: {trial.fault.replace('_', ' ')} of {trial_label(trial)}"
+        score_plots.append(plot(title, [*shared, *own], span, top=SHOWN_LEVELS))
+        title = with_unit(trial.channel, trial.unit) + ": measured" + " and virtual" * bool(names)
+        signal_plots.append(plot(title, [f"{path}/measured", f"{path}/virtual"], span))
+    plots = rrb.Grid(*score_plots, *signal_plots, grid_columns=len(page))
+    logs = rrb.Horizontal(*(event_log(f"{path}/events") for _, path in page))
     name = f"{page[0][0].scenario}: {', '.join(path.rsplit('/', 1)[1] for _, path in page)}"
-    return rrb.Vertical(plots, rrb.Horizontal(*logs), row_shares=[3, 1], name=name)
+    return rrb.Vertical(plots, logs, row_shares=[3, 1], name=name)
 
 
-def _residuals(placed: Placed) -> list[rrb.Container]:
+def _study_residuals(placed: Placed) -> list[rrb.Container]:
     """Return every residual and score over the whole flight, healthy and in the trials it tells of."""
     watch, root = placed.baseline.watch, placed.root
-    span, plots = whole(placed.baseline.flight), []
-    for name in dict.fromkeys([*watch.scores, *watch.residuals]):
-        told = [path for trial, path in zip(placed.trials, placed.paths, strict=True) if name in placed.entered(trial)]
-        for kind, there in (("residuals", watch.residuals), ("levels", watch.scores)):
-            if name in there:
-                contents = [f"+ {entity(f'{path}/{kind}', name)}" for path in (f"{root}/healthy", *told)]
-                is_level = kind == "levels"
-                title = f"level of {name}" if is_level else with_unit(f"residual of {name}", unit_of(name))
-                contents += [f"+ {root}/threshold"] * is_level
-                plots.append(plot(title, contents, span, top=SHOWN_LEVELS if is_level else None, legend=False))
+    roots = {
+        name: [f"{root}/healthy", *(path for trial, path in placed.trials if name in placed.entered(trial))]
+        for name in dict.fromkeys([*watch.scores, *watch.residuals])
+    }
+    plots = _judged(roots, watch.residuals, watch.scores, f"{root}/threshold", whole(placed.baseline.flight))
     if not plots:
         return []
-    grid = rrb.Grid(*plots, grid_columns=2, name="Residuals")
-    if not watch.alarms:
-        return [grid]
-    return [rrb.Horizontal(grid, event_log([f"+ {root}/events"]), column_shares=[5, 2], name="Residuals")]
+    grid = _in_pairs(plots, "Residuals")
+    return [beside(grid, event_log(f"{root}/events"), "Residuals") if watch.alarms else grid]
+
+
+def _flight_sensors(placed: Placed) -> rrb.Container:
+    """Return each group of signals, the surfaces, and every trial's broken channel."""
+    shown_s = whole(placed.baseline.flight)
+    plots = [plot(f"{group}: true and measured", [f"/sensors/{group}", f"/truth/{group}"], shown_s) for group in GROUPS]
+    surfaces = plot("surface commands", ["/surfaces"], shown_s)
+    measured = [f"{path}/measured" for _, path in placed.trials]
+    broken = plot("broken channels, one trial each", measured, shown_s, legend=False)
+    return _in_pairs([*plots, surfaces, broken], "Sensors")
+
+
+def _path() -> rrb.Container:
+    """Return the flight in space: the way flown, and the aircraft from near by."""
+    path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/path")
+    attitude = rrb.Spatial3DView(name="attitude: north, east, down", origin="/attitude")
+    return rrb.Horizontal(path, attitude, column_shares=[3, 2], name="Path")
+
+
+# a watched log
+
+
+def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
+    """Return how a watched log opens: its first fault, the whole log, residuals, sensors."""
+    span, signals = whole_of(watched), signals_of(watched)
+    pages = []
+    for fault in [alarms[0] for alarms in faults_of(watched).values()][:1]:
+        suspected = [name for name in signals if name in fault.candidates]
+        pages.append(_log_page(watched, fault.verdict, about(fault, span), suspected or signals))
+    pages.append(_log_page(watched, "Whole log", span, signals))
+    residuals, scores = residuals_of(watched), scores_of(watched)
+    roots = {name: [""] for name in [*scores, *residuals]}
+    plots = _judged(roots, residuals, scores, "/threshold", span)
+    return opened(*pages, *([_in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span))
+
+
+def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
+    """Return scores above, measured and virtual sensors in the middle, what was watched and what was said below.
+
+    Without scores there are alarms instead.
+    """
+    above = ["/threshold", "/levels/**"] if scores_of(watched) or not watched.watches else []
+    scores = plot("levels" if above else "alarms", [*above, "/began", "/alarm", "/named"], span, top=SHOWN_LEVELS)
+    what = "measured and virtual" if watched.monitor.suspects or residuals_of(watched) else "measured"
+    plots = [
+        plot(in_unit(f"{signal}: {what}", signal), [sensor_entity(signal), entity("/virtual", signal)], span)
+        for signal in signals[:_MOST_SIGNALS]
+    ]
+    states = rrb.StateTimelineView(
+        name="what was watched", origin="/", contents=shown(["/state"]), time_view=_time_axis(span)
+    )
+    signal_plots = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
+    return beside(rrb.Vertical(scores, signal_plots, states, row_shares=[3, 5, 1]), event_log("/events"), name)
+
+
+def _log_sensors(watched: WatchedLog, span: Span) -> rrb.Container:
+    """Return a plot a group of a unit, and one each for channels of other names."""
+    channels = watched.log.channels
+    groups = [group for group, members in GROUPS.items() if set(members) & set(channels)]
+    known = {name for members in GROUPS.values() for name in members}
+    plots = [plot(group, [f"/sensors/{group}/**"], span) for group in groups]
+    plots += [plot(name, [sensor_entity(name)], span) for name in channels if name not in known]
+    return _in_pairs(plots, "Sensors")
+
+
+# an assertion that failed
+
+
+def failed_residual_blueprint(record: Record, outputs: Sequence[str], channels: Sequence[str]) -> rrb.Blueprint:
+    """Return how a residual opens that failed its bound: both, then the channels."""
+    span, kinds = whole(record), ("residuals", "peaks", "thresholds")
+    plots = [
+        plot(f"residual of {output} and its bound", [entity(f"/{kind}", output) for kind in kinds], span)
+        for output in outputs
+    ]
+    return opened(_failure(plots, "Residuals"), _channels(record, channels))
+
+
+def failed_watch_blueprint(watch: Watch, fault: Fault | None, span: Span, channels: Sequence[str]) -> rrb.Blueprint:
+    """Return how a watch opens that failed: scores, the broken channel and residuals over a span, then the channels."""
+    shown = ["/levels/**", "/threshold", "/onset", "/due", "/alarms"]
+    plots = [plot("levels: an alarm above 1" if watch.scores else "alarms", shown, span, top=SHOWN_LEVELS)]
+    if fault is not None:
+        plots.append(_channel(fault.channel, span))
+    if watch.residuals:
+        plots.append(plot("residuals", ["/residuals/**"], span))
+    return opened(_failure(plots, "Alarms"), _channels(watch.record, channels))
+
+
+def _failure(plots: Sequence[rrb.View], name: str) -> rrb.Container:
+    said = rrb.TextDocumentView(name="what failed", origin="/failed")
+    return beside(rrb.Vertical(*plots), rrb.Vertical(event_log("/events"), said), name)
+
+
+def _channels(record: Record, channels: Sequence[str]) -> rrb.Container:
+    return _in_pairs([_channel(name, whole(record)) for name in channels], "Sensors")
+
+
+def _channel(name: str, span: Span) -> rrb.TimeSeriesView:
+    return plot(in_unit(name, name), [entity(f"/{kind}", name) for kind in ("healthy", "virtual", "sensors")], span)

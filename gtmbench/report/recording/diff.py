@@ -68,6 +68,11 @@ class LineDifference:
     worst: Sample | None
     relative: float
 
+    @property
+    def name(self) -> Name:
+        """Entity and series."""
+        return self.entity, self.series
+
 
 @dataclass(frozen=True, kw_only=True)
 class FieldDifference:
@@ -159,18 +164,18 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None
             for name in common
             if not _alike(fields_a[name], fields_b[name], tolerance)
         ),
-        told=tuple(sorted([*_told("A", told_a - told_b), *_told("B", told_b - told_a)], key=lambda one: one.time_s)),
+        told=tuple(sorted([*_told("A", told_a - told_b), *_told("B", told_b - told_a)], key=lambda told: told.time_s)),
     )
 
 
 def lines(frame: pd.DataFrame) -> dict[Name, Line]:
     """Return the series of numbers of a recording, each with the times that its values stand at."""
     numbers = frame[~_of_verdicts(frame) & ~_of_events(frame)]
-    found = {}
+    series = {}
     for name, rows in numbers.groupby(["entity", "series"], observed=True, sort=True):
         static = rows.time_s.isna().all()
-        found[name] = (rows.text.astype(str) if static else rows.time_s).to_numpy(), rows.value.to_numpy()
-    return found
+        series[name] = (rows.text.astype(str) if static else rows.time_s).to_numpy(), rows.value.to_numpy()
+    return series
 
 
 def _of_verdicts(frame: pd.DataFrame) -> pd.Series:

@@ -1,4 +1,4 @@
-"""What an assertion failed on, as a rerun recording: a residual and its bound, or a monitor's watch and the fault.
+"""Recordings of what an assertion failed on: a residual and its bound, or a monitor's watch and the fault.
 
 ==========================================  ===========================================================
 entity                                      holds
@@ -18,37 +18,38 @@ All on the timeline ``time``; values are doubles, bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.residual import Residual
 from gtmbench.record import FloatArray, Record, Span
-from gtmbench.report.recording.lines import (
+from gtmbench.report.recording.blueprint import failed_residual_blueprint, failed_watch_blueprint
+from gtmbench.report.recording.entities import (
     ONSET,
     SHAPES,
     entity,
+    in_unit,
     lighter,
     log_events,
     log_judged,
+    log_line,
     log_lines,
     log_mark,
     log_marks,
     log_threshold,
     recorded,
+    whole,
 )
-from gtmbench.report.recording.views import event_log, opened, plot, whole
-from gtmbench.report.scores import SHOWN_LEVELS, tints
+from gtmbench.report.scores import tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
-from gtmbench.report.words.units import with_unit
 
 _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last mark
 
@@ -76,93 +77,54 @@ class FailedWatch:
     due_s: float | None = None
     said: str
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The broken channel, and those that the monitor uses."""
+        used = self.watch.monitor.channels or self.watch.record.channels
+        broken = () if self.fault is None else (self.fault.channel,)
+        return tuple(dict.fromkeys((*broken, *used)))
 
-def write_residual_recording(
-    path: Path, record: Record, found: Residual, bounds: Mapping[str, float], inputs: Iterable[str], said: str
-) -> None:
-    """Write a residual beside its bounds, with the channels that it stands on."""
-    plots = []
-    for output in found.outputs:
-        contents = [f"+ {entity(f'/{kind}', output)}" for kind in ("residuals", "peaks", "thresholds")]
-        plots.append(plot(f"residual of {output} and its bound", contents, whole(record)))
-    channels = tuple(dict.fromkeys((*found.outputs, *inputs)))
-    blueprint = opened(_front("Residuals", plots), _sensors_tab(record, channels))
-    with recorded(path, "gtmbench: a residual that failed its bound", blueprint) as recording:
-        _log_sensors(recording, record, channels)
-        for o, output in enumerate(found.outputs):
-            _log_residual(recording, record, found, o, bounds[output])
-        _log_said(recording, said)
+    @property
+    def marks(self) -> list[tuple[str, float]]:
+        """What happened when: onset, alarms, when one was due."""
+        marks = [("alarms", alarm.time_s) for alarm in self.watch.alarms[:MOST_ALARMS]]
+        if self.due_s is not None:
+            marks.append(("due", self.due_s))
+        if self.fault is not None:
+            marks.append(("onset", self.fault.onset_s))
+        return marks
 
-
-def _log_residual(recording: rr.RecordingStream, record: Record, found: Residual, o: int, bound: float) -> None:
-    output, values = found.outputs[o], found.values[:, o]
-    tint = colour(output, o)
-    log_lines(
-        recording,
-        entity("/residuals", output),
-        found.time_s,
-        values,
-        [with_unit(f"residual of {output}", unit_of(output))],
-        [tint],
-    )
-    if output in record and len(record) == len(values):  # a function of the user's may have decimated
-        _log_virtual(recording, record, output, record[output] - values)
-    ends, allowed = np.array([record.start_s, record.end_s]), np.array([[-bound, bound]] * 2)
-    red = COLOURS["threshold"]
-    log_lines(recording, entity("/thresholds", output), ends, allowed, ["least allowed", "most allowed"], [red, red])
-    if not np.isnan(values).all():
-        peak = int(np.nanargmax(np.abs(values)))
-        time_s, value = float(found.time_s[peak]), float(values[peak])
-        log_mark(recording, entity("/peaks", output), time_s, value, "the largest", ONSET, SHAPES.Diamond)
-        log_events(recording, "/events", [(time_s, "INFO", f"residual of {output}: {value:.4g} {unit_of(output)}")])
+    @property
+    def shown_s(self) -> Span:
+        """The span about the marks; without any, the record's."""
+        times_s = [time_s for _, time_s in self.marks]
+        start_s, end_s = whole(self.watch.record)
+        if not times_s:
+            return start_s, end_s
+        return max(min(times_s) - _BEFORE_S, start_s), min(max(times_s) + _AFTER_S, end_s)
 
 
-def write_watch_recording(path: Path, failed: FailedWatch) -> None:
+def write_watch_recording(failed: FailedWatch, path: Path) -> None:
     """Write what a monitor said, with the fault, when its alarm was due, and what was said when."""
-    channels, watch = _channels(failed), failed.watch
-    with recorded(path, "gtmbench: a watch that failed", _watch_blueprint(failed, channels)) as recording:
-        _log_sensors(recording, watch.record, channels)
-        if failed.healthy is not None and failed.fault is not None:
-            name, of = failed.fault.channel, failed.healthy
-            line = [with_unit(f"healthy {name}", unit_of(name))], [COLOURS["healthy"]]
-            log_lines(recording, entity("/healthy", name), of.time_s, of[name], *line)
+    watch, fault = failed.watch, failed.fault
+    blueprint = failed_watch_blueprint(watch, fault, failed.shown_s, failed.channels)
+    with recorded(path, "gtmbench: a watch that failed", blueprint) as recording:
+        _log_channels(recording, watch.record, failed.channels)
+        if failed.healthy is not None and fault is not None:
+            name, of = fault.channel, failed.healthy
+            label, tint = in_unit(f"healthy {name}", name), COLOURS["healthy"]
+            log_line(recording, entity("/healthy", name), (of.time_s, of[name]), label, tint)
         log_judged(recording, "", [watch], tints(watch))
         for output, predicted in watch.predictions.items():
-            _log_virtual(recording, watch.record, output, predicted)
+            _log_predicted(recording, watch.record, output, predicted)
         if watch.scores:
             log_threshold(recording, whole(watch.record))
-        log_marks(recording, "", _marks(failed))
-        log_events(recording, "/events", _events(failed))
+        log_marks(recording, "", failed.marks)
+        log_events(recording, "/events", _failure_events(failed))
         _log_said(recording, failed.said)
 
 
-def _watch_blueprint(failed: FailedWatch, channels: tuple[str, ...]) -> rrb.Blueprint:
-    span, watch = _shown_s(failed), failed.watch
-    levels = ["+ /levels/**", "+ /threshold", "+ /onset", "+ /due", "+ /alarms"]
-    plots = [plot("levels: an alarm above 1" if watch.scores else "alarms", levels, span, top=SHOWN_LEVELS)]
-    if failed.fault is not None:
-        plots.append(_channel_plot(failed.fault.channel, span))
-    if watch.residuals:
-        plots.append(plot("residuals", ["+ /residuals/**"], span))
-    return opened(_front("Alarms", plots), _sensors_tab(watch.record, channels))
-
-
-def _channels(failed: FailedWatch) -> tuple[str, ...]:
-    used = failed.watch.monitor.channels or failed.watch.record.channels
-    broken = () if failed.fault is None else (failed.fault.channel,)
-    return tuple(dict.fromkeys((*broken, *used)))
-
-
-def _marks(failed: FailedWatch) -> list[tuple[str, float]]:
-    marks = [("alarms", alarm.time_s) for alarm in failed.watch.alarms[:MOST_ALARMS]]
-    if failed.due_s is not None:
-        marks.append(("due", failed.due_s))
-    if failed.fault is not None:
-        marks.append(("onset", failed.fault.onset_s))
-    return marks
-
-
-def _events(failed: FailedWatch) -> list[Event]:
+def _failure_events(failed: FailedWatch) -> list[Event]:
     events: list[Event] = []
     if failed.fault is not None:
         events.append((failed.fault.onset_s, "WARN", f"onset: {fault_text(failed.fault)}"))
@@ -171,37 +133,47 @@ def _events(failed: FailedWatch) -> list[Event]:
     return events + watch_events([failed.watch])
 
 
-def _shown_s(failed: FailedWatch) -> Span:
-    marks = [time_s for _, time_s in _marks(failed)]
-    start_s, end_s = whole(failed.watch.record)
-    return (max(min(marks) - _BEFORE_S, start_s), min(max(marks) + _AFTER_S, end_s)) if marks else (start_s, end_s)
+def write_residual_recording(
+    residual: Residual, path: Path, *, record: Record, inputs: Iterable[str], bounds: Mapping[str, float], said: str
+) -> None:
+    """Write a residual beside its bounds, with the channels that it stands on."""
+    channels = tuple(dict.fromkeys((*residual.outputs, *inputs)))
+    blueprint = failed_residual_blueprint(record, residual.outputs, channels)
+    with recorded(path, "gtmbench: a residual that failed its bound", blueprint) as recording:
+        _log_channels(recording, record, channels)
+        for o, output in enumerate(residual.outputs):
+            _log_bounded(recording, record, residual, o, bounds[output])
+        _log_said(recording, said)
 
 
-def _log_sensors(recording: rr.RecordingStream, record: Record, channels: tuple[str, ...]) -> None:
+def _log_bounded(recording: rr.RecordingStream, record: Record, residual: Residual, o: int, bound: float) -> None:
+    """Log the residual of an output, its bound, and where it was largest."""
+    output, values, time_s = residual.outputs[o], residual.values[:, o], residual.time_s
+    label = in_unit(f"residual of {output}", output)
+    log_line(recording, entity("/residuals", output), (time_s, values), label, colour(output, o))
+    if output in record and len(record) == len(values):  # a function of the user's may have decimated
+        _log_predicted(recording, record, output, record[output] - values)
+    ends, allowed = np.array(whole(record)), np.array([[-bound, bound]] * 2)
+    red = COLOURS["threshold"]
+    log_lines(recording, entity("/thresholds", output), ends, allowed, ["least allowed", "most allowed"], [red, red])
+    if not np.isnan(values).all():
+        peak = int(np.nanargmax(np.abs(values)))
+        at_s, value = float(time_s[peak]), float(values[peak])
+        log_mark(recording, entity("/peaks", output), at_s, value, "the largest", ONSET, SHAPES.Diamond)
+        log_events(recording, "/events", [(at_s, "INFO", f"residual of {output}: {value:.4g} {unit_of(output)}")])
+
+
+def _log_channels(recording: rr.RecordingStream, record: Record, channels: Sequence[str]) -> None:
     for i, name in enumerate(channels):
         if name in record:
-            line = [with_unit(f"measured {name}", unit_of(name))], [lighter(colour(name, i))]
-            log_lines(recording, entity("/sensors", name), record.time_s, record[name], *line)
+            label, tint = in_unit(f"measured {name}", name), lighter(colour(name, i))
+            log_line(recording, entity("/sensors", name), (record.time_s, record[name]), label, tint)
 
 
-def _log_virtual(recording: rr.RecordingStream, record: Record, name: str, values: FloatArray) -> None:
-    line = [with_unit(f"predicted {name}", unit_of(name))], [COLOURS["virtual"]]
-    log_lines(recording, entity("/virtual", name), record.time_s, values, *line)
+def _log_predicted(recording: rr.RecordingStream, record: Record, name: str, values: FloatArray) -> None:
+    label = in_unit(f"predicted {name}", name)
+    log_line(recording, entity("/virtual", name), (record.time_s, values), label, COLOURS["virtual"])
 
 
 def _log_said(recording: rr.RecordingStream, said: str) -> None:
     recording.log("/failed", rr.TextDocument(said), static=True)
-
-
-def _front(name: str, plots: list[rrb.TimeSeriesView]) -> rrb.Container:
-    words = rrb.Vertical(event_log(["+ /events"]), rrb.TextDocumentView(name="what failed", origin="/failed"))
-    return rrb.Horizontal(rrb.Vertical(*plots), words, column_shares=[5, 2], name=name)
-
-
-def _sensors_tab(record: Record, channels: tuple[str, ...]) -> rrb.Container:
-    return rrb.Grid(*(_channel_plot(name, whole(record)) for name in channels), grid_columns=2, name="Sensors")
-
-
-def _channel_plot(name: str, span: Span) -> rrb.TimeSeriesView:
-    contents = [f"+ {entity(f'/{kind}', name)}" for kind in ("healthy", "virtual", "sensors")]
-    return plot(with_unit(name, unit_of(name)), contents, span)

@@ -52,7 +52,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     --------
     >>> from tempfile import TemporaryDirectory
     >>> import rerun as rr
-    >>> from gtmbench.report.recording.lines import log_verdict
+    >>> from gtmbench.report.recording.entities import log_verdict
     >>> with TemporaryDirectory() as folder:
     ...     with rr.RecordingStream("gtmbench") as recording:
     ...         recording.save(f"{folder}/study.rrd")

@@ -48,11 +48,11 @@ def _batches(chunks: Iterable[Chunk]) -> Iterator[pa.RecordBatch]:
     count = 0
     for chunk in chunks:
         batch, entity = chunk.to_record_batch(), chunk.entity_path
-        found, said = list(_lines(batch)), list(_told(batch))
-        count += len(said) + sum(len(values) for _, _, values in found)
+        of_lines, said = list(_lines(batch)), list(_told(batch))
+        count += len(said) + sum(len(values) for _, _, values in of_lines)
         if count > _MOST_ROWS:
             raise ValueError(f"more than {_MOST_ROWS} rows")
-        lines[entity] += found
+        lines[entity] += of_lines
         told[entity] += said
         if given := _names(batch, entity):
             names[entity] = given if "Lines:channels" in batch.schema.names else names.get(entity, given)
@@ -70,7 +70,7 @@ def _entity(entity: str, lines: list[Line], told: list[Told], names: list[str]) 
         name = key if isinstance(key, str) else names[key] if key < len(names) else f"{_last(entity)} {key}"
         yield _batch(entity, name, time_s[order], values[order], None)
     if told:
-        when, series, value, text = zip(*sorted(told, key=lambda one: one[0]), strict=True)
+        when, series, value, text = zip(*sorted(told, key=lambda row: row[0]), strict=True)
         yield _batch(entity, series, np.array(when), np.array(value), text)
 
 

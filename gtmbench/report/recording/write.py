@@ -1,7 +1,21 @@
-"""A study as a rerun recording: shared signals once, every trial under ``/trials/SCENARIO/LABEL``.
+"""Recordings for the rerun viewer: of a study, of a watched log.
+
+All stand on the timeline ``time``; values are doubles, bit for bit those of the study or the log (levels: scores over
+their thresholds). No view shows the verdicts: they are for `read_recording`, which gives all of a recording back as a
+table. In both:
 
 ==========================================  ===========================================================
 entity                                      holds
+==========================================  ===========================================================
+``.../residuals/OUTPUT``                    e(k), at sample k, where there are any
+``.../levels/SCORE``                        over its threshold, at the time at which it is known
+``.../threshold``                           1: an alarm above it
+``.../events``                              what happened, in words
+``.../verdict``                             what was found, field by field, as in the results
+==========================================  ===========================================================
+
+A study holds shared signals once, and every trial under ``/trials/SCENARIO/LABEL``:
+
 ==========================================  ===========================================================
 ``/truth/GROUP``, ``/sensors/GROUP``        channels of a group (rates, wind, attitude, load, speed, altitude)
 ``/surfaces``                               elevator, aileron and rudder commands, deg
@@ -12,34 +26,40 @@ entity                                      holds
 ``/trials/.../verdict``                     every field of the trial's row
 ==========================================  ===========================================================
 
-Of a detector with one score in a unit, as E(k) of the dissertation's:
+of a detector with one score in a unit, as E(k) of the dissertation's:
 
 ==========================================  ===========================================================
 ``/healthy/norm``, ``/trials/.../norm``     the score, at the time at which it is known: (k + w + d) Ts
 ``.../residual``                            e(k), at sample k, where it has one
 ``/threshold``                              of the score
-``/events``                                 onsets, alarms and misses of all trials, in words
+``/events``                                 onsets, alarms and misses of all trials
 ``/operator/OUTPUT/INPUT``                  Markov parameters over lags
 ==========================================  ===========================================================
 
-Of any other, as banks:
+of any other, as banks:
 
 ==========================================  ===========================================================
-``/healthy/levels/SCORE``                   every score over its threshold, at the time at which it is known
-``/healthy/residuals/OUTPUT``               at sample k, where it has any
+``/healthy/levels``, ``.../residuals``      all of them
 ``/trials/.../levels``, ``.../residuals``   those that the broken channel enters; the others are the healthy ones
 ``/trials/.../virtual``                     what the broken channel should have read, where that is known
-``/threshold``                              1: an alarm above it
-``/trials/.../events``                      onset, alarms, every change of judgement, ends and misses, in words
+``/trials/.../events``                      onset, alarms, every change of judgement, ends and misses
 ``/events``                                 false alarms on the healthy record
 ==========================================  ===========================================================
 
 There, a trial's signals run from 30 s before its onset to 30 s after the last that is said of it, at least 120 s:
-before, they are the healthy ones. With several detectors, all but the first four rows stands once for each, below
-``/detectors/NAME``.
+before, they are the healthy ones. With several detectors, all but the flight (``/truth``, ``/sensors``, ``/surfaces``,
+``/path``, ``/attitude``) stands once for each, below ``/detectors/NAME``.
 
-All on the timeline ``time``; values are doubles, bit for bit those of the study (levels: over the threshold). No view
-shows the verdicts: they are for `read_recording`, which gives all of it back as a table.
+A watched log, on the log's clock; no line runs over a gap between samples or segments:
+
+==========================================  ===========================================================
+``/sensors/GROUP/CHANNEL``                  the log's channels; GROUP: rates, wind, attitude, ..., other
+``/virtual/CHANNEL``                        what those that are predicted, or failed, should have read
+``/began``, ``/alarm``, ``/named``          a point an alarm; ``named``: when the sensor was named
+``/state``                                  what became of every stretch: watched, or why not
+``/events``                                 remarks, stretches, alarms, judgements, the outcome
+``/verdict``, ``/findings/N/verdict``       outcome and alarms
+==========================================  ===========================================================
 """
 
 from __future__ import annotations
@@ -50,113 +70,162 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from gtmbench.channels import unit_of
-from gtmbench.detectors.protocol import Score
+from gtmbench.checks import printable
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.record import Span
-from gtmbench.report.recording.blueprint import Placed, blueprint
-from gtmbench.report.recording.lines import (
+from gtmbench.report.recording.blueprint import (
+    Placed,
+    log_blueprint,
+    study_blueprint,
+)
+from gtmbench.report.recording.entities import (
     SHAPES,
+    Signal,
     entity,
+    in_unit,
+    joined,
     lighter,
     log_events,
     log_judged,
+    log_line,
     log_lines,
     log_mark,
     log_marks,
-    log_sensors,
     log_threshold,
     log_verdict,
     recorded,
     rgb,
+    sensor_entity,
+    set_time,
     trial_paths,
     trial_tints,
+    whole,
 )
-from gtmbench.report.recording.scene import log_scene
-from gtmbench.report.recording.views import whole
+from gtmbench.report.recording.flight import log_scene, log_sensors
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.judgement import Event, trial_events, trial_label, watch_events
+from gtmbench.report.tables.log import log_results
+from gtmbench.report.watched import (
+    TINTS,
+    State,
+    began_s,
+    residuals_of,
+    scores_of,
+    signals_of,
+    stretches,
+    tints_of,
+    whole_of,
+)
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
+from gtmbench.report.words.log import outcome_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
+from gtmbench.study.log.watch import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 
-_BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0
+_BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
+_OUTCOME = (
+    "outcome",
+    "exit_code",
+    "verdict",
+    "reasons",
+    "watched_hours",
+    "alarms_unexplained",
+    "false_alarms_per_hour_at_most",
+)
+
+
+# a study
 
 
 def write_recording(study: Study, path: Path) -> None:
-    """Write the recording with its blueprint; every viewer of the same rerun version opens it ready to read."""
+    """Write a study with its blueprint; every viewer of the same rerun version opens it ready to read."""
     placed = [_placed(study, baseline) for baseline in study.baselines]
     baseline = study.baseline
-    names = ", ".join(title_text(one.baseline.monitor) for one in placed)
-    with recorded(path, f"gtmbench study: {names}, seed {baseline.setup.seed}", blueprint(placed)) as recording:
+    names = ", ".join(title_text(detector.monitor) for detector in study.baselines)
+    name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
+    with recorded(path, name, study_blueprint(placed)) as recording:
         log_sensors(recording, baseline.flight, baseline.healthy)
         log_scene(recording, baseline.flight)
-        for one in placed:
-            norm = norm_of(one.baseline.watch)
+        for detector in placed:
+            norm = norm_of(detector.baseline.watch)
             if norm is None:
-                _log_levels(recording, one)
+                _log_scores(recording, detector)
             else:
-                _log_norm(recording, one, norm)
+                _log_norm(recording, detector, norm)
 
 
 def _placed(study: Study, baseline: Baseline) -> Placed:
     trials = study.trials_of(baseline.detector)
     root = entity("/detectors", baseline.detector) if len(study.baselines) > 1 else ""
-    return Placed(baseline=baseline, root=root, trials=trials, paths=[f"{root}{path}" for path in trial_paths(trials)])
+    paths = [f"{root}{path}" for path in trial_paths(trials)]
+    return Placed(baseline=baseline, root=root, trials=list(zip(trials, paths, strict=True)))
+
+
+def _tinted(placed: Placed) -> list[tuple[Trial, str, str]]:
+    """Return trials with their entities and colours."""
+    colours = trial_tints([trial for trial, _ in placed.trials])
+    return [(trial, path, tint) for (trial, path), tint in zip(placed.trials, colours, strict=True)]
 
 
 def _log_norm(recording: rr.RecordingStream, placed: Placed, norm: Score) -> None:
     """Log a detector with one score in a unit: whole signals, in the colours of the trials, for one plot of all."""
-    baseline, root, unit, tint = placed.baseline, placed.root, norm.unit, COLOURS["healthy"]
-    _log_residual(recording, f"{root}/healthy", "healthy", tint, baseline)
-    log_lines(recording, f"{root}/healthy/norm", norm.known_s, norm.values, [f"healthy ({unit})"], [tint])
-    log_threshold(recording, whole(baseline.flight), norm.threshold, f"threshold ({unit})", root)
-    known = {"threshold": norm.threshold, "armed_s": norm.armed_s}
-    _log_false_alarms(recording, placed, known)
+    baseline, root, healthy = placed.baseline, placed.root, COLOURS["healthy"]
+    _log_residual(recording, f"{root}/healthy", "healthy", healthy, baseline.watch)
+    log_line(recording, f"{root}/healthy/norm", (norm.known_s, norm.values), f"healthy ({norm.unit})", healthy)
+    log_threshold(recording, whole(baseline.flight), norm.threshold, f"threshold ({norm.unit})", root)
+    _log_false_alarms(recording, placed, {"threshold": norm.threshold, "armed_s": norm.armed_s})
     if isinstance(baseline.monitor, NormMonitor):
         _log_operator(recording, root, baseline.monitor)
     events = _healthy_events(baseline)
-    for trial, path, of in zip(placed.trials, placed.paths, trial_tints(placed.trials), strict=True):
+    for trial, path, tint in _tinted(placed):
         label, score = trial_label(trial), trial.watch.scores[norm.name]
         full = f"{trial.scenario}: {label}"
-        _log_measured(recording, trial, path, f"{full} broken ({trial.unit})", of)
-        _log_residual(recording, path, full, of, trial)
-        log_lines(recording, f"{path}/norm", score.known_s, score.values, [label], [of])
-        log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, f"{label} onset", of, SHAPES.Up)
+        _log_measured(recording, trial, path, f"{full} broken ({trial.unit})", tint)
+        _log_residual(recording, path, full, tint, trial.watch)
+        log_line(recording, f"{path}/norm", (score.known_s, score.values), label, tint)
+        log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, f"{label} onset", tint, SHAPES.Up)
         if trial.alarm_time_s is not None:
             at = trial.alarm_time_s, norm.threshold
-            log_mark(recording, f"{path}/alarm", *at, f"{label} alarm", of, SHAPES.Down)
+            log_mark(recording, f"{path}/alarm", *at, f"{label} alarm", tint, SHAPES.Down)
         log_verdict(recording, f"{path}/verdict", trial.row())
         events += trial_events(trial)
     log_events(recording, f"{root}/events", events)
 
 
-def _log_levels(recording: rr.RecordingStream, placed: Placed) -> None:
-    """Log a detector with levels, or without scores: signals around the onset, for a plot a trial."""
+def _log_scores(recording: rr.RecordingStream, placed: Placed) -> None:
+    """Log a detector with several scores, or without any: signals around the onset, for a plot a trial."""
     baseline, root = placed.baseline, placed.root
-    of = tints(baseline.watch)
-    pale = {name: lighter(tint) for name, tint in of.items()}
+    colours = tints(baseline.watch)
+    pale = {name: lighter(tint) for name, tint in colours.items()}
     log_judged(recording, f"{root}/healthy", [baseline.watch], pale, ", healthy")
     log_threshold(recording, whole(baseline.flight), root=root)
     _log_false_alarms(recording, placed, {})
     log_events(recording, f"{root}/events", _healthy_events(baseline))
-    for trial, path, tint in zip(placed.trials, placed.paths, trial_tints(placed.trials), strict=True):
-        events = trial_events(trial)
+    for trial, path, tint in _tinted(placed):
+        events, watch = trial_events(trial), trial.watch
         span = _logged_s(trial, events)
         _log_measured(recording, trial, path, with_unit(f"{trial.channel} measured", trial.unit), tint, span)
-        _log_virtual(recording, trial, path, span)
-        log_judged(recording, path, [trial.watch], {name: of[name] for name in placed.entered(trial)}, "", span)
+        virtual = part(watch.record.time_s, watch.virtual(trial.channel), span)
+        _log_virtual(recording, f"{path}/virtual", virtual, with_unit("virtual sensor", trial.unit), trial.channel)
+        log_judged(recording, path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
         marks = {"onset": trial.onset_s, "alarm": trial.alarm_time_s, "named": trial.isolated_s}
         log_marks(recording, path, marks.items())
         log_verdict(recording, f"{path}/verdict", trial.row())
         log_events(recording, f"{path}/events", events)
 
 
+def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
+    """Return the span that a trial's signals are logged over."""
+    said = [time_s for time_s, _, _ in events if trial.detected]
+    return trial.onset_s - _BEFORE_S, max([trial.onset_s + _AT_LEAST_S, *(time_s + _AFTER_S for time_s in said)])
+
+
 def _log_false_alarms(recording: rr.RecordingStream, placed: Placed, known: dict[str, float | None]) -> None:
     baseline = placed.baseline
-    told = known | {"false_alarms": baseline.false_alarms, "healthy_hours": baseline.healthy_hours}
-    log_verdict(recording, f"{placed.root}/healthy/verdict", told)
+    counted = {**known, "false_alarms": baseline.false_alarms, "healthy_hours": baseline.healthy_hours}
+    log_verdict(recording, f"{placed.root}/healthy/verdict", counted)
 
 
 def _healthy_events(baseline: Baseline) -> list[Event]:
@@ -180,17 +249,23 @@ def _log_measured(
     recording: rr.RecordingStream, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
     measured = part(trial.record.time_s, trial.record[trial.channel], span)
-    log_lines(recording, f"{path}/measured", *measured, [name], [tint], channels=[trial.channel])
+    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel)
 
 
-def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: str, of: Baseline | Trial) -> None:
+def _log_virtual(recording: rr.RecordingStream, entity: str, virtual: Signal, name: str, channel: str) -> None:
+    """Log what a channel should have read, where that is known of any sample."""
+    if np.isfinite(virtual[1]).any():
+        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel)
+
+
+def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: str, watch: Watch) -> None:
     """Log e(k) of every output, where there are residuals, in one colour."""
-    outputs = list(of.watch.residuals)
+    outputs = list(watch.residuals)
     if outputs:
-        names = [with_unit(f"{label}, e of {output}", unit_of(output)) for output in outputs]
-        values = np.column_stack([of.watch.residuals[output] for output in outputs])
-        tints_of = [tint] * len(outputs)
-        log_lines(recording, f"{root}/residual", of.watch.record.time_s, values, names, tints_of, channels=outputs)
+        names = [in_unit(f"{label}, e of {output}", output) for output in outputs]
+        values = np.column_stack([watch.residuals[output] for output in outputs])
+        colours = [tint] * len(outputs)
+        log_lines(recording, f"{root}/residual", watch.record.time_s, values, names, colours, channels=outputs)
 
 
 def _log_operator(recording: rr.RecordingStream, root: str, monitor: NormMonitor) -> None:
@@ -201,14 +276,67 @@ def _log_operator(recording: rr.RecordingStream, root: str, monitor: NormMonitor
             recording.log(f"{root}/operator/{output}/{name}", bars, static=True)
 
 
-def _log_virtual(recording: rr.RecordingStream, trial: Trial, path: str, span: Span) -> None:
-    virtual = part(trial.watch.record.time_s, trial.watch.virtual(trial.channel), span)
-    if np.isfinite(virtual[1]).any():
-        names = [with_unit("virtual sensor", trial.unit)]
-        log_lines(recording, f"{path}/virtual", *virtual, names, [COLOURS["virtual"]], channels=[trial.channel])
+# a watched log
 
 
-def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
-    """Return the span that a trial's signals are logged over."""
-    said = [time_s for time_s, _, _ in events if trial.detected]
-    return trial.onset_s - _BEFORE_S, max([trial.onset_s + _AT_LEAST_S, *(time_s + _AFTER_S for time_s in said)])
+def write_log_recording(watched: WatchedLog, path: Path) -> None:
+    """Write a watched log with its blueprint; every viewer of the same rerun version opens it ready to read."""
+    name = f"{printable(watched.log.path.name)}: {title_text(watched.monitor)}"
+    with recorded(path, name, log_blueprint(watched)) as recording:
+        _log_log(recording, watched)
+        if watched.watches:
+            _log_virtual_sensors(recording, watched)
+            colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
+            log_judged(recording, "", watched.watches, {name: colours[name] for name in names})
+        log_threshold(recording, whole_of(watched))
+        for alarm in watched.alarms[:MOST_ALARMS]:
+            log_marks(recording, "", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
+        _log_states(recording, watched)
+        log_events(recording, "/events", _log_story(watched))
+        _log_outcome(recording, watched)
+
+
+def _log_log(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+    log, colours = watched.log, tints_of(watched)
+    for name in log.channels:
+        measured = joined([(segment.time_s, segment[name]) for segment in log.segments], log.sample_period_s)
+        label = in_unit(f"{name} measured", name)
+        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name)
+
+
+def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+    for name in signals_of(watched):
+        parts = [(watch.record.time_s, watch.virtual(name)) for watch in watched.watches if name in watch.record]
+        virtual = joined(parts, watched.log.sample_period_s)
+        _log_virtual(recording, entity("/virtual", name), virtual, in_unit(f"{name} virtual sensor", name), name)
+
+
+def _log_states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+    colours = [[*rgb(TINTS[state]), 255] for state in State]
+    recording.log("/state", rr.StateConfiguration(values=[str(state) for state in State], colors=colours), static=True)
+    all_stretches = stretches(watched)
+    for stretch in all_stretches:
+        set_time(recording, stretch.start_s)
+        recording.log("/state", rr.StateChange(state=str(stretch.state)))
+    set_time(recording, all_stretches[-1].end_s)
+    recording.log("/state", rr.StateChange(state=""))  # it ends there
+
+
+def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+    results = log_results(watched)
+    log_verdict(recording, "/verdict", {name: results[name] for name in _OUTCOME})
+    for number, finding in enumerate(results["findings"][:MOST_ALARMS], 1):
+        row = {name: value for name, value in finding.items() if name != "judgements"}
+        log_verdict(recording, f"/findings/{number}/verdict", row)
+
+
+def _log_story(watched: WatchedLog) -> list[Event]:
+    """Return remarks, stretches, alarms and the outcome."""
+    remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
+    events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
+    events += [(of.start_s, "INFO", f"until {of.end_s:.2f} s: {of.state}") for of in stretches(watched)]
+    began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
+    events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
+    events += watch_events(watched.watches)
+    severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
+    return [*events, (whole_of(watched)[1], severity, f"outcome: {outcome_text(watched)}")]

@@ -1,12 +1,16 @@
-"""The flight in space: the way flown, and the aircraft on it and from near by."""
+"""The flight that a study's trials share: its channels, the way flown, and the aircraft on it and from near by."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
 
+from gtmbench.channels import SURFACES
 from gtmbench.record import FloatArray, Record
-from gtmbench.report.recording.timeline import times
+from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, times
+from gtmbench.report.style import colour
 
 _STEP = 10  # samples between two poses: 10 a second
 _SHARE_OF_PATH = 0.12  # the aircraft's size on the path, so that it is seen where the whole path fits
@@ -17,6 +21,30 @@ _CORNERS = {
     "fin": [[-0.3, 0.0, 0.0], [-0.5, 0.0, 0.0], [-0.5, 0.0, -0.22]],
 }
 _TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}
+
+
+def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) -> None:
+    """Log ``/truth/GROUP``, ``/sensors/GROUP`` and ``/surfaces``."""
+    for group, members in GROUPS.items():
+        _log_group(recording, f"/truth/{group}", flight, members, " true")
+        _log_group(recording, f"/sensors/{group}", healthy, members, " measured", pale=True)
+    _log_group(recording, "/surfaces", flight, SURFACES)
+
+
+def _log_group(
+    recording: rr.RecordingStream,
+    entity: str,
+    record: Record,
+    members: Sequence[str],
+    suffix: str = "",
+    *,
+    pale: bool = False,
+) -> None:
+    channels = [name for name in members if name in record]
+    if channels:
+        tints = [lighter(colour(name, i)) if pale else colour(name, i) for i, name in enumerate(channels)]
+        names = [in_unit(f"{name}{suffix}", name) for name in channels]
+        log_lines(recording, entity, record.time_s, record.matrix(channels), names, tints, channels=channels)
 
 
 def log_scene(recording: rr.RecordingStream, flight: Record) -> None:

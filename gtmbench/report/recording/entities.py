@@ -1,4 +1,4 @@
-"""What every recording is made of: entities, lines with names and colours, scores, marks, events, verdicts."""
+"""What every recording is made of: one timeline, entities with lines, scores, marks, events and verdicts."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from gtmbench.channels import SURFACES, unit_of
+from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Watch
+from gtmbench.files import atomic_write
 from gtmbench.record import FloatArray, Record, Span
-from gtmbench.report.recording.timeline import set_time, times
 from gtmbench.report.scores import level, part
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Injection
 
+Signal = tuple[FloatArray, FloatArray]  # times in s, values
+
+TIMELINE = "time"  # seconds of the flight, to the nanosecond
 GROUPS = {
     "rates": ("p", "q", "r"),
     "wind": ("alpha", "beta"),
@@ -48,17 +51,44 @@ def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
     """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it."""
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
-    recording.save(path, default_blueprint=blueprint)
-    recording.send_recording_name(name)
-    try:
-        yield recording
-    finally:
-        recording.disconnect()  # writes the footer
+    with atomic_write(path) as aside:
+        recording.save(aside, default_blueprint=blueprint)
+        recording.send_recording_name(name)
+        try:
+            yield recording
+        finally:
+            recording.disconnect()  # writes the footer
+
+
+def times(time_s: FloatArray) -> rr.TimeColumn:
+    """Return times as rerun takes them: whole nanoseconds, for it cuts float seconds off."""
+    return rr.TimeColumn(TIMELINE, duration=np.rint(time_s * 1e9).astype("timedelta64[ns]"))
+
+
+def set_time(recording: rr.RecordingStream, time_s: float) -> None:
+    """Set the time of what is logged next."""
+    recording.set_time(TIMELINE, duration=np.timedelta64(round(time_s * 1e9), "ns"))
+
+
+def whole(record: Record) -> Span:
+    """Return the span of a record."""
+    return record.start_s, record.end_s
+
+
+def in_unit(what: str, channel: str) -> str:
+    """Write a channel's unit behind what is in it."""
+    return with_unit(what, unit_of(channel))
 
 
 def entity(root: str, name: str) -> str:
     """Return the entity below a root of anything with a name, whatever it holds."""
     return f"{root}/{rr.escape_entity_path_part(name)}"
+
+
+def sensor_entity(channel: str) -> str:
+    """Return the entity of a log's channel: ``/sensors/rates/p``, ``/sensors/other/...``."""
+    group = next((group for group, members in GROUPS.items() if channel in members), "other")
+    return entity(f"/sensors/{group}", channel)
 
 
 def trial_paths(trials: Sequence[Injection]) -> list[str]:
@@ -104,7 +134,7 @@ def log_lines(
     channels: Sequence[str] = (),
     width: float = 1.5,
 ) -> None:
-    """Send one line (or several of a unit, as columns) with names and colours.
+    """Send lines of a unit as columns, with names and colours.
 
     Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
     `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
@@ -132,18 +162,25 @@ def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return sent
 
 
-def across(parts: Sequence[tuple[FloatArray, FloatArray]], sample_period_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and values of stretches of a signal as one, a missing row after each: no line runs over a gap."""
+def log_line(
+    recording: rr.RecordingStream, entity: str, signal: Signal, name: str, tint: str, *, channel: str = ""
+) -> None:
+    """Send one line, as `log_lines` does several."""
+    log_lines(recording, entity, *signal, [name], [tint], channels=[channel] if channel else ())
+
+
+def joined(parts: Sequence[Signal], sample_period_s: float) -> Signal:
+    """Return stretches of a signal as one, a missing row after each: no line runs over a gap."""
     time_s = [stamp for when, _ in parts for stamp in (when, when[-1:] + sample_period_s)]
     values = [row for _, of in parts for row in (of, np.full_like(of[-1:], np.nan))]
     return np.concatenate(time_s), np.concatenate(values)
 
 
 def log_threshold(
-    recording: rr.RecordingStream, span: Span, level: float = 1.0, name: str = "threshold", root: str = ""
+    recording: rr.RecordingStream, span: Span, value: float = 1.0, name: str = "threshold", root: str = ""
 ) -> None:
-    """Log ``/threshold``: a level, from the beginning of a span to its end."""
-    log_lines(recording, f"{root}/threshold", np.array(span), np.full(2, level), [name], [COLOURS["threshold"]])
+    """Log ``/threshold``, from the beginning of a span to its end."""
+    log_line(recording, f"{root}/threshold", (np.array(span), np.full(2, value)), name, COLOURS["threshold"])
 
 
 def log_judged(
@@ -155,27 +192,24 @@ def log_judged(
     span: Span = (-np.inf, np.inf),
 ) -> None:
     """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
+    period_s = watches[0].record.sample_period_s
     for name, tint in tints.items():
-        period_s = watches[0].record.sample_period_s
         if name in watches[0].residuals:
-            raw = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
-            label = with_unit(f"residual of {name}{suffix}", unit_of(name))
-            where = entity(f"{root}/residuals", name)
-            log_lines(recording, where, *across(raw, period_s), [label], [tint], channels=[name])
+            parts = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
+            label = in_unit(f"residual of {name}{suffix}", name)
+            log_line(recording, entity(f"{root}/residuals", name), joined(parts, period_s), label, tint, channel=name)
         if name in watches[0].scores:
             scores = [watch.scores[name] for watch in watches]
-            levels = [part(score.known_s, level(score), span) for score in scores]
-            where = entity(f"{root}/levels", name)
-            log_lines(
-                recording, where, *across(levels, period_s), [f"level of {name}{suffix}"], [tint], channels=[name]
-            )
+            parts = [part(score.known_s, level(score), span) for score in scores]
+            label = f"level of {name}{suffix}"
+            log_line(recording, entity(f"{root}/levels", name), joined(parts, period_s), label, tint, channel=name)
 
 
 def log_mark(
     recording: rr.RecordingStream,
     entity: str,
     time_s: float,
-    level: float,
+    value: float,
     name: str,
     tint: str,
     marker: SHAPES,
@@ -184,11 +218,11 @@ def log_mark(
     style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
     recording.log(entity, style, static=True)
     set_time(recording, time_s)
-    recording.log(entity, rr.Scalars(level))
+    recording.log(entity, rr.Scalars(value))
 
 
 def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[str, float | None]]) -> None:
-    """Log points beside levels, at 1, each of a name in the same look everywhere; what has no time stays out."""
+    """Log points beside scores, at the threshold, each of a name in the same look everywhere; some have no time."""
     for name, time_s in marks:
         if time_s is not None:
             log_mark(recording, f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
@@ -197,8 +231,13 @@ def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[st
 def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
     """Log what happened, in words, in time."""
     for time_s, severity, text in sorted(events):
-        set_time(recording, time_s)
-        recording.log(entity, rr.TextLog(f"{time_s:z.2f} s  {text}", level=severity))
+        log_text(recording, entity, time_s, severity, f"{time_s:z.2f} s  {text}")
+
+
+def log_text(recording: rr.RecordingStream, entity: str, time_s: float, severity: str, text: str) -> None:
+    """Log words at a time; `severity`: ``INFO``, ``WARN``, ``ERROR`` or ``CRITICAL``."""
+    set_time(recording, time_s)
+    recording.log(entity, rr.TextLog(text, level=severity))
 
 
 def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:
@@ -229,19 +268,3 @@ def _text(value: object) -> str | None:
     if isinstance(value, str):
         return value
     return "nan" if value != value else None  # in a table of numbers, NaN and None look alike
-
-
-def log_sensors(recording: rr.RecordingStream, flight: Record, healthy: Record) -> None:
-    """Log ``/truth/GROUP``, ``/sensors/GROUP`` and ``/surfaces``."""
-    for root, record, suffix in (("truth", flight, "true"), ("sensors", healthy, "measured")):
-        for group, members in GROUPS.items():
-            there = [name for name in members if name in record]
-            if there:
-                tints = [colour(name, i) for i, name in enumerate(there)]
-                tints = tints if root == "truth" else [lighter(tint) for tint in tints]
-                names = [f"{name} {suffix} ({unit_of(name)})" for name in there]
-                values = record.matrix(there)
-                log_lines(recording, f"/{root}/{group}", record.time_s, values, names, tints, channels=there)
-    tints = [colour(name, i) for i, name in enumerate(SURFACES)]
-    names = [f"{name} (deg)" for name in SURFACES]
-    log_lines(recording, "/surfaces", flight.time_s, flight.matrix(SURFACES), names, tints, channels=SURFACES)
