@@ -6,7 +6,6 @@ import numpy as np
 
 import gtmbench as gb
 
-
 NAMES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas")
 NOISE = (0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06)
 

@@ -97,12 +97,12 @@ def test_two_gyros_at_once_are_two_findings(monitor, healthy):
 
 @pytest.mark.parametrize("channel", GYROS)
 def test_a_fault_that_ends_is_said_to_end_and_the_next_is_found(monitor, healthy, channel):
-    once = gb.inject(healthy, gb.Jam(channel=channel, onset_s=50.0, duration_s=10.0))
+    once = gb.inject(healthy, gb.Jam(channel=channel, onset_s=51.0, duration_s=15.0))
     again = gb.inject(once, gb.Drift(channel=channel, onset_s=90.0, slope=1.0))
     found = gb.watch(monitor, again)
     assert [finding.sensor for finding in found.alarms] == [channel, channel]
     first, second = found.alarms
-    assert first.ended_s == pytest.approx(60.0, abs=1.0)
+    assert first.ended_s == pytest.approx(66.0, abs=1.0)
     assert first.last.kind == "jam"
     assert second.time_s > 90.0
     assert second.last.kind == "drift"
