@@ -1,7 +1,7 @@
 """Hypothesis draws the same examples in every run, and rerun asks the network nothing."""
 
 import os
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import pytest
 from hypothesis import settings
@@ -9,6 +9,8 @@ from hypothesis import settings
 from gtmbench.bench.flight import fly
 from gtmbench.cli.app import main
 from gtmbench.method.regression import triangle
+from gtmbench.report.recording.read import read_recording
+from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import calibration, flights, healthy_records
 
@@ -30,6 +32,25 @@ def _flown_once():
         for module in (calibration, flights, healthy_records):
             patch.setattr(module, "fly", flown)
         yield
+
+
+@pytest.fixture(scope="session")
+def recording_of(tmp_path_factory):
+    """Return a function that writes the recording of a study, as made by a function, once, and gives its path."""
+    folder = tmp_path_factory.mktemp("recordings")
+
+    @cache
+    def write(study):
+        write_recording(study(), folder / f"{study.__name__}.rrd")
+        return folder / f"{study.__name__}.rrd"
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def frame_of(recording_of):
+    """Return a function that reads such a recording, once."""
+    return cache(lambda study: read_recording(recording_of(study)))
 
 
 @pytest.fixture
