@@ -33,11 +33,12 @@ SHIPPED = ["dissertation", f"{EXAMPLE}:LimitCheck", far, *shipped_banks()]
 
 @cache
 def case_of(detector):
-    """Banks watch half a minute, for diagnosing takes them long; the others two minutes of the GTM."""
+    """Banks watch a minute at whose end one fault lies, for diagnosing takes them long; others two of the GTM."""
     if detector not in shipped_banks():
         return contract_case(detector)
     healthy = [record(6000, seed=seed) for seed in (1, 2, 3)]
-    return contract_case(detector, [*healthy, record(1500, seed=4)], fault=FAULT)
+    fault = gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0)  # bank B is armed from 42 s on
+    return contract_case(detector, [*healthy, record(2750, seed=4)], fault=fault)
 
 
 def called(part):
