@@ -16,7 +16,7 @@ from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 
 from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact import exact_operator
 from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input

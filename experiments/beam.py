@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from gtmbench.report.dissertation.figures import draw_both_ways
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.dissertation.structure import draw_both_ways
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.numeric import NumericOperator
 from gtmbench.theory.polynomials import read_polynomial, write_polynomial

@@ -20,9 +20,9 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.blocks import blank, block, junction, wire
+from gtmbench.report.dissertation.figures import blank, block, junction, wire
 from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.closed_loop import Noise, closed_loop, loop_records
 from gtmbench.theory.iir import IirModel, arx, iv4
 from gtmbench.theory.laurent import laurent

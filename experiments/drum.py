@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.norms import level_panel
+from gtmbench.report.dissertation.figures import norm_panel
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.nested import count, nested_operators, norms
 from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, simulate
@@ -114,7 +114,7 @@ def sources(page: Reproduction, speakers: int) -> None:
         values=found,
     )
     figure, axes = panels(1, 1, (8.0, 4.5))
-    level_panel(axes[0][0], runs[0], unit="arbitrary")
+    norm_panel(axes[0][0], runs[0], unit="arbitrary")
     figure.suptitle(f"Drum, {speakers} speaker{'s' * (speakers > 1)} with white noise: E(k) ({figure_name})")
     page.draw(f"fig_4_{10 if speakers == 2 else 12}", figure)
     if speakers == 2:
@@ -211,7 +211,7 @@ def removals(page: Reproduction) -> None:
         values=unseen,
     )
     figure, axes = panels(1, 1, (8.0, 4.5))
-    level_panel(axes[0][0], runs[0][0], unit="arbitrary", changes_s=REMOVED_S)
+    norm_panel(axes[0][0], runs[0][0], unit="arbitrary", changes_s=REMOVED_S)
     figure.suptitle("Drum with 50 and 60 Hz, a piece removed at 10 s and at 21 s: E(k) (Fig. 4.13)")
     page.draw("fig_4_13", figure)
 

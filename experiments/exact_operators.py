@@ -14,10 +14,9 @@ import numpy as np
 import scipy.linalg
 import sympy
 
-from gtmbench.report.dissertation.polynomials import claim_polynomials, flat
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.dissertation.structure import draw_structure
-from gtmbench.report.figures.study import panels
+from gtmbench.report.dissertation.figures import draw_structure
+from gtmbench.report.dissertation.reproduction import Reproduction, claim_polynomials, flat, reproduce
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.exact import exact_operator
 from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
 from gtmbench.theory.rational import Coefficients, RationalOperator, coefficients

@@ -23,9 +23,9 @@ from scipy.stats import norm, uniform
 
 import gtmbench as gb
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.blocks import blank, block, wire
+from gtmbench.report.dissertation.figures import blank, block, wire
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.hammerstein import Pair, centred, covariance, without_nonlinearities
 from gtmbench.theory.state_space import companion
 

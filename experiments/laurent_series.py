@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 import gtmbench as gb
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory import plants
 from gtmbench.theory.annuli import annuli, inner_spectral_radius, spectral_radius
 from gtmbench.theory.closed_loop import loop_records

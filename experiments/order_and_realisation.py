@@ -20,7 +20,7 @@ import scipy.signal
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.closed_loop import loop_records
 from gtmbench.theory.laurent import laurent, reflected, split
 from gtmbench.theory.nuclear_norm import nuclear_norm_path

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.closed_loop import loop_records
 from gtmbench.theory.pem import pem
 from gtmbench.theory.plants import Example, example_3_2_1, example_3_2_2, example_3_2_2_as_printed

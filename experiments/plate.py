@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.report.dissertation.norms import level_panel
+from gtmbench.report.dissertation.figures import norm_panel
 from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact_fit import exact_weights, left_over
 from gtmbench.theory.nested import count, nested_operators, norms
@@ -112,7 +112,7 @@ def noise_free(page: Reproduction, record: gb.Record, operators: Operators) -> N
         values={"three_by_period_s": dict(zip(periods_s, slower, strict=True)), "alone": alone},
     )
     figure, axes = panels(1, 1, (8.0, 4.5))
-    level_panel(axes[0][0], levels, unit="m")
+    norm_panel(axes[0][0], levels, unit="m")
     figure.suptitle("Plate without noise: E(k) of $T_1$ to $T_4$; rounding decides the levels (Fig. 4.6)")
     page.draw("fig_4_6", figure)
 
@@ -245,7 +245,7 @@ def softening(page: Reproduction, healthy: gb.Record, operators: Operators) -> N
     )
     figure, axes = panels(1, 2, (12.0, 4.5))
     for axis, drawn, title in zip(axes[0], (levels, noisy_levels[0]), ("no noise", f"SNR {SNR:g}"), strict=True):
-        level_panel(axis, drawn, unit="m", changes_s=[5.0])
+        norm_panel(axis, drawn, unit="m", changes_s=[5.0])
         axis.set_title(title)
     figure.suptitle("Plate whose Young's modulus falls from 5 s on: E(k) of $T_1$ to $T_4$ (Fig. 4.8)")
     page.draw("fig_4_8", figure)

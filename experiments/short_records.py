@@ -33,7 +33,7 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import lagged
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.study.score import false_alarms
 

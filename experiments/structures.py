@@ -17,10 +17,9 @@ from matplotlib.axes import Axes
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.polynomials import claim_polynomials, flat, plain
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.dissertation.structure import draw_both_ways, draw_structure
-from gtmbench.report.figures.study import panels
+from gtmbench.report.dissertation.figures import draw_both_ways, draw_structure
+from gtmbench.report.dissertation.reproduction import Reproduction, claim_polynomials, flat, reproduce
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.motions import holds_for_free_responses
 from gtmbench.theory.numeric import NumericOperator
 from gtmbench.theory.polynomials import write_polynomial
@@ -162,12 +161,11 @@ def two_driven(page: Reproduction) -> None:
     short = forced.reduced
     numerators = [write_polynomial(one) for one in flat(short.numerators)]
     denominator = write_polynomial(coefficients(short.denominator))
-    values = [plain(one) for one in flat(short.numerators)]
     page.unprinted(
         "Ex. 5.8.3, T reduced",
         f"[{', '.join(numerators[:2])}; {', '.join(numerators[2:])}] / ({denominator})",
         note="a factor of degree 12 is cancelled, which the free responses allow",
-        values={"numerators": values, "denominator": plain(coefficients(short.denominator))},
+        values={"numerators": flat(short.numerators), "denominator": coefficients(short.denominator)},
     )
 
 

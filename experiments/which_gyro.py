@@ -36,9 +36,9 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
+from gtmbench.study.fault_tables import parse_severity, resolve
 from gtmbench.study.score import false_alarms, score
-from gtmbench.study.severity import parse_severity, resolve
 
 CALIBRATION, UNSEEN = "multisine+turbulence", "doublets+turbulence"
 CALIBRATION_SEED, HEALTHY_SEED, FAULT_SEED = 1, 50_001, 70_001  # flights of one part are seen by no other

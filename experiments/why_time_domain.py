@@ -20,7 +20,7 @@ from scipy.signal import stft
 import gtmbench as gb
 from gtmbench.record import FloatArray
 from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.theory.iir import arx
 from gtmbench.theory.state_space import StateSpace
 

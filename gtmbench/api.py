@@ -16,7 +16,7 @@ from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrat
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, silent, watch
+from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
@@ -25,16 +25,16 @@ from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturati
 from gtmbench.faults.registry import register_fault
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
-from gtmbench.method.decimation import decimate
+from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
-from gtmbench.method.noise_model import NoiseModel
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
 from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
@@ -43,6 +43,7 @@ from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.log.watch import bank_between, watch_log

@@ -99,7 +99,7 @@ SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSO
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
 
-_BY_HEADER = {channel.header: channel.name for channel in _TABLE}
+CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
 # how logs write units; "p_rad_s" is channel p in another unit, "p_2" is somebody's second gyro
 _FOREIGN_UNITS = {"rad", "rad_s", "dps", "rps", "m", "m_s", "m_s2", "mps", "ft_s", "fps", "kts", "mg", "norm"}
 
@@ -126,8 +126,8 @@ def channel_of(header: str) -> str:
     InputError
         Where the column looks like a known channel in another unit, or without one: units are never guessed.
     """
-    if header in _BY_HEADER:
-        return _BY_HEADER[header]
+    if header in CHANNEL_OF_HEADER:
+        return CHANNEL_OF_HEADER[header]
     base, _, unit = header.partition("_")
     if base in CHANNELS and (not unit or unit in _FOREIGN_UNITS or unit in UNIT_SUFFIX.values()):
         known = CHANNELS[base]

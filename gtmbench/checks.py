@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 from gtmbench.errors import InputError
 
+Table = TypeVar("Table", bound=Mapping[str, Any])
 _LONGEST_TEXT = 200  # bytes; a file system takes 255 of a name
 _LONGEST_LINE = 2_000  # letters of a message
 
@@ -61,6 +63,49 @@ def text(name: str, value: Any) -> str:
     if isinstance(value, str) and value.strip() and value.isprintable() and len(value.encode()) <= _LONGEST_TEXT:
         return value
     raise InputError(f"{name} is {shown(value)}; it must be a short text, at most {_LONGEST_TEXT} bytes in one line")
+
+
+def table_of(name: str, value: Any, written: str = "") -> dict[str, Any]:
+    """Return a table of a file; `written`: how one is written there, where not as ``[name]``.
+
+    >>> table_of("alarm", {"window": 10})
+    {'window': 10}
+    """
+    if isinstance(value, dict):
+        return value
+    raise InputError(f"{name} is {shown(value)}; it must be a table, {written or f'[{name}]'}")
+
+
+def keys(table: Table, legal: Iterable[str], *, where: str = "", section: str = "", there: str = "there are") -> Table:
+    """Return a table of a file, all of whose keys are legal; a message names a place before, or a section within.
+
+    >>> keys({"widow": 10}, ["window"], section="alarm")
+    Traceback (most recent call last):
+        ...
+    gtmbench.errors.InputError: unknown key 'widow' in [alarm]; there are window
+    """
+    known = tuple(legal)
+    for key in table:
+        if key not in known:
+            before, within = f"{where}: " if where else "", f" in [{section}]" if section else ""
+            raise InputError(f"{before}unknown key {shown(key)}{within}; {there} {', '.join(known) or 'none'}")
+    return table
+
+
+@contextmanager
+def naming(where: object) -> Iterator[None]:
+    """Begin the message of an error of input by where it is: a file, a table, a key.
+
+    >>> with naming("mine.toml"):
+    ...     whole("seed", -1)
+    Traceback (most recent call last):
+        ...
+    gtmbench.errors.InputError: mine.toml: seed is -1; it must be a whole number, 0 or more, at most 2147483647
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def shown(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""Where shipped data stand, and how results are written: aside first, then renamed, so that nothing is half-written."""
+"""Files: what is refused before it is read, and results written aside first, then renamed: nothing is half-written."""
 
 from __future__ import annotations
 
@@ -17,42 +17,10 @@ from typing import Any
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 
-_PACKAGE = Path(__file__).parent
 LARGEST_TOML_BYTES = 100_000
-LARGEST_LOG_BYTES = 1 << 30
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
 _LONGEST_LINE_BYTES = 1 << 20
-
-
-def share() -> Path:
-    """Return the folder that holds ``aircraft/`` and ``faults/``: the wheel's copy, else the checkout's."""
-    return _PACKAGE / "_share" if is_installed() else _PACKAGE.parent
-
-
-def shipped_aircraft() -> list[str]:
-    """Return the names of the aircraft that come with the package."""
-    return sorted(path.parent.name for path in (share() / "aircraft").glob("*/aircraft.toml"))
-
-
-def shipped_scenarios() -> dict[str, Path]:
-    """Return the scenarios that come with the package, by name."""
-    return {path.stem: path for path in sorted((share() / "faults").glob("*.toml"))}
-
-
-def shipped_banks() -> dict[str, Path]:
-    """Return the banks of operators that come with the package, by name."""
-    return {path.stem: path for path in sorted((_PACKAGE / "banks").glob("*.toml"))}
-
-
-def shipped_baselines() -> dict[str, Path]:
-    """Return the baselines of `gtmbench check` that come with the package, by name."""
-    return {path.stem: path for path in sorted((_PACKAGE / "baselines").glob("*.toml"))}
-
-
-def is_installed() -> bool:
-    """Whether this is an installed package, not a checkout: what it ships isn't the user's to write."""
-    return (_PACKAGE / "_share").is_dir()
 
 
 def is_file(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Python of the user's own: a detector or a fault in a file or a package, imported because the user named it.
+"""Modules that may not be there: the user's own, imported because the user named them, and those of our extras.
 
 Nothing else in this package imports what a text names. A scenario, a monitor's file and every other data file can only
 choose among what is built in, what installed packages announce by entry points (imported when it is chosen) and what
@@ -106,6 +106,26 @@ def load_installed(group: str, name: str) -> object:
     if " or " in known[name]:
         raise InputError(f"'{name}' of {group} is {known[name]}: two packages announce it; uninstall one of them")
     return load_object(known[name])
+
+
+def load_extra(module: str, extra: str, needs: str) -> ModuleType:
+    """Import a module of a package that only an extra of gtmbench installs; `needs` begins the line that says so.
+
+    Raises
+    ------
+    InputError
+        Where it isn't installed, with how to get it.
+
+    Examples
+    --------
+    >>> load_extra("json.decoder", "theory", "exact operators need").__name__
+    'json.decoder'
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise InputError(f"{needs} the package {package}; pip install 'gtmbench[{extra}]'") from error
 
 
 def _of_file(path: Path) -> ModuleType:

@@ -1,4 +1,10 @@
-"""Flights as files: CSV and Parquet whose headers carry the units, read back bit for bit."""
+"""Flights as files of our own: CSV and Parquet whose headers carry the units, read back bit for bit.
+
+Two doors lead from a file to records. `read_log` is for what `write_log` wrote, and for logs that keep to it: one
+header, one even clock, our units; whatever differs is an error, nothing is guessed, mended or left out. `open_log`
+(`gtmbench.intake`) is for anybody's log: it finds out formats, units and clocks, cuts at gaps, and says what it did.
+What they share stands below both: headers in `gtmbench.channels`, how large a log may be here.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +15,15 @@ from typing import TYPE_CHECKING
 from gtmbench.channels import channel_of, header_of
 from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files import LARGEST_LOG_BYTES, atomic_write, check_size, count_lines, is_file
+from gtmbench.files import atomic_write, check_size, count_lines, is_file
 from gtmbench.record import Record
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SUFFIXES = (".csv", ".parquet")
-_MOST_VALUES = 200_000_000
+LARGEST_LOG_BYTES = 1 << 30
+MOST_LOG_VALUES = 200_000_000  # samples times channels: 1.6 GB of doubles
 
 
 def check_log_path(path: Path) -> str:
@@ -122,5 +129,5 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 
 def _check_values(count: int) -> None:
-    if count > _MOST_VALUES:
-        raise ValueError(f"it would be {count:.3g} values; at most {_MOST_VALUES:.0e} are read")
+    if count > MOST_LOG_VALUES:
+        raise ValueError(f"it would be {count:.3g} values; at most {MOST_LOG_VALUES:.0e} are read")

@@ -86,7 +86,7 @@ def _told(item: pytest.Item, path: str) -> bool:
 @pytest.fixture(scope="session")
 def fly_once() -> Callable[..., Record]:
     """Fly, once a session for the same arguments: fly_once(excitation="doublets", duration_s=60, seed=7); truth."""
-    from gtmbench.study.shared_flights import fly_once
+    from gtmbench.testing.flights import fly_once
 
     return fly_once
 
@@ -100,6 +100,6 @@ def gtm_flight(fly_once: Callable[..., Record]) -> Record:
 @pytest.fixture(scope="session")
 def gtm_record() -> Record:
     """Return what the T2's sensors read on the standard flight: healthy, noise included."""
-    from gtmbench.study.shared_flights import standard_record
+    from gtmbench.testing.flights import standard_record
 
     return standard_record()

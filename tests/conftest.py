@@ -6,8 +6,8 @@ import pytest
 from hypothesis import settings
 
 from gtmbench.cli.app import main
-from gtmbench.files import share
 from gtmbench.method.regression import triangle
+from gtmbench.shipped import share
 
 os.environ.setdefault("CI", "1")
 

@@ -10,7 +10,7 @@ from scipy.interpolate import RegularGridInterpolator
 import gtmbench as gb
 from gtmbench.bench.aircraft import engine, load_aircraft
 from gtmbench.bench.trim import set_condition, trimmed_engine
-from gtmbench.files import share
+from gtmbench.shipped import share
 
 CRAFT = load_aircraft("gtm")
 SIX = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")

@@ -12,8 +12,8 @@ from gtmbench.detectors.bank_detector import calibrate
 from gtmbench.detectors.monitor.alarms import Arming
 from gtmbench.detectors.monitor.scores import Track, levels
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
 from gtmbench.record import Record
+from gtmbench.shipped import shipped_banks
 from tests.monitors import monitor, record
 
 PERIOD_S = 0.02

@@ -9,9 +9,9 @@ import pytest
 
 from gtmbench.bench.sensors import measure
 from gtmbench.check import run as study_check
+from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.check.renewal import new_baseline, write_figures
-from gtmbench.files import shipped_baselines
+from gtmbench.shipped import shipped_baselines
 from tests.test_check import SHORT, study
 from tests.watching import EXAMPLE
 

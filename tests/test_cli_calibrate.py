@@ -13,8 +13,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
-from gtmbench.files import shipped_banks
-from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
+from gtmbench.shipped import shipped_banks
+from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
 
 SHORT = ("--flights", 2, "--duration", 40)
@@ -116,7 +116,7 @@ def test_json_is_one_object_with_the_same_facts(cli, logs):
 
 def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, logs, tmp_path, monkeypatch):
     (tmp_path / "monitor.json").write_text("mine")
-    monkeypatch.setattr("gtmbench.study.calibration_flights._flown", lambda _: pytest.fail("flown"))
+    monkeypatch.setattr("gtmbench.study.healthy_records._flown", lambda _: pytest.fail("flown"))
     code, out, err = cli("calibrate")
     assert (code, out) == (2, "")
     assert "monitor.json exists; give another --out, or --force" in err
@@ -194,7 +194,7 @@ def test_ctrl_c_while_processes_fly_ends_with_130_at_once(tmp_path):
     script = (
         "import os; os.cpu_count = lambda: 2\n"
         "from gtmbench.cli import app, monitor\n"
-        "from gtmbench.study.calibration_flights import CalibrationFlights as Flights\n"
+        "from gtmbench.study.healthy_records import CalibrationFlights as Flights\n"
         "whole = Flights.records\n"
         "def records(self, bank, *, processes, progress):\n"
         "    print(flush=True)\n"

@@ -14,7 +14,7 @@ from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.stream import BufferedStream
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 from gtmbench.testing.contract import CONTRACT, check_detector, check_property
 from gtmbench.testing.contract_case import contract_case
 from tests.monitors import record

@@ -11,8 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.report.dissertation.polynomials import claim_polynomials
-from gtmbench.report.dissertation.reproduction import Reproduction
+from gtmbench.report.dissertation.reproduction import Reproduction, claim_polynomials
 from gtmbench.theory.exact import exact_operator
 from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
 from gtmbench.theory.numeric import NumericOperator, invariant_zeros

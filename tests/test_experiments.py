@@ -13,7 +13,7 @@ import pytest
 
 from gtmbench.errors import InputError
 from gtmbench.report.dissertation.reproduction import RESULTS, reproduce
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 
 EXPERIMENTS = Path(__file__).parent.parent / "experiments"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]

@@ -16,7 +16,7 @@ import gtmbench as gb
 from gtmbench import logs
 from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.check.baseline import read_reference
-from gtmbench.files import share
+from gtmbench.shipped import share
 from tests.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.study import shared_flights
+from gtmbench.testing import flights as shared_flights
 from tests.hostile import refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake.formats import limits, mcap, raw
+from gtmbench.intake.formats import limits, mcap
 from tests import intake_files as files
 
 SAMPLES = 400
@@ -213,7 +213,7 @@ def test_a_table_of_too_many_values_is_refused_before_it_is_read(tmp_path):
 
 def test_a_parquet_file_that_declares_more_rows_than_fit_is_refused(tmp_path, monkeypatch):
     """Of one value, a million times: kilobytes, until it is read."""
-    monkeypatch.setattr(raw, "MOST_VALUES", 100_000)
+    monkeypatch.setattr(limits, "MOST_VALUES", 100_000)
     column = pa.DictionaryArray.from_arrays(pa.array(np.zeros(1_000_000, dtype=np.int8)), pa.array([1.0]))
     pq.write_table(pa.table({"time_s": column, "p_deg_s": column}), tmp_path / "log.parquet")
     assert (tmp_path / "log.parquet").stat().st_size < 1e5
@@ -328,9 +328,9 @@ def test_the_readers_libraries_are_loaded_when_they_are_needed():
 
 def test_more_values_than_fit_are_refused():
     with pytest.raises(gb.InputError, match="would be 1e\\+12 values"):
-        raw.check_values(1e12, "it")
+        limits.check_values(1e12, "it")
     with pytest.raises(gb.InputError, match="would be nan values"):
-        raw.check_values(float("nan"), "it")
+        limits.check_values(float("nan"), "it")
 
 
 def test_names_that_a_terminal_would_obey_are_disarmed(tmp_path):

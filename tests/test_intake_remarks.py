@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake.flight_log import Remark
-from gtmbench.intake.remarks import summed_up
+from gtmbench.intake.flight_log import Remark, summed_up
 
 CHANNELS = ["p", "q", "r", "phi", "nz"]
 

@@ -18,7 +18,7 @@ from gtmbench.detectors import files as module
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 from tests.monitors import monitor, record
 
 ROOT = Path(__file__).parent.parent

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.plain import plain
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.recording.write import write_recording
-from gtmbench.report.tables.results import plain, results, write_results
-from gtmbench.report.words.study import estimate_text, fault_text, judgement_text, summary_lines, trial_rows
+from gtmbench.report.tables.results import results, write_results
+from gtmbench.report.words.judgement import estimate_text, fault_text, judgement_text
+from gtmbench.report.words.study import summary_lines, trial_rows
 from tests.test_report import read_back
 from tests.watching import MIXED, monitor, scenario, several, study
 

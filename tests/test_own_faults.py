@@ -15,9 +15,8 @@ from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS, Drift, Jam, inject
 from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault
 from gtmbench.record import Record
-from gtmbench.study.fault_tables import build, spec_of
+from gtmbench.study.fault_tables import build, resolve, spec_of
 from gtmbench.study.scenario import load_scenario
-from gtmbench.study.severity import resolve
 
 OWN = """
 from dataclasses import dataclass

@@ -12,11 +12,10 @@ from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.files import shipped_scenarios
 from gtmbench.record import Record
-from gtmbench.study.fault_tables import build
+from gtmbench.shipped import shipped_scenarios
+from gtmbench.study.fault_tables import Severity, build, parse_severity, resolve
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_scenario
-from gtmbench.study.severity import Severity, parse_severity, resolve
 
 TEMPLATE = Path(gtmbench.__file__).parent / "cli" / "template.toml"
 

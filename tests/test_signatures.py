@@ -7,7 +7,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 from tests.monitors import monitor, record
 
 BANKS = tuple(shipped_banks())

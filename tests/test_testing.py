@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.kept import Kept, file_name, kept, kept_as
-from gtmbench.study import shared_flights as flights
-from gtmbench.testing import assert_detects, assert_quiet, assert_residual, fly_once, standard_record
+from gtmbench.testing import assert_detects, assert_quiet, assert_residual, flights, fly_once, standard_record
 from tests import monitors
 from tests.test_report import read_back
 
@@ -356,7 +355,7 @@ def test_flights_are_flown_once_and_read_back_bit_for_bit(tmp_path, monkeypatch)
 
 
 def test_the_standard_record_is_none_that_a_monitor_is_calibrated_on():
-    from gtmbench.study.calibration_flights import _MOST_FLIGHTS, CalibrationFlights
+    from gtmbench.study.healthy_records import _MOST_FLIGHTS, CalibrationFlights
 
     first = CalibrationFlights().seed
     assert not first <= flights.STANDARD_SEED < first + _MOST_FLIGHTS

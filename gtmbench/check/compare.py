@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from gtmbench.check.figures import Group, Value
-from gtmbench.check.rules import RULES
-from gtmbench.check.tolerance import Tolerance
+from gtmbench.check.rules import RULES, Rule, Tolerance
 from gtmbench.errors import InputError
 
 Recorded = Mapping[str, Mapping[str, Mapping[str, Value]]]  # by kind, name and figure, as the tables of the file
@@ -44,9 +43,19 @@ class Pair:
     explained: bool
 
     @property
+    def rule(self) -> Rule:
+        """The figure's rule."""
+        return RULES[self.figure]
+
+    @property
     def text(self) -> str:
         """Which figure this is: ``healthy residual of r, window 230..240 s, max``."""
-        return ", ".join(part for part in (self.group, self.at, RULES[self.figure].text) if part)
+        return ", ".join(part for part in (self.group, self.at, self.rule.text) if part)
+
+    @property
+    def changed(self) -> bool:
+        """Whether it is another number now; one that isn't a number stays that."""
+        return repr(self.was) != repr(self.now)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +102,8 @@ def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str
     --------
     >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
     >>> now = Group(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
-    >>> (found,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
-    >>> found.regressed, found.high
+    >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
+    >>> threshold.regressed, threshold.high
     (True, 6.12)
     """
     held: list[Compared] = []
@@ -144,7 +153,7 @@ def _numbers(value: Value | None) -> tuple[Number, ...]:
 
 
 def _held(pair: Pair, was: Number, now: Number, tolerance: Tolerance) -> Compared:
-    worse = RULES[pair.figure].worse
+    worse = pair.rule.worse
     around = tolerance.around(was) if math.isfinite(was) else 0.0
     low, high = was - around, was + around
     better = (worse == "higher" and now < low) or (worse == "lower" and now > high)

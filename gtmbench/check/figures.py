@@ -77,8 +77,8 @@ def figures_of(study: Study) -> tuple[Group, ...]:
     names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)
     return (
         Group(kind="healthy", name="flight", values=flight),
-        *_residuals(base),
-        *_scores(base),
+        *(_residual(base, name, values) for name, values in base.watch.residuals.items()),
+        *(_score(base, score) for score in base.watch.scores.values()),
         *(_trial(name, trial) for name, trial in zip(names, study.trials, strict=True)),
     )
 
@@ -89,12 +89,12 @@ def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
     >>> trial_names([("drift", "drift", "p"), ("mine", "jam", "q"), ("mine", "jam", "q")])
     ['drift of p', 'mine: jam of q', 'mine: jam of q (2)']
     """
-    seen = Counter[str]()
+    often = Counter[str]()
     names = []
     for scenario, kind, channel in trials:
         name = f"{kind} of {channel}" if scenario == kind else f"{scenario}: {kind} of {channel}"
-        seen[name] += 1
-        names.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+        often[name] += 1
+        names.append(name if often[name] == 1 else f"{name} ({often[name]})")
     return names
 
 
@@ -105,17 +105,8 @@ def rounded(value: _V) -> _V:
     1.2346
     """
     if isinstance(value, tuple):
-        return tuple(rounded(one) for one in value)
+        return tuple(map(rounded, value))
     return float(f"{value:.{_DIGITS}g}")
-
-
-def _residuals(base: Baseline) -> list[Group]:
-    time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
-    return [_residual(name, values, time_s, start_s) for name, values in base.watch.residuals.items()]
-
-
-def _scores(base: Baseline) -> list[Group]:
-    return [_score(base, score) for score in base.watch.scores.values()]
 
 
 def _score(base: Baseline, score: Score) -> Group:
@@ -137,16 +128,17 @@ def _score(base: Baseline, score: Score) -> Group:
 
 
 @np.errstate(over="ignore")
-def _residual(name: str, values: FloatArray, time_s: FloatArray, start_s: float) -> Group:
+def _residual(base: Baseline, name: str, values: FloatArray) -> Group:
+    time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
     windows, labels = _windows(np.abs(values), time_s, start_s)
     there = values[(time_s >= start_s - 1e-9) & ~np.isnan(values)]
-    found: dict[str, Value] = {
+    figures: dict[str, Value] = {
         "samples": len(there),
         "peak": rounded(float(np.abs(there).max(initial=0.0))),
         "rms": rounded(float(np.sqrt(np.sum(np.square(there)) / max(len(there), 1)))),
         "windows": windows,
     }
-    return Group(kind="residual", name=name, values=found, labels={"windows": labels}, unit=unit_of(name))
+    return Group(kind="residual", name=name, values=figures, labels={"windows": labels}, unit=unit_of(name))
 
 
 def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tuple[float, ...], tuple[str, ...]]:

@@ -5,10 +5,65 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from gtmbench.checks import number, shown
+from gtmbench.errors import InputError
+
 WINDOW_S = 10.0  # of a healthy flight: every window's greatest value is a figure
+_LARGEST = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """The larger of a share of what was recorded and a number in the figure's unit.
+
+    >>> tolerance = Tolerance(share=0.02, absolute=0.1)
+    >>> tolerance.around(100.0), tolerance.around(1.0)
+    (2.0, 0.1)
+    """
+
+    share: float = 0.0
+    absolute: float = 0.0
+
+    def around(self, recorded: float) -> float:
+        """Return how far from the recorded value is still well."""
+        return max(self.share * abs(recorded), self.absolute)
+
+
+def parse_tolerance(key: str, given: Any) -> Tolerance:
+    """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what was given and what is legal.
+
+    Examples
+    --------
+    >>> parse_tolerance("tolerances.delay_s", ["2 %", 0.1])
+    Tolerance(share=0.02, absolute=0.1)
+    """
+    if not isinstance(given, list):
+        return _share_or_number(key, given)
+    if len(given) != 2 or isinstance(given[0], str) == isinstance(given[1], str):
+        raise InputError(f'{key} is {shown(given)}; a list holds a share and a number, such as ["5 %", 0.1]')
+    first, second = (_share_or_number(key, part) for part in given)
+    return Tolerance(share=max(first.share, second.share), absolute=max(first.absolute, second.absolute))
+
+
+def _share_or_number(key: str, given: Any) -> Tolerance:
+    if not isinstance(given, str):
+        return Tolerance(absolute=number(key, given, 0.0, _LARGEST))
+    digits, percent, rest = given.partition("%")
+    try:
+        share = float(digits) if percent and not rest.strip() else None
+    except ValueError:
+        share = None
+    if share is None:
+        raise InputError(f'{key} is {shown(given)}; give a share such as "5 %", or a number in the figure\'s unit')
+    return Tolerance(share=number(key, share, 0.0, _LARGEST) / 100.0)
+
+
+@dataclass(frozen=True)
 class Rule:
     """One figure.
 
@@ -40,94 +95,30 @@ class Rule:
 
 
 _DELAY = ["2 %", 0.1]
+_EVERY_WINDOW = f"greatest |e(k)| or score in every {WINDOW_S:g} s of the healthy record"
+_RATIO = "greatest score after the onset, over its threshold"
 
 RULES = {
-    "false_alarms": Rule(
-        text="false alarms", form="count", worse="higher", meaning="on the healthy records: how many more"
-    ),
-    "hours": Rule(
-        text="hours watched",
-        form="real",
-        worse="lower",
-        tolerance="1 %",
-        meaning="of healthy flight in which an alarm was possible",
-        unit="h",
-    ),
-    "samples": Rule(
-        text="samples", form="count", worse="lower", meaning="of a healthy residual that exist: how many fewer"
-    ),
-    "peak": Rule(
-        text="peak",
-        form="real",
-        worse="higher",
-        tolerance="5 %",
-        meaning="greatest |e(k)| of the healthy record",
-        unit="*",
-    ),
-    "rms": Rule(
-        text="RMS", form="real", worse="higher", tolerance="2 %", meaning="of e(k) on the healthy record", unit="*"
-    ),
-    "windows": Rule(
-        text="max",
-        form="list",
-        worse="higher",
-        tolerance="5 %",
-        meaning=f"greatest |e(k)| or score in every {WINDOW_S:g} s of the healthy record",
-        unit="*",
-    ),
-    "threshold": Rule(
-        text="threshold",
-        form="real",
-        worse="higher",
-        tolerance="2 %",
-        meaning="of a score: a higher one sees less",
-        unit="*",
-    ),
-    "thresholds": Rule(
-        text="threshold", form="list", worse="higher", tolerance="2 %", meaning="of every test: a higher one sees less"
-    ),
-    "margin": Rule(
-        text="margin",
-        form="real",
-        worse="lower",
-        tolerance="2 %",
-        meaning="threshold over the healthy record's greatest score",
-    ),
-    "severity": Rule(
-        text="severity",
-        form="list",
-        worse="either",
-        tolerance="1 %",
-        meaning="of a fault: another one is no comparison",
-    ),
-    "detected": Rule(text="detected", form="flag", worse="lower"),
+    "false_alarms": Rule("false alarms", "count", "higher", meaning="on the healthy records: how many more"),
+    "hours": Rule("hours watched", "real", "lower", "1 %", "of healthy flight in which an alarm was possible", "h"),
+    "samples": Rule("samples", "count", "lower", meaning="of a healthy residual that exist: how many fewer"),
+    "peak": Rule("peak", "real", "higher", "5 %", "greatest |e(k)| of the healthy record", "*"),
+    "rms": Rule("RMS", "real", "higher", "2 %", "of e(k) on the healthy record", "*"),
+    "windows": Rule("max", "list", "higher", "5 %", _EVERY_WINDOW, "*"),
+    "threshold": Rule("threshold", "real", "higher", "2 %", "of a score: a higher one sees less", "*"),
+    "thresholds": Rule("threshold", "list", "higher", "2 %", "of every test: a higher one sees less"),
+    "margin": Rule("margin", "real", "lower", "2 %", "threshold over the healthy record's greatest score"),
+    "severity": Rule("severity", "list", "either", "1 %", "of a fault: another one is no comparison"),
+    "detected": Rule("detected", "flag", "lower"),
     "delay_s": Rule(
-        text="delay",
-        form="real",
-        worse="higher",
-        tolerance=_DELAY,
-        meaning="of detection; the larger of a share and seconds",
-        unit="s",
-        needs="detected",
+        "delay", "real", "higher", _DELAY, "of detection; the larger of a share and seconds", "s", needs="detected"
     ),
-    "peak_ratio": Rule(
-        text="peak ratio",
-        form="real",
-        worse="lower",
-        tolerance="5 %",
-        meaning="greatest score after the onset, over its threshold",
-    ),
-    "isolated": Rule(text="isolated", form="flag", worse="lower"),
+    "peak_ratio": Rule("peak ratio", "real", "lower", "5 %", _RATIO),
+    "isolated": Rule("isolated", "flag", "lower"),
     "isolation_delay_s": Rule(
-        text="isolation delay",
-        form="real",
-        worse="higher",
-        tolerance=_DELAY,
-        meaning="until the sensor was named",
-        unit="s",
-        needs="isolated",
+        "isolation delay", "real", "higher", _DELAY, "until the sensor was named", "s", needs="isolated"
     ),
-    "kind_right": Rule(text="kind right", form="flag", worse="lower"),
+    "kind_right": Rule("kind right", "flag", "lower"),
 }
 
 KINDS = {  # the tables of a baseline: what a report calls them, and the figures that stand in them

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, compare
 from gtmbench.check.figures import Group, figures_of
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, silent
-from gtmbench.errors import InputError
+from gtmbench.checks import naming
+from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.progress import Progress, silent
 from gtmbench.study.run import run_study
 
 
@@ -64,8 +65,6 @@ def check(reference: Reference, groups: Sequence[Group]) -> Check:
     InputError
         Where the baseline lacks a figure, or holds one that the run doesn't give.
     """
-    try:
+    with naming(reference.path):
         compared = compare(reference.recorded, groups, reference.tolerances)
-    except InputError as error:
-        raise InputError(f"{reference.path}: {error}") from error
     return Check(reference=reference, groups=tuple(groups), compared=compared)

@@ -10,19 +10,22 @@ import click
 
 from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
-from gtmbench.cli.detectors import detector_option, found_detector
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
 from gtmbench.detectors.bank.signatures import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe
+from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, shipped_banks
+from gtmbench.files import check_file
+from gtmbench.progress import progress_bar
 from gtmbench.record import Record
 from gtmbench.report.words.monitor import facts, facts_text, residual_rows
+from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
-from gtmbench.study.calibration_flights import CalibrationFlights, logged_records
+from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 
 _DEFAULT = CalibrationFlights()
 
@@ -82,11 +85,11 @@ def calibrate_command(
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
     check_file(out, force=force)
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
-    found = _uncalibrated(detector or "C")
+    recipe = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else _DEFAULT.imperfections
     of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation}
     given = {key: value for key, value in of_flights.items() if value is not None}
-    usual = {"flights": 2, "excitation": "dissertation"} if getattr(found, "tied_to_excitation", False) else {}
+    usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
     if logs and given:
         option = next(iter(given)).removesuffix("_s")
         raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
@@ -97,12 +100,12 @@ def calibrate_command(
         records: list[Record]
         if logs:
             records, origin = logged_records(
-                logs, found, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
+                logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )
         else:
-            records = wanted.records(found, processes=os.cpu_count() or 1, progress=tell)
+            records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
             origin = wanted.provenance()
-        monitor = with_provenance(found.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
+        monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         save_monitor(monitor, out)
     if as_json:
         print_json(facts(monitor) | {"out": str(out)})
@@ -115,9 +118,9 @@ def calibrate_command(
 
 
 def _uncalibrated(source: str) -> Detector:
-    found = found_detector(source)
-    if is_recipe(found):
-        return found
+    recipe = find_detector(source)
+    if is_recipe(recipe):
+        return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
 
 
@@ -143,15 +146,15 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
-    found = signatures(monitor if monitor is not None else bank)
+    table = signatures(monitor if monitor is not None else bank)
     if as_json:
-        print_json(_bank_json(found) | ({} if monitor is None else {"monitor": facts(monitor)}))
+        print_json(_bank_json(table) | ({} if monitor is None else {"monitor": facts(monitor)}))
     elif not quiet:
         if monitor is None:
             _print_residuals(bank)
         else:
             _print_monitor(monitor)
-        _print_signatures(found)
+        _print_signatures(table)
 
 
 def _list_banks(as_json: bool, quiet: bool) -> None:
@@ -173,21 +176,21 @@ def _print_residuals(bank: Bank) -> None:
     print_table(f"bank {bank.name}: {bank.title}", names, rows, right=names[2:])
 
 
-def _print_signatures(found: Signatures) -> None:
-    rows = [[name, *found.pattern[name]] for name in found.channels]
-    print_table("Fault signatures", ["fault of", *(f"in {output}" for output in found.outputs)], rows)
+def _print_signatures(table: Signatures) -> None:
+    rows = [[name, *table.pattern[name]] for name in table.channels]
+    print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)
     echo("level: any error of the channel enters the residual; slope: only changes of the error do")
     echo("Blind spots", bold=True)
-    for line in found.blind_spots:
+    for line in table.blind_spots:
         echo(f"- {line}")
 
 
-def _bank_json(found: Signatures) -> dict[str, Any]:
-    pattern = {name: dict(zip(found.outputs, found.pattern[name], strict=True)) for name in found.channels}
+def _bank_json(table: Signatures) -> dict[str, Any]:
+    pattern = {name: dict(zip(table.outputs, table.pattern[name], strict=True)) for name in table.channels}
     return {
-        "name": found.bank.name,
-        **bank_table(found.bank),
-        "channels": list(found.channels),
+        "name": table.bank.name,
+        **bank_table(table.bank),
+        "channels": list(table.channels),
         "signatures": pattern,
-        "blind_spots": list(found.blind_spots),
+        "blind_spots": list(table.blind_spots),
     }

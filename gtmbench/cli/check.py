@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.detectors import detector_option, found_detector, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.detectors import detector_option, import_option
+from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.detectors.registry import find_detector, is_python
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import check_file, is_installed, shipped_baselines, shipped_scenarios
+from gtmbench.files import check_file
+from gtmbench.progress import progress_bar
+from gtmbench.shipped import is_installed, shipped_baselines, shipped_scenarios
 
 if TYPE_CHECKING:
     from gtmbench.check.baseline import Reference
@@ -79,8 +82,8 @@ def _check(
     path: Path, detector: str | None, calibrated: Path | None, junit: Path | None, *, as_json: bool, quiet: bool
 ) -> int:
     from gtmbench.check.baseline import read_reference
+    from gtmbench.check.report import check_lines, check_results, regression_line, write_junit
     from gtmbench.check.run import check
-    from gtmbench.check.words import check_lines, regression_line
 
     if junit is not None:
         if junit.suffix.lower() != ".xml":
@@ -90,32 +93,28 @@ def _check(
     reference.check_recorded()
     watcher = _watcher(reference, detector, calibrated)
     began = time.monotonic()
-    found = check(reference, _run(reference, watcher, silent=as_json or quiet))
+    held = check(reference, _run(reference, watcher, silent=as_json or quiet))
     if junit is not None:
-        from gtmbench.check.junit import write_junit
-
-        write_junit(found, junit, took_s=time.monotonic() - began)
+        write_junit(held, junit, took_s=time.monotonic() - began)
     if as_json:
-        from gtmbench.check.results import check_results
-
-        print_json(check_results(found))
+        print_json(check_results(held))
     else:
-        for line in map(regression_line, found.regressions) if quiet else check_lines(found):
+        for line in map(regression_line, held.regressions) if quiet else check_lines(held):
             echo(line)
-    return 1 if found.regressions else 0
+    return 1 if held.regressions else 0
 
 
 def _watcher(reference: Reference, detector: str | None, calibrated: Path | None) -> Detector | Monitor | None:
     """Return what goes by the name that a baseline states, where the command line brings it."""
     if detector is None:
         return None
-    found = found_detector(detector, calibrated)
-    if reference.detector != found.name:
+    watcher = find_detector(detector, calibrated=calibrated)
+    if reference.detector != watcher.name:
         raise InputError(
             f"{reference.path} names {reference.detector or 'no detector'}, and --detector {detector} is "
-            f"'{found.name}'; leave --detector out, or state detector = \"{found.name}\" there"
+            f"'{watcher.name}'; leave --detector out, or state detector = \"{watcher.name}\" there"
         )
-    return found
+    return watcher
 
 
 def _update(
@@ -127,15 +126,14 @@ def _update(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from gtmbench.check.baseline import read_reference, reference_of
+    from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
     from gtmbench.check.compare import pairs
-    from gtmbench.check.renewal import new_baseline, write_figures
-    from gtmbench.detectors.registry import is_python
+    from gtmbench.check.report import update_results
 
     _check_target(path)
     if not path.exists():
         python = detector is not None and is_python(detector)
-        named = found_detector(str(detector), calibrated).name if python else detector
+        named = find_detector(str(detector), calibrated=calibrated).name if python else detector
         text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), detector=named)
         reference = reference_of(path, tomllib.loads(text))
     elif scenarios:
@@ -148,8 +146,6 @@ def _update(
     write_figures(path, text, seed=reference.seed, groups=groups)
     changes = list(pairs(reference.recorded, groups))
     if as_json:
-        from gtmbench.check.results import update_results
-
         print_json(update_results(reference, changes))
     elif not quiet:
         _print_changes(reference, changes)
@@ -182,7 +178,7 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.check.words import changed_rows
+    from gtmbench.check.report import changed_rows
 
     if not reference.recorded:
         echo(f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}")

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
+from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
-
-if TYPE_CHECKING:
-    from gtmbench.detectors.protocol import Detector, Monitor
 
 F = TypeVar("F", bound=Callable[..., Any])
 METAVAR = "NAME|FILE.json|FILE.py:OBJECT|PACKAGE:OBJECT"
@@ -65,14 +63,7 @@ def import_option(command: F) -> F:
     )(command)
 
 
-def found_detector(source: str, calibrated: Path | None = None) -> Detector | Monitor:
-    """Return what a command's ``--detector`` and ``--calibrated`` name."""
-    from gtmbench.detectors.registry import find_detector
-
-    return find_detector(source, calibrated=calibrated)
-
-
-def found_detectors(sources: Sequence[str], calibrated: Path | None) -> list[Any]:
+def watchers_of(sources: Sequence[str], calibrated: Path | None) -> list[Any]:
     """Return what a command's ``--detector``, given several times, names: the dissertation's stays a name.
 
     Raises
@@ -82,4 +73,4 @@ def found_detectors(sources: Sequence[str], calibrated: Path | None) -> list[Any
     """
     if calibrated is not None and len(sources) != 1:
         raise InputError(f"--calibrated {calibrated} is of one detector; give --detector FILE.py:OBJECT once")
-    return [source if source == "dissertation" else found_detector(source, calibrated) for source in sources]
+    return [source if source == "dissertation" else find_detector(source, calibrated=calibrated) for source in sources]

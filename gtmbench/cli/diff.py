@@ -8,9 +8,10 @@ from pathlib import Path
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
+from gtmbench.progress import progress_bar
 from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
 from gtmbench.report.recording.read import read_recording
 
@@ -66,7 +67,7 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
 
 
 def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
-    from gtmbench.report.tables.results import plain
+    from gtmbench.plain import plain
 
     told = {"a": str(a), "b": str(b), "equal": comparison.equal, **asdict(comparison)}
     print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))

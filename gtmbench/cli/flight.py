@@ -20,10 +20,11 @@ from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import GROUP as FAULT_GROUP
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files import check_file, shipped_aircraft, shipped_banks, shipped_scenarios
+from gtmbench.files import check_file
 from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.study.scenario import load_scenario
 
 _aircraft_option = click.option(
@@ -41,25 +42,25 @@ def trim_command(
     aircraft: str, altitude: float | None, tas: float | None, with_modes: bool, as_json: bool, quiet: bool
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
-    found = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
+    trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
     if as_json:
-        print_json({"trim": asdict(found)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
+        print_json({"trim": asdict(trimmed)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
     elif not quiet:
-        echo(trim_text(found))
+        echo(trim_text(trimmed))
         if linear:
             _print_modes(linear)
 
 
-def trim_text(found: Trim) -> str:
+def trim_text(level: Trim) -> str:
     """Write a trim as section 4.4 prints it."""
     return (
-        f"Level flight, altitude = {found.altitude_ft:.2f} ft, equivalent airspeed = {found.eas_kt:.2f} kt, "
-        f"true airspeed = {found.tas_kt:.2f} kt,\nalpha = {found.alpha_deg:.2f} deg, beta = {found.beta_deg:.2f} deg, "
-        f"gamma = {found.gamma_deg:.2f} deg, roll = {found.roll_deg:.3f} deg, pitch = {found.pitch_deg:.2f} deg,\n"
-        f"yaw = {found.yaw_deg:.2f} deg, ground track = {found.ground_track_deg:.2f} deg, "
-        f"elevator = {found.elevator_deg:.2f} deg, aileron = {found.aileron_deg:.3f} deg, "
-        f"rudder = {found.rudder_deg:.3f} deg, throttle = {found.throttle_percent:.2f} %"
+        f"Level flight, altitude = {level.altitude_ft:.2f} ft, equivalent airspeed = {level.eas_kt:.2f} kt, "
+        f"true airspeed = {level.tas_kt:.2f} kt,\nalpha = {level.alpha_deg:.2f} deg, beta = {level.beta_deg:.2f} deg, "
+        f"gamma = {level.gamma_deg:.2f} deg, roll = {level.roll_deg:.3f} deg, pitch = {level.pitch_deg:.2f} deg,\n"
+        f"yaw = {level.yaw_deg:.2f} deg, ground track = {level.ground_track_deg:.2f} deg, "
+        f"elevator = {level.elevator_deg:.2f} deg, aileron = {level.aileron_deg:.3f} deg, "
+        f"rudder = {level.rudder_deg:.3f} deg, throttle = {level.throttle_percent:.2f} %"
     )
 
 

@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.detectors import detector_option, found_detector
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file, is_file, shipped_banks
+from gtmbench.files import atomic_write, check_file, is_file
 from gtmbench.method.pseudo_inputs import derivable
+from gtmbench.progress import progress_bar
 from gtmbench.record import Span
+from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
     from gtmbench.intake.open import LogColumn
@@ -126,7 +129,7 @@ def _watcher(
     if detector is not None and (inputs or outputs):
         raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
     if detector is not None:
-        return found_detector(detector, calibrated)
+        return find_detector(detector, calibrated=calibrated)
     if calibrated is not None:
         raise InputError(f"--calibrated {calibrated} holds the figures of a --detector of your own; name that, too")
     if not inputs and not outputs:
@@ -197,13 +200,16 @@ def _print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
     names = ["column", "unit", "samples", "rate (Hz)", "from (s)", "to (s)", "channel"]
     rows = [
         [
-            one.name,
-            one.unit,
-            str(one.samples),
-            *(f"{value:.6g}" if math.isfinite(value) else "-" for value in (one.rate_hz, one.start_s, one.end_s)),
-            one.channel or one.why_not,
+            column.name,
+            column.unit,
+            str(column.samples),
+            *(
+                f"{value:.6g}" if math.isfinite(value) else "-"
+                for value in (column.rate_hz, column.start_s, column.end_s)
+            ),
+            column.channel or column.why_not,
         ]
-        for one in columns
+        for column in columns
     ]
     print_table(log.name, names, rows, right=names[2:6])
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
 
 from gtmbench.checks import printable
+from gtmbench.plain import dumps
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -28,34 +27,7 @@ def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
 
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object."""
-    click.echo(json.dumps(value, indent=2, allow_nan=False))
-
-
-@contextmanager
-def progress_bar(*, silent: bool) -> Iterator[Callable[[str, int | None, int | None], None]]:
-    """Give a function that shows a step, how many are done and of how many; None: one more, of as many as before.
-
-    The bar stands on stderr, on terminals only, and is gone afterwards.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description:<24}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-
-        def tell(step: str, done: int | None = None, total: int | None = None) -> None:
-            bar.update(
-                task, description=printable(step), completed=done, total=total, advance=1 if done is None else None
-            )
-
-        yield tell
+    click.echo(dumps(value, indent=2))
 
 
 def print_table(

@@ -13,11 +13,13 @@ from typing import Any
 
 import click
 
-from gtmbench.cli.detectors import detector_option, found_detectors, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table, progress_bar
+from gtmbench.cli.detectors import detector_option, import_option, watchers_of
+from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder, shipped_scenarios
+from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
+from gtmbench.progress import progress_bar
 from gtmbench.report.recording.read import check_recording
+from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study
@@ -87,7 +89,7 @@ def run_command(
     """
     check_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or shipped_scenarios()]
-    watching = found_detectors(detectors, calibrated)
+    watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
         _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)

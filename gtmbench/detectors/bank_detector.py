@@ -13,10 +13,10 @@ from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.watch import scores_and_alarms
-from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
-from gtmbench.method.pose import Records, as_records
-from gtmbench.method.problem import Estimator
+from gtmbench.method.problem import Estimator, Records, as_records
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says

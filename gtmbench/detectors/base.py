@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.clock import FloatArray
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Progress, Score, Stream, Watch, silent
+from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.stream import BufferedStream, RollingBuffer
-from gtmbench.detectors.tables import PERIODS_S, keys, plain, table_of
+from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import came_down, rising
-from gtmbench.method.pose import as_records
+from gtmbench.method.problem import as_records
+from gtmbench.plain import exact
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, check_record
 
 
@@ -110,7 +112,7 @@ class SimpleDetector:
             )
         healthy = [record.select(self.channels) for record in as_records(records)]
         progress("learn", 0, 1)
-        learned = plain(dict(self.learn(healthy)))
+        learned = exact(dict(self.learn(healthy)))
         return SimpleMonitor(detector=self, learned=learned, sample_period_s=healthy[0].sample_period_s)
 
     def restore(
@@ -127,7 +129,7 @@ class SimpleDetector:
         )
 
     def _recipe(self) -> dict[str, Any]:
-        return {one.name: plain(getattr(self, one.name)) for one in fields(self)} if is_dataclass(self) else {}
+        return {one.name: exact(getattr(self, one.name)) for one in fields(self)} if is_dataclass(self) else {}
 
     def _with(self, recipe: Mapping[str, Any]) -> Self:
         return replace(self, **recipe) if is_dataclass(self) else self

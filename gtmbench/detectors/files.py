@@ -20,6 +20,7 @@ from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_size, is_file
+from gtmbench.plain import dumps
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
@@ -203,12 +204,12 @@ def _figures(monitor: Monitor) -> dict[str, Any]:
 def _line(value: Any, indent: str = "") -> str:
     """Write a value on a line, but tables of tables a line an entry."""
     if isinstance(value, dict) and value and all(isinstance(entry, dict) for entry in value.values()):
-        return _table({key: json.dumps(entry, allow_nan=False) for key, entry in value.items()}, indent)
-    return json.dumps(value, allow_nan=False)
+        return _table({key: dumps(entry) for key, entry in value.items()}, indent)
+    return dumps(value)
 
 
 def _table(lines: Mapping[str, str], indent: str) -> str:
-    rows = ",\n".join(f"{indent}{json.dumps(key)}: {line}" for key, line in lines.items())
+    rows = ",\n".join(f"{indent}{dumps(key)}: {line}" for key, line in lines.items())
     return f"{{\n{rows}\n{indent[2:]}}}"
 
 

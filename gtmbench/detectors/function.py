@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import shown
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Progress, Watch, silent
+from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.stream import BufferedStream
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, check_record
 
 Function = Callable[[Record], ArrayLike]

@@ -7,7 +7,7 @@ nothing after it: cut a record, and the alarms up to the cut stay as they were.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol, TypeGuard, runtime_checkable
@@ -19,15 +19,11 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.method.alarms import BoolArray
 from gtmbench.method.alarms import came_down as came_down
 from gtmbench.method.alarms import rising as rising
+from gtmbench.progress import Progress, silent
 from gtmbench.record import FloatArray, Record
 
-Progress = Callable[[str, int, int], None]  # a step, how many are done, of how many
 Signals = Mapping[str, FloatArray]  # by sensor, shape (samples,)
 _NONE: Mapping[str, Any] = MappingProxyType({})
-
-
-def silent(_step: str, _done: int, _of: int) -> None:
-    """Tell nobody how far something is."""
 
 
 @runtime_checkable

@@ -18,7 +18,7 @@ from gtmbench.detectors.installed import installed, installed_names
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
-from gtmbench.files import shipped_banks
+from gtmbench.shipped import shipped_banks
 
 DISSERTATION = "dissertation"
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
+from gtmbench import checks
 from gtmbench.checks import names, number, shown, text, whole
 from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.plain import exact
 from gtmbench.record import FloatArray, frozen
 
 OPERATOR_KEYS = (
@@ -33,24 +33,9 @@ _MOST_NAMES = 100
 PERIODS_S = (1e-9, 86400.0)
 
 
-def plain(value: Any) -> Any:
-    """Return a value as JSON has it: arrays and tuples as lists, numpy's numbers as Python's.
-
-    >>> plain({"limits": np.array([1.0, 2.0]), "w": np.int64(3)})
-    {'limits': [1.0, 2.0], 'w': 3}
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    return value
-
-
 def operator_table(operator: Transmissibility) -> dict[str, Any]:
     """Return what watching and describing need of an operator; its covariance isn't kept."""
-    return {key: plain(getattr(operator, key)) for key in OPERATOR_KEYS}
+    return {key: exact(getattr(operator, key)) for key in OPERATOR_KEYS}
 
 
 def operator_of(
@@ -96,22 +81,19 @@ def operator_of(
     )
 
 
-def keys(where: str, table: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
+def keys(where: str, given: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
     """Return a table that has exactly these keys, in the file's order."""
-    found = table_of(where or "it", table)
+    found = table_of(where or "it", given)
     missing = [key for key in wanted if key not in found]
-    strange = [key for key in found if key not in wanted]
-    if missing or strange:
-        what = f"key '{missing[0]}' is missing" if missing else f"unknown key {shown(strange[0])}"
-        raise InputError(f"{where + ': ' if where else ''}{what}; there must be {', '.join(wanted) or 'none'}")
-    return found
+    if missing:
+        before = f"{where}: " if where else ""
+        raise InputError(f"{before}key '{missing[0]}' is missing; there must be {', '.join(wanted)}")
+    return checks.keys(found, wanted, where=where, there="there must be")
 
 
 def table_of(where: str, given: Any) -> dict[str, Any]:
     """Return what should be a table."""
-    if not isinstance(given, dict):
-        raise InputError(f"{where} is {shown(given)}; it must be a table, {{...}}")
-    return given
+    return checks.table_of(where, given, "{...}")
 
 
 def names_of(where: str, given: Any) -> tuple[str, ...]:

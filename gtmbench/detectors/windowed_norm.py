@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Progress, Score, Watch, came_down, rising, silent
+from gtmbench.detectors.protocol import Score, Watch, came_down, rising
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
 from gtmbench.method.alarms import threshold
@@ -20,6 +20,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span, check_record
 
 SCORE = "E(k)"

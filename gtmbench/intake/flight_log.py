@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from gtmbench.checks import one_line
 from gtmbench.record import Record
+
+_APART = 3  # of a kind and a channel stand for themselves
+_MOST_REMARKS = 36
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,3 +66,40 @@ class FlightLog:
     def sample_period_s(self) -> float:
         """Ts, in seconds."""
         return self.segments[0].sample_period_s
+
+
+def remark(kind: str, start_s: float, end_s: float, text: str, channel: str | None = None) -> Remark:
+    """Return a remark on a channel, or on all of them; times may be numpy's."""
+    return Remark(kind=kind, channel=channel, start_s=float(start_s), end_s=float(end_s), text=text)
+
+
+def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Return remarks in time, a few dozen at most.
+
+    >>> gaps = [Remark(kind="gap", channel=None, start_s=t, end_s=t + 1, text=f"nothing from {t} s") for t in range(9)]
+    >>> summed_up(gaps)[0].text
+    '9 times from 0 to 9 s, in all 9 s; the first: nothing from 0 s'
+    """
+    plain = [replace(remark, text=one_line(remark.text)) for remark in remarks]
+    ordered = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
+    one_by_one = _grouped(ordered, _APART, by_channel=True)
+    return tuple(one_by_one if len(one_by_one) <= _MOST_REMARKS else _grouped(ordered, 1, by_channel=False))
+
+
+def _grouped(remarks: Sequence[Remark], apart: int, *, by_channel: bool) -> list[Remark]:
+    groups: dict[tuple[str, str | None], list[Remark]] = {}
+    for remark in remarks:
+        groups.setdefault((remark.kind, remark.channel if by_channel else None), []).append(remark)
+    summed = [remark for group in groups.values() for remark in (group if len(group) <= apart else [_sum(group)])]
+    return sorted(summed, key=lambda remark: (remark.start_s, remark.end_s))
+
+
+def _sum(group: Sequence[Remark]) -> Remark:
+    start_s, end_s = group[0].start_s, max(remark.end_s for remark in group)
+    in_all_s = sum(remark.end_s - remark.start_s for remark in group)
+    channels = list(dict.fromkeys(remark.channel for remark in group if remark.channel))
+    about = f" ({', '.join(channels[:12])})" if len(channels) > 1 else ""
+    span = f"from {start_s:.10g} to {end_s:.10g} s, in all {in_all_s:.4g} s"
+    text = f"{len(group)} times{about} {span}; the first: {group[0].text}"
+    channel = channels[0] if len(channels) == 1 and group[0].channel else None
+    return Remark(kind=group[0].kind, channel=channel, start_s=start_s, end_s=end_s, text=text)

@@ -121,7 +121,7 @@ def _tolerance(spans: Sequence[FloatArray], period_s: float) -> float:
     """Return how far stamps may be from an even clock: rounding, where all are rounded, and a little jitter."""
     for grain_s in _GRAINS_S:
         scaled = [span / grain_s for span in spans]
-        if grain_s <= 0.4 * period_s and all(np.all(np.abs(one - np.rint(one)) < 1e-3) for one in scaled):
+        if grain_s <= 0.4 * period_s and all(np.all(np.abs(stamps - np.rint(stamps)) < 1e-3) for stamps in scaled):
             return max(0.51 * grain_s, JITTER * period_s)
     return JITTER * period_s
 

@@ -11,11 +11,11 @@ from gtmbench.channels import CHANNELS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds
-from gtmbench.intake.names import is_table_header, stated_unit
-from gtmbench.intake.questions import judged, missing, open_questions, there
+from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 
 AS_IT_IS = "as it is"
+_MOST_NAMED = 40  # columns in a message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,16 +44,16 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
     >>> split_mapping(["p=gyro_x:rad/s", "nz=-az:m/s2"])
     {'p': 'gyro_x:rad/s', 'nz': '-az:m/s2'}
     """
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for text in [mapping] if isinstance(mapping, str) else mapping:
         channel, _, column = text.partition("=")
         channel = channel.strip()
         if not channel or not column.strip():
             raise InputError(f"--map '{text}' isn't CHANNEL=COLUMN:UNIT; for example p=gyro_x:rad/s or nz=-az:m/s2")
-        if channel in found:
+        if channel in columns:
             raise InputError(f"--map gives '{channel}' twice; once is enough")
-        found[channel] = column.strip()
-    return found
+        columns[channel] = column.strip()
+    return columns
 
 
 def with_time(raw: RawLog, mapped: str | None) -> RawLog:
@@ -65,25 +65,25 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     clocks, since = in_seconds({series.clock: series.load()}, known.factor)
-    rest = tuple(one for one in raw.series if one is not series)
+    rest = tuple(other for other in raw.series if other is not series)
     return replace(raw, series=rest).with_clocks(clocks, f"time: column '{series.name}' in {meaning.unit}", *since)
 
 
 def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
-    looks = [(one, told) for one in raw.series if (told := judged(one, raw)).channel == "time"]
-    sure = [(one, told.meaning) for one, told in looks if told.meaning is not None]
-    exact = [(one, meaning) for one, meaning in sure if is_table_header(one.name)]
+    looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
+    sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
+    exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
     if len(exact or sure) == 1:
         return (exact or sure)[0]
     if sure:
-        names = " and ".join(f"'{one.name}'" for one, _ in sure)
+        names = " and ".join(f"'{series.name}'" for series, _ in sure)
         raise InputError(f"columns {names} both tell the time; choose: --map time={sure[0][0].name}:{sure[0][1].unit}")
     if looks:
-        raise InputError("; ".join(f"column '{one.name}' {told.why_not}" for one, told in looks[:3]))
+        raise InputError("; ".join(f"column '{series.name}' {told.why_not}" for series, told in looks[:3]))
     measured = [
-        one.name
-        for one in raw.series
-        if (found := unit(stated_unit(one.name, one.unit)[1])) and found.dimension == "time"
+        series.name
+        for series in raw.series
+        if (measure := unit(stated_unit(series.name, series.unit)[1])) and measure.dimension == "time"
     ]
     perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
@@ -98,8 +98,8 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
         Where a mapped or a needed one can't be found, with what is there and what looks like it.
     """
     chosen = {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items()}
-    chosen |= {channel: one for channel, one in _recognised(raw).items() if channel not in chosen}
-    own = {one.name: Chosen(channel=one.name, series=one, how=AS_IT_IS) for one in _unknown(raw, chosen)}
+    chosen |= {channel: choice for channel, choice in _recognised(raw).items() if channel not in chosen}
+    own = {series.name: Chosen(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)}
     if needs is not None:
         for channel in needs:
             if channel not in chosen and channel not in own:
@@ -118,41 +118,44 @@ def _recognised(raw: RawLog) -> dict[str, Chosen]:
     A documented format has an order in which its topics are preferred; of two columns of a table neither is taken,
     unless one is named as this package names it.
     """
-    found = {}
+    recognised = {}
     candidates: dict[str, list[RawSeries]] = {}
-    for one in raw.series:
-        told = judged(one, raw)
+    for series in raw.series:
+        told = judged(series, raw)
         if told.meaning is not None and told.channel in CHANNELS:
-            candidates.setdefault(told.channel, []).append(one)
+            candidates.setdefault(told.channel, []).append(series)
     for channel, sure in candidates.items():
-        best = [one for one in sure if is_table_header(one.name)] or sure if raw.by_name else sure[:1]
+        best = [series for series in sure if is_table_header(series.name)] or sure if raw.by_name else sure[:1]
         if len(best) == 1:
-            others = [f"'{one.name}'" for one in sure if one is not best[0]]
-            found[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")
-    return found
+            others = [f"'{series.name}'" for series in sure if series is not best[0]]
+            recognised[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")
+    return recognised
 
 
 def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
     """Return the columns that may stand under their own names: no channel, and not named as one."""
-    taken = {id(one.series) for one in chosen.values()}
+    taken = {id(choice.series) for choice in chosen.values()}
     return [
-        one
-        for one in raw.series
-        if id(one) not in taken and one.name not in chosen and one.name not in CHANNELS and one.name != "time_s"
+        series
+        for series in raw.series
+        if id(series) not in taken
+        and series.name not in chosen
+        and series.name not in CHANNELS
+        and series.name != "time_s"
     ]
 
 
-def _by_meaning(one: RawSeries, raw: RawLog, rather: str) -> Chosen:
-    meaning = judged(one, raw).meaning
+def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> Chosen:
+    meaning = judged(series, raw).meaning
     assert meaning is not None  # the caller looked
     known = unit(meaning.unit)
     turned = "-" if meaning.sign < 0 else ""
-    why = " (taken to point down)" if turned and one.meaning is None else ""
+    why = " (taken to point down)" if turned and series.meaning is None else ""
     return Chosen(
         channel=meaning.channel,
-        series=one,
+        series=series,
         factor=meaning.sign * (known.factor if known else 1.0),
-        how=f"{turned}'{one.name}' in {meaning.unit}{why}{rather}",
+        how=f"{turned}'{series.name}' in {meaning.unit}{why}{rather}",
     )
 
 
@@ -169,31 +172,94 @@ def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
 def _mapped(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
     """Return the column that a mapping names, and what the mapping states of it."""
     bare_names: dict[str, list[RawSeries]] = {}
-    for one in raw.series:
-        bare_names.setdefault(stated_unit(one.name, one.unit)[0], []).append(one)
-    by_name = {name: found[0] for name, found in bare_names.items() if len(found) == 1}  # 'az' for 'az [m/s2]'
-    by_name |= {one.name: one for one in raw.series}
+    for series in raw.series:
+        bare_names.setdefault(stated_unit(series.name, series.unit)[0], []).append(series)
+    by_name = {name: alike[0] for name, alike in bare_names.items() if len(alike) == 1}  # 'az' for 'az [m/s2]'
+    by_name |= {series.name: series for series in raw.series}
     before, _, after = text.rpartition(":")
     for name, given in ((text, ""), (before, after)):
         for bare, sign in ((name, 1.0), (name.removeprefix("-"), -1.0)):
             if bare in by_name:
                 return by_name[bare], _stated(channel, by_name[bare], given, sign)
     name = before or text
-    alike = [one.name for one in raw.series if name.lstrip("-").lower() in one.name.lower()][:5]
+    alike = [series.name for series in raw.series if name.lstrip("-").lower() in series.name.lower()][:5]
     likes = f" (perhaps {', '.join(alike)})" if alike else ""
     raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {there(raw)}")
 
 
-def _stated(channel: str, one: RawSeries, given: str, sign: float) -> Meaning:
-    documented = one.meaning
+def _stated(channel: str, series: RawSeries, given: str, sign: float) -> Meaning:
+    documented = series.meaning
     if documented is not None and documented.channel == channel and not given and sign > 0:
         return documented
-    stated = given or (documented.unit if documented else stated_unit(one.name, one.unit)[1])
+    stated = given or (documented.unit if documented else stated_unit(series.name, series.unit)[1])
     if channel not in CHANNELS and channel != "time":
         return Meaning(channel=channel, unit=stated, sign=sign)
     known: Unit | None = unit(stated) if stated else None
     if known is None or known.dimension != dimension_of(channel):
         first, second = hint(channel)
         what = f"'{stated}' isn't a unit of {dimension_of(channel)}" if stated else "the column states no unit"
-        raise InputError(f"--map {channel}={one.name}: {what}; give one behind a colon, as :{first} or :{second}")
+        raise InputError(f"--map {channel}={series.name}: {what}; give one behind a colon, as :{first} or :{second}")
     return Meaning(channel=channel, unit=stated, sign=sign)
+
+
+def judged(series: RawSeries, raw: RawLog) -> Guess:
+    """Return what a column is: by the format's documentation, else by its name where names may be believed."""
+    if series.meaning is not None:
+        return Guess(channel=series.meaning.channel, meaning=series.meaning)
+    return guess(series.name, series.unit) if raw.by_name else Guess()
+
+
+def not_taken(raw: RawLog, channels: Sequence[str]) -> list[str]:
+    """Return a line for every column that looks like a channel which the log doesn't have otherwise, a few at most."""
+    lines = []
+    for series in raw.series:
+        told = judged(series, raw)
+        if told.channel in CHANNELS and told.channel not in channels:
+            lines.append(f"not taken: {_doubt(raw, series, told)}")
+    if raw.ignored:
+        lines.append(f"not taken, no numbers: {_named(raw.ignored)}")
+    return lines[:_MOST_NAMED]
+
+
+def missing(raw: RawLog, channel: str, channels: Sequence[str]) -> str:
+    """Return what is said where a needed channel isn't there: what looks like it, and what is there."""
+    looks = [(series, told) for series in raw.series if (told := guess(series.name, series.unit)).channel == channel]
+    known = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == channel]
+    if channel not in CHANNELS:
+        ask = "no column has that name"
+    elif known or looks:
+        ask = "; ".join(_doubt(raw, series, told) for series, told in (known or looks)[:3])
+    else:
+        ask = f"nothing looks like it: {asked(channel, 'COLUMN')}"
+    return f"no channel '{channel}': {ask}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
+
+
+def open_questions(raw: RawLog) -> str:
+    """Return what is said where no column becomes a channel."""
+    looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel in CHANNELS]
+    return (
+        "; ".join(_doubt(raw, series, told) for series, told in looks[:4]) or f"--map CHANNEL=COLUMN:UNIT; {there(raw)}"
+    )
+
+
+def there(raw: RawLog) -> str:
+    """Return which columns there are."""
+    names = [series.name for series in raw.series]
+    numbers = f"its columns: {_named(names)}" if names else "it has no columns of numbers"
+    return f"{numbers}; no numbers are in {_named(raw.ignored)}" if raw.ignored else numbers
+
+
+def _doubt(raw: RawLog, series: RawSeries, told: Guess) -> str:
+    if told.why_not:
+        return f"column '{series.name}' {told.why_not}"
+    rivals = [
+        other.name for other in raw.series if (also := judged(other, raw)).meaning and also.channel == told.channel
+    ]
+    others = [f"'{name}'" for name in rivals if name != series.name]
+    as_well = f", as may {', '.join(others[:4])}" if others else ""
+    return f"column '{series.name}' may be {told.channel}{as_well}: --map {told.channel}=COLUMN"
+
+
+def _named(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + more

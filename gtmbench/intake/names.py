@@ -6,7 +6,7 @@ import re
 import shlex
 from dataclasses import dataclass
 
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import CHANNEL_OF_HEADER
 from gtmbench.intake.formats.raw import Meaning
 from gtmbench.intake.units import dimension_of, hint, unit
 
@@ -112,7 +112,7 @@ def guess(header: str, unit_beside: str = "") -> Guess:
         if key in _KNOWN:
             channel, sign = _KNOWN[key]
             return _judged(header, channel, stated or _STATED.get(key, ""), sign)
-        if key == "v" and field == "V" and (found := unit(stated)) and found.dimension == "speed":
+        if key == "v" and field == "V" and (speed := unit(stated)) and speed.dimension == "speed":
             return _judged(header, "tas", stated, 1.0)
         if key in _OPEN:
             channel, why = _OPEN[key]
@@ -121,8 +121,8 @@ def guess(header: str, unit_beside: str = "") -> Guess:
 
 
 def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:
-    found = unit(stated) if stated else None
-    if found is not None and found.dimension == dimension_of(channel):
+    known = unit(stated) if stated else None
+    if known is not None and known.dimension == dimension_of(channel):
         return Guess(channel=channel, meaning=Meaning(channel=channel, unit=stated, sign=sign))
     said = f"states '{stated}', not a unit of {dimension_of(channel)} that is known" if stated else "states no unit"
     return Guess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
@@ -141,4 +141,4 @@ def _key(name: str) -> str:
 
 def is_table_header(name: str) -> bool:
     """Tell whether a column is named exactly as this package names it: ``p_deg_s``."""
-    return any(channel.header == name for channel in CHANNELS.values()) or name == "time_s"
+    return name == "time_s" or name in CHANNEL_OF_HEADER

@@ -13,16 +13,15 @@ from gtmbench.channels import SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
-from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values
-from gtmbench.intake.formats.read import read_raw
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, split_mapping, with_time
+from gtmbench.intake.flight_log import FlightLog, summed_up
+from gtmbench.intake.formats.limits import check_values
+from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.questions import judged, not_taken
-from gtmbench.intake.remarks import summed_up
+from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.segments import Track, cut
 from gtmbench.intake.stamps import Clock, cleaned
-from gtmbench.intake.suspicious import remarks_on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,19 +114,24 @@ def _opened(
 ) -> FlightLog:
     raw = with_time(raw, columns.pop("time", None))
     chosen = choose(raw, columns, needs)
-    clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in {one.series.clock: None for one in chosen}})
-    check_values(sum(len(clocks[one.series.clock].rows) for one in chosen), "its channels")
+    used = dict.fromkeys(choice.series.clock for choice in chosen)
+    clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in used})
+    check_values(sum(len(clocks[choice.series.clock].rows) for choice in chosen), "its channels")
     tracks = _tracks(chosen, clocks)
-    suspects = [one.channel for one in chosen if one.channel in SENSORS or one.channel in columns or needs is not None]
+    suspects = [
+        choice.channel
+        for choice in chosen
+        if choice.channel in SENSORS or choice.channel in columns or needs is not None
+    ]
     for track in tracks:
         remarks += remarks_on(track, suspects, [other for other in tracks if other is not track])
     made = cut(tracks, breaks_s=breaks_s, rate_hz=rate_hz)
-    segments = [record.select([one.channel for one in chosen]) for record in made.records]
-    taken = [f"{one.channel} = {one.how}" for one in chosen if one.how != AS_IT_IS]
-    own = [one.channel for one in chosen if one.how == AS_IT_IS]
+    segments = [record.select([choice.channel for choice in chosen]) for record in made.records]
+    taken = [f"{choice.channel} = {choice.how}" for choice in chosen if choice.how != AS_IT_IS]
+    own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
-    left = not_taken(raw, [one.channel for one in chosen]) if needs is None else []
+    left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
     return FlightLog(
         path=path,
         segments=tuple(segments),
@@ -139,14 +143,14 @@ def _opened(
 def _tracks(chosen: Sequence[Chosen], clocks: dict[str, Clock]) -> list[Track]:
     """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
     groups: dict[bytes | str, list[tuple[str, FloatArray, FloatArray]]] = {}
-    for one in chosen:
-        clock = clocks[one.series.clock]
-        values = one.values()[clock.rows]
+    for choice in chosen:
+        clock = clocks[choice.series.clock]
+        values = choice.values()[clock.rows]
         filled = np.flatnonzero(np.isfinite(values))
         sparse = len(filled) > 2 and np.median(np.diff(filled)) >= 2
-        key = filled.tobytes() if sparse else one.series.clock
+        key = filled.tobytes() if sparse else choice.series.clock
         kept = filled if sparse else slice(None)
-        groups.setdefault(key, []).append((one.channel, clock.time_s[kept], values[kept]))
+        groups.setdefault(key, []).append((choice.channel, clock.time_s[kept], values[kept]))
     return [
         Track(
             channels=tuple(channel for channel, _, _ in group),
@@ -174,21 +178,21 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     ):  # no column tells the time: the list says what might
         timed = with_time(raw, None)
     with np.errstate(all="ignore"):
-        return tuple(_column(one, timed) for one in raw.series)
+        return tuple(_column(series, timed) for series in raw.series)
 
 
-def _column(one: RawSeries, raw: RawLog) -> LogColumn:
-    told = judged(one, raw)
-    stamps = raw.clocks.get(one.clock)
+def _column(series: RawSeries, raw: RawLog) -> LogColumn:
+    told = judged(series, raw)
+    stamps = raw.clocks.get(series.clock)
     time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
     steps = np.diff(time_s)
     forward = steps[steps > 0]
     return LogColumn(
-        name=one.name,
-        unit=one.meaning.unit if one.meaning else stated_unit(one.name, one.unit)[1],
+        name=series.name,
+        unit=series.meaning.unit if series.meaning else stated_unit(series.name, series.unit)[1],
         channel=told.channel if told.meaning else "",
         why_not=told.why_not,
-        samples=len(one.load() if stamps is None else stamps),
+        samples=len(series.load() if stamps is None else stamps),
         rate_hz=1.0 / float(np.median(forward)) if len(forward) else np.nan,
         start_s=float(time_s[0]) if len(time_s) else np.nan,
         end_s=float(time_s[-1]) if len(time_s) else np.nan,

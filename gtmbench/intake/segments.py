@@ -10,10 +10,10 @@ import numpy as np
 
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
-from gtmbench.intake.flight_log import Remark
-from gtmbench.intake.formats.raw import check_values
+from gtmbench.intake.flight_log import Remark, remark
+from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.resample import HALF, decimation, resampled
+from gtmbench.intake.resampling import HALF, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.record import Record, Span
 
@@ -109,13 +109,13 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     laid = {id(track): _between_gaps(track, rough_s, breaks_s, made.remarks) for track in tracks}
     reference, all_parts = laid[id(slowest)], list(laid.values())
     period_s = _common_period(reference, rate_hz)
-    filtered = any(decimation(one.period_s, period_s) > 1 for one in all_parts)
-    made.method += [_described(one) for one in all_parts] + _method(all_parts, period_s, filtered=filtered)
+    filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts)
+    made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, filtered=filtered)
     if rate_hz is None and filtered:
         made.method.append(
             f"that is the rate of {slowest.label}: name the channels that are needed, or a rate, for more"
         )
-    common = _common([one.spans for one in all_parts])
+    common = _common([parts.spans for parts in all_parts])
     made.method += _latecomers(all_parts, common)
     for span in common:
         _add_record(made, all_parts, span, reference, period_s, filtered=filtered)
@@ -149,7 +149,7 @@ def _parts(track: Track, limit_s: float, breaks_s: Sequence[float], remarks: lis
         start_s, end_s = float(track.time_s[gap]), float(track.time_s[gap + 1])
         kind, what = ("clock jump", "the clock jumps on by") if end_s - start_s > FAR_S else ("gap", "nothing for")
         text = f"{track.label}: {what} {end_s - start_s:.4g} s; one sample every {track.period_s:.4g} s else"
-        remarks.append(Remark(kind=kind, channel=None, start_s=start_s, end_s=end_s, text=text))
+        remarks.append(remark(kind, start_s, end_s, text))
     cuts = np.flatnonzero((steps > limit_s) | broken) + 1
     bounds = [0, *cuts.tolist(), len(track.time_s)]
     return [track.part(first, last) for first, last in itertools.pairwise(bounds)]
@@ -183,11 +183,11 @@ def _latecomers(parts: Sequence[_Parts], common: Sequence[Span]) -> list[str]:
     """Return who begins last and who ends first, where that costs the others more than a moment."""
     if not common:
         return []
-    first, last = max(parts, key=lambda one: one.spans[0][0]), min(parts, key=lambda one: one.spans[-1][1])
+    first, last = max(parts, key=lambda track: track.spans[0][0]), min(parts, key=lambda track: track.spans[-1][1])
     lines = []
-    if first.spans[0][0] - min(one.spans[0][0] for one in parts) > SHORTEST_S:
+    if first.spans[0][0] - min(track.spans[0][0] for track in parts) > SHORTEST_S:
         lines.append(f"all are there from {first.spans[0][0]:.6g} s on, when {first.track.label} begins")
-    if max(one.spans[-1][1] for one in parts) - last.spans[-1][1] > SHORTEST_S:
+    if max(track.spans[-1][1] for track in parts) - last.spans[-1][1] > SHORTEST_S:
         lines.append(f"all are there up to {last.spans[-1][1]:.6g} s, when {last.track.label} ends")
     return lines
 
@@ -200,30 +200,30 @@ def _add_record(
     margin = HALF if filtered else 0
     first_s += margin * period_s
     count = int(np.floor((end_s - first_s) / period_s + 1e-6)) + 1 - margin
-    check_values(max(count, 0) * sum(len(one.track.channels) for one in parts), "the record")
+    check_values(max(count, 0) * sum(len(part.track.channels) for part in parts), "the record")
     if count < FEWEST or count * period_s < SHORTEST_S:
         text = f"{max(end_s - start_s, 0.0):.4g} s between gaps: too short to be used, dropped"
-        made.remarks.append(Remark(kind="short", channel=None, start_s=start_s, end_s=end_s, text=text))
+        made.remarks.append(remark("short", start_s, end_s, text))
         return
-    used = [one.around(start_s, end_s) for one in parts]
-    values = [resampled(one.time_s, one.values, first_s, period_s, count, filtered=filtered) for one in used]
-    channels = [channel for one in used for channel in one.channels]
+    used = [part.around(start_s, end_s) for part in parts]
+    values = [resampled(part.time_s, part.values, first_s, period_s, count, filtered=filtered) for part in used]
+    channels = [channel for part in used for channel in part.channels]
     made.records.append(Record(np.hstack(values), channels=channels, sample_period_s=period_s, start_s=first_s))
 
 
-def _described(one: _Parts) -> str:
-    track = one.track
-    if one.even_s is None:
+def _described(parts: _Parts) -> str:
+    track = parts.track
+    if parts.even_s is None:
         low, high = np.quantile(np.diff(track.time_s), [0.05, 0.95])
         return f"{track.label}: uneven stamps, {low:.4g} to {high:.4g} s apart, {track.period_s:.4g} s at the median"
-    said = f", stamps within {one.jitter_s:.2g} s of an even clock: taken as even" if one.jitter_s else ""
-    return f"{track.label}: {1 / one.even_s:.6g} Hz{said}"
+    said = f", stamps within {parts.jitter_s:.2g} s of an even clock: taken as even" if parts.jitter_s else ""
+    return f"{track.label}: {1 / parts.even_s:.6g} Hz{said}"
 
 
 def _method(parts: Sequence[_Parts], period_s: float, *, filtered: bool) -> list[str]:
     rate = f"{1 / period_s:.6g} Hz"
-    slower = [one for one in parts if one.period_s > 1.05 * period_s]
-    lines = [f"{one.track.label}: interpolated from {1 / one.period_s:.4g} Hz, no more is in it" for one in slower]
+    slower = [part for part in parts if part.period_s > 1.05 * period_s]
+    lines = [f"{part.track.label}: interpolated from {1 / part.period_s:.4g} Hz, no more is in it" for part in slower]
     if filtered:
         lines.append(
             f"resampled at {rate}: cubic splines between stamps, then one low-pass for every channel (flat up to "

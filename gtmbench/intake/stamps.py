@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
-from gtmbench.intake.flight_log import Remark
+from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.lattice import rounded_coarsely
 
 IntArray = NDArray[np.int64]
@@ -57,20 +57,20 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     InputError
         Where stamps are in no order, or some clocks were set back and others weren't.
     """
-    found = {name: _stretches(name, time_s) for name, time_s in clocks.items()}
-    remarks = [remark for one in found.values() for remark in one.remarks]
-    counts = {len(one.rows) for one in found.values()}
+    by_clock = {name: _stretches(name, time_s) for name, time_s in clocks.items()}
+    remarks = [remark for stretches in by_clock.values() for remark in stretches.remarks]
+    counts = {len(stretches.rows) for stretches in by_clock.values()}
     if len(counts) > 1:
-        told = ", ".join(f"{name} {len(one.rows) - 1} times" for name, one in found.items())
+        told = ", ".join(f"{name} {len(stretches.rows) - 1} times" for name, stretches in by_clock.items())
         raise InputError(
             f"clocks were set back differently ({told}): which stretches belong together? cut the log there"
         )
-    shifts_s, breaks_s = _shifts(clocks, list(found.values()), remarks)
+    shifts_s, breaks_s = _shifts(clocks, list(by_clock.values()), remarks)
     ordered = {}
-    for name, one in found.items():
+    for name, stretches in by_clock.items():
         parts = [
             _without_doubles(name, rows, clocks[name][rows] + shift_s if shift_s else clocks[name][rows], remarks)
-            for rows, shift_s in zip(one.rows, shifts_s, strict=True)
+            for rows, shift_s in zip(stretches.rows, shifts_s, strict=True)
         ]
         ordered[name] = Clock(
             rows=np.concatenate([part.rows for part in parts]), time_s=np.concatenate([part.time_s for part in parts])
@@ -79,15 +79,15 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
 
 
 def _stretches(name: str, time_s: FloatArray) -> _Stretches:
-    found = _Stretches()
+    stretches = _Stretches()
     rows = np.flatnonzero(np.abs(time_s) < _LATEST_S)
     if len(rows) < 2:
         raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
     if len(rows) < len(time_s):
         lost = len(time_s) - len(rows)
         text = f"{_label(name)}{lost} rows have no time and are left out"
-        found.remarks.append(_remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
-    rows = _without_strays(name, rows, time_s, found)
+        stretches.remarks.append(remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
+    rows = _without_strays(name, rows, time_s, stretches)
     steps = np.diff(time_s[rows])
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
@@ -99,12 +99,12 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     runs = np.split(rows, cuts)
     for number, run in enumerate(runs):
         following = time_s[runs[number + 1][0]] if number + 1 < len(runs) else math.nan
-        _join(found, name, run, time_s, following, period_s)
-    found.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in found.rows]
-    return found
+        _join(stretches, name, run, time_s, following, period_s)
+    stretches.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in stretches.rows]
+    return stretches
 
 
-def _without_strays(name: str, rows: IntArray, time_s: FloatArray, found: _Stretches) -> IntArray:
+def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _Stretches) -> IntArray:
     """Return the rows without single stamps that are far from where their neighbours stand."""
     steps = np.diff(time_s[rows])
     if len(steps) < 2 or not np.any(steps > 0):
@@ -116,27 +116,29 @@ def _without_strays(name: str, rows: IntArray, time_s: FloatArray, found: _Stret
     for row in astray:
         beside = time_s[rows[row - 1]]
         text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
-        found.remarks.append(_remark("clock jump", beside, beside, text))
+        stretches.remarks.append(remark("clock jump", beside, beside, text))
     return np.delete(rows, astray)
 
 
-def _join(found: _Stretches, name: str, run: IntArray, time_s: FloatArray, following_s: float, period_s: float) -> None:
+def _join(
+    stretches: _Stretches, name: str, run: IntArray, time_s: FloatArray, following_s: float, period_s: float
+) -> None:
     """Add a run of rising stamps: to the stretch before, as a new one, or not at all."""
-    if not found.rows:
-        found.rows.append(run)
+    if not stretches.rows:
+        stretches.rows.append(run)
         return
-    end_s, start_s = float(time_s[found.rows[-1]].max()), float(time_s[run[0]])
+    end_s, start_s = float(time_s[stretches.rows[-1]].max()), float(time_s[run[0]])
     if len(run) < _FEW and abs(start_s - end_s) > 1.0 and end_s <= following_s <= end_s + FAR_S:
         text = f"{_label(name)}{len(run)} stamps around {start_s:.10g} s stand after {end_s:.10g} s: left out"
-        found.remarks.append(_remark("clock jump", end_s, end_s, text))
+        stretches.remarks.append(remark("clock jump", end_s, end_s, text))
     elif start_s >= end_s:
-        found.rows[-1] = np.concatenate([found.rows[-1], run])
-    elif _is_late(time_s[found.rows[-1]], time_s[run], period_s):
-        found.rows[-1] = np.concatenate([found.rows[-1], run])
+        stretches.rows[-1] = np.concatenate([stretches.rows[-1], run])
+    elif _is_late(time_s[stretches.rows[-1]], time_s[run], period_s):
+        stretches.rows[-1] = np.concatenate([stretches.rows[-1], run])
         text = f"{_label(name)}{start_s:.10g} s stands after {end_s:.10g} s: sorted"
-        found.remarks.append(_remark("out of order", start_s, end_s, text))
+        stretches.remarks.append(remark("out of order", start_s, end_s, text))
     else:
-        found.rows.append(run)
+        stretches.rows.append(run)
 
 
 def _is_late(before: FloatArray, run: FloatArray, period_s: float) -> bool:
@@ -148,20 +150,20 @@ def _is_late(before: FloatArray, run: FloatArray, period_s: float) -> bool:
 
 
 def _shifts(
-    clocks: Mapping[str, FloatArray], found: list[_Stretches], remarks: list[Remark]
+    clocks: Mapping[str, FloatArray], by_clock: list[_Stretches], remarks: list[Remark]
 ) -> tuple[list[float], list[float]]:
     """Return how much later every stretch is dated, and the times between them."""
     shifts_s, breaks_s = [0.0], []
-    for before, after in zip(range(len(found[0].rows) - 1), range(1, len(found[0].rows)), strict=True):
-        pairs = list(zip(clocks.values(), found, strict=True))
-        end_s = max(float(time_s[one.rows[before]].max()) for time_s, one in pairs) + shifts_s[-1]
-        start_s = min(float(time_s[one.rows[after]].min()) for time_s, one in pairs)
+    for before, after in zip(range(len(by_clock[0].rows) - 1), range(1, len(by_clock[0].rows)), strict=True):
+        pairs = list(zip(clocks.values(), by_clock, strict=True))
+        end_s = max(float(time_s[stretches.rows[before]].max()) for time_s, stretches in pairs) + shifts_s[-1]
+        start_s = min(float(time_s[stretches.rows[after]].min()) for time_s, stretches in pairs)
         shift_s = math.ceil(end_s - start_s) + 1.0
         shifts_s.append(shift_s)
         breaks_s.append(0.5 * (end_s + start_s + shift_s))
         back = f"the clock went back from {end_s - shifts_s[-2]:.10g} to {start_s:.10g} s"
         text = f"{back}: what follows is dated {shift_s:g} s later"
-        remarks.append(_remark("clock jump", end_s, start_s + shift_s, text))
+        remarks.append(remark("clock jump", end_s, start_s + shift_s, text))
     return shifts_s, breaks_s
 
 
@@ -172,19 +174,15 @@ def _without_doubles(name: str, rows: IntArray, time_s: FloatArray, remarks: lis
         text = (
             f"{_label(name)}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
         )
-        remarks.append(_remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
+        remarks.append(remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
         return Clock(rows=rows, time_s=spread)
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
     if len(doubled):
         first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
         text = f"{_label(name)}{len(doubled)} stamps stand there twice, or nearly: the first row is taken"
-        remarks.append(_remark("duplicate", first_s, last_s, text))
+        remarks.append(remark("duplicate", first_s, last_s, text))
     return Clock(rows=np.delete(rows, doubled), time_s=np.delete(time_s, doubled))
-
-
-def _remark(kind: str, start_s: float, end_s: float, text: str) -> Remark:
-    return Remark(kind=kind, channel=None, start_s=float(start_s), end_s=float(end_s), text=text)
 
 
 def _label(name: str) -> str:

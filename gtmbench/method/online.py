@@ -12,8 +12,7 @@ from gtmbench.clock import lateness_s
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import operator_of
-from gtmbench.method.pose import check_parameters, operator_names
-from gtmbench.method.problem import Problem, too_few
+from gtmbench.method.problem import Problem, check_parameters, operator_names, too_few
 from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.convolution import filtered
-from gtmbench.method.noise_model import NoiseModel
 from gtmbench.record import FloatArray, Record
 
 

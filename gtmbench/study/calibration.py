@@ -9,7 +9,7 @@ from typing import Any
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import NOISES
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.channels import COMMANDS
 from gtmbench.checks import shown
 from gtmbench.clock import same_period
 from gtmbench.detectors.function import FunctionDetector
@@ -17,8 +17,9 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
+from gtmbench.progress import Tell
 from gtmbench.record import Record
-from gtmbench.study.flights import Flown, Tell
+from gtmbench.study.flights import Flown, check_flown
 from gtmbench.study.scenario import Setup
 
 FLIGHTS = 12
@@ -60,8 +61,8 @@ def prepared(given: Any) -> Detector | Monitor:
     >>> is_ready(prepared(lambda record: [])), is_ready(prepared("C"))
     (True, False)
     """
-    found = as_detector(given)
-    return found.calibrate() if isinstance(found, FunctionDetector) else found
+    detector = as_detector(given)
+    return detector.calibrate() if isinstance(detector, FunctionDetector) else detector
 
 
 def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
@@ -74,13 +75,13 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
     """
     if isinstance(detectors, str) or not isinstance(detectors, Sequence):
         raise InputError(f"detectors is {shown(detectors)}; give a list of them, detectors=[...]")
-    found: dict[str, Any] = {}
+    named: dict[str, Any] = {}
     for source in detectors or (OWN,):
-        made: Any = own_detector if isinstance(source, str) and source == OWN else prepared(source)
-        name = OWN if made is own_detector else made.name
-        twins = [other for other in found if other == name or other.startswith(f"{name} (")]
-        found[f"{name} ({len(twins) + 1})" if twins else name] = made
-    return found
+        watcher: Any = own_detector if isinstance(source, str) and source == OWN else prepared(source)
+        name = OWN if watcher is own_detector else watcher.name
+        twins = [other for other in named if other == name or other.startswith(f"{name} (")]
+        named[f"{name} ({len(twins) + 1})" if twins else name] = watcher
+    return named
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,12 +103,7 @@ class Calibrator:
     def of(cls, setup: Setup, named: Mapping[str, Any]) -> Calibrator:
         """Sort detectors from monitors, and refuse what doesn't fit the study's sensors: before anything is flown."""
         for name, watcher in named.items():
-            missing = [channel for channel in watcher.channels if channel not in (*SENSORS, *COMMANDS)]
-            if missing:
-                raise InputError(
-                    f"'{name}' needs {', '.join(missing)}, which no flight has; there are "
-                    f"{', '.join((*SENSORS, *COMMANDS))}"
-                )
+            check_flown(name, watcher.channels)
         ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
         for name, monitor in ready.items():
             _check_period(name, monitor)
@@ -133,13 +129,13 @@ class Calibrator:
     def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
         """Calibrate what has to be, and return every monitor by name."""
         records = _flights(flown, tell) if self._need_flights else []
-        found: dict[str, Monitor] = dict(self.ready)
+        monitors: dict[str, Monitor] = dict(self.ready)
         for name, detector in self.detectors.items():
             tell(f"calibrate {name}")
             tied = _is_tied(detector)
             monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
-            found[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
-        return {name: found[name] for name in self.order}
+            monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
+        return {name: monitors[name] for name in self.order}
 
 
 def _is_tied(detector: Detector) -> bool:

@@ -1,17 +1,34 @@
-"""Trials to come: the ``[[faults]]`` tables of a scenario, one trial a channel and severity, or ready faults."""
+"""Trials to come: the ``[[faults]]`` tables of a scenario, one trial a channel and severity, or ready faults.
+
+A severity is an absolute figure, or a share of what the healthy channel does, resolved once against a flight.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
+from gtmbench.bench.sensors import rms_about_mean
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number, shown
+from gtmbench.checks import keys, naming, number, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, Parameter
 from gtmbench.faults.registry import find_fault
-from gtmbench.study.severity import Severity, parse_severity
+from gtmbench.record import Record
+
+_SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Severity:
+    """A number in the channel's unit (per second for slopes), or a share of ``of``: rms, peak or slew."""
+
+    value: float
+    of: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,16 +70,12 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     InputError
         Naming the table, the key, what was given and what is legal.
     """
-    try:
+    with naming(where):
         cls = find_fault(block.get("kind"))
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
     parameters = cls.parameters()
     own = [item.name for item in parameters]
     legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
-    for key in block:
-        if key not in legal:
-            raise InputError(f"{where}: unknown key {shown(key)}; a {cls.kind} has {', '.join(legal)}")
+    keys(block, legal, where=where, there=f"a {cls.kind} has")
     for key in ("channels", "onset_s", *own):
         if key not in block:
             raise InputError(f"{where}: key '{key}' is missing; a {cls.kind} needs it")
@@ -77,10 +90,8 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     for channel in channels:
         for severities in combinations:
             figures = {name: given.value for name, given in severities.items()}
-            try:  # the fault itself knows what its parameters may be; a share can't be wrong
+            with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
                 fault = cls(channel=channel, onset_s=onset_s, duration_s=duration_s, **figures, **others)
-            except InputError as error:
-                raise InputError(f"{where}: {error}") from error
             specs.append(FaultSpec(fault=fault, severities=severities))
     return specs
 
@@ -134,3 +145,48 @@ def _severities(parameters: tuple[Parameter, ...], block: dict[str, Any], where:
             steps = [parse_severity(entry, per_second=item.per_second, key=key) for entry in given]
             combinations = [{**others, item.name: step} for others in combinations for step in steps]
     return combinations
+
+
+def parse_severity(given: Any, *, per_second: bool, key: str) -> Severity:
+    """Read a number, or a text such as ``"50 % of rms"``.
+
+    Raises
+    ------
+    InputError
+        Naming the key and what is legal there.
+
+    Examples
+    --------
+    >>> parse_severity("40 % of peak", per_second=False, key="limit")
+    Severity(value=0.4, of='peak')
+    """
+    legal = ("slew",) if per_second else ("rms", "peak")
+    is_number = isinstance(given, (int, float)) and not isinstance(given, bool)
+    if is_number and abs(given) < 1e9:  # neither inf nor NaN is
+        return Severity(value=float(given))
+    match = _SHARE.fullmatch(given) if isinstance(given, str) else None
+    if match and match[2] in legal:
+        return Severity(value=float(match[1]) / 100.0, of=match[2])
+    texts = " or ".join(f"'20 % of {name}'" for name in legal)
+    raise InputError(
+        f"{key} is {shown(given)}; it must be a number in the channel's unit{' per second' * per_second}, or {texts}"
+    )
+
+
+def resolve(severity: Severity, reference: Record, channel: str) -> float:
+    """Return a severity as an absolute figure, in the channel's unit (per second for slew).
+
+    Shares refer to the noise-free channel with its mean removed: its RMS, its greatest magnitude (peak), or its
+    greatest change from one sample to the next over the sample period (slew).
+    """
+    if severity.of is None:
+        return severity.value
+    values = reference[channel] - reference[channel].mean()
+    if len(values) < 2:
+        raise InputError(f"the span that severities refer to holds {len(values)} sample; give a longer one")
+    measures = {
+        "rms": rms_about_mean(values),
+        "peak": float(np.max(np.abs(values))),
+        "slew": float(np.max(np.abs(np.diff(values)))) / reference.sample_period_s,
+    }
+    return severity.value * measures[severity.of]

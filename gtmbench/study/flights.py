@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
-from gtmbench.channels import unit_of
-from gtmbench.detectors.protocol import Progress
+from gtmbench.channels import COMMANDS, SENSORS, unit_of
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import inject
+from gtmbench.progress import Tell
 from gtmbench.record import Record
-from gtmbench.study.fault_tables import FaultSpec, build
+from gtmbench.study.fault_tables import FaultSpec, build, resolve
 from gtmbench.study.scenario import Scenario, Setup
-from gtmbench.study.severity import resolve
 from gtmbench.study.trial import Injection
 
-Tell = Callable[[str], None]
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
 
 
@@ -67,6 +65,14 @@ def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
 
 
+def check_flown(detector: str, channels: Iterable[str]) -> None:
+    """Refuse, before anything is flown, a detector that needs what no flight has."""
+    there = (*SENSORS, *COMMANDS)
+    missing = [channel for channel in channels if channel not in there]
+    if missing:
+        raise InputError(f"'{detector}' needs {', '.join(missing)}, which no flight has; there are {', '.join(there)}")
+
+
 def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:
     """Return the setup that scenarios share, with another seed if one is given.
 
@@ -84,22 +90,10 @@ def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:
         raise InputError(f"two scenarios go by the name '{twice[0]}'; rename one file, or run them one at a time")
     for other in scenarios[1:]:
         if other.setup != first.setup:
-            one, two = asdict(first.setup), asdict(other.setup)
-            key = next(key for key in one if one[key] != two[key])
+            settings, others = asdict(first.setup), asdict(other.setup)
+            key = next(key for key in settings if settings[key] != others[key])
             raise InputError(
-                f"scenarios '{first.name}' and '{other.name}' differ in {key} ({one[key]} and {two[key]}); a study has "
-                "one flight and one detector, so run them one at a time"
+                f"scenarios '{first.name}' and '{other.name}' differ in {key} ({settings[key]} and {others[key]}); a "
+                "study has one flight and one detector, so run them one at a time"
             )
     return first.setup if seed is None else replace(first.setup, seed=seed)
-
-
-def counted(progress: Progress, total: int) -> Tell:
-    """Return a function to be told every step as it begins; `progress` hears how many are done, and of how many."""
-    done = 0
-
-    def tell(step: str) -> None:
-        nonlocal done
-        progress(step, done, total)
-        done += 1
-
-    return tell

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.detectors.protocol import Monitor, Progress, Watch, silent
+from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
+from gtmbench.progress import Progress, Tell, counted, silent
 from gtmbench.record import Record
 from gtmbench.study.calibration import Calibrator, own_detector, resolved
 from gtmbench.study.fault_tables import FaultSpec, spec_of
-from gtmbench.study.flights import Flown, Tell, common_setup, counted, fly_setup
+from gtmbench.study.flights import Flown, common_setup, fly_setup
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -86,14 +87,14 @@ def run_study(
         Where the scenarios' setups differ, a detector can't be meant or doesn't fit their records, or was calibrated on
         other sensors: before anything is flown.
     """
-    found = resolved(detectors)
-    own = any(source is own_detector for source in found.values())
-    if not own:
+    watchers = resolved(detectors)
+    own = [watcher is own_detector for watcher in watchers.values()]
+    if not any(own):
         scenarios = [_without_operator(scenario) for scenario in scenarios]
-    if any(source is not own_detector for source in found.values()):
+    if not all(own):
         scenarios = [_with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
-    named = {name: source(setup) if source is own_detector else source for name, source in found.items()}
+    named = {name: watcher(setup) if watcher is own_detector else watcher for name, watcher in watchers.items()}
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
     calibrator = Calibrator.of(setup, named)
     steps = 2 + calibrator.steps + len(named) * (setup.alarm.healthy_records + len(specs))

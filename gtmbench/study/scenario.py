@@ -12,10 +12,11 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import number, shown, text, whole
+from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_scenarios
+from gtmbench.files import is_file, read_toml
 from gtmbench.record import Span
+from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000
@@ -86,10 +87,8 @@ def load_scenario(source: str | Path) -> Scenario:
     """
     path = _find(source)
     table = read_toml(path, "scenario")
-    try:
+    with naming(path):
         return _scenario(path.stem, table)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _find(source: str | Path) -> Path:
@@ -149,19 +148,13 @@ def _setup(table: dict[str, Any]) -> Setup:
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     """Return a table's values as a dataclass wants them, or say which key is wrong and how."""
-    known = [item.name for item in fields(of)]
-    for key in table:
-        if key not in known:
-            where = f" in [{prefix.rstrip('.')}]" if prefix else ""
-            raise InputError(f"unknown key {shown(key)}{where}; there are {', '.join(known)}")
-    return {key: _CHECKS[key](prefix + key, value) for key, value in table.items()}
+    known = keys(table, [item.name for item in fields(of)], section=prefix.rstrip("."))
+    return {key: _CHECKS[key](prefix + key, value) for key, value in known.items()}
 
 
 def _table(of: type) -> Callable[[str, Any], Any]:
     def check(key: str, value: Any) -> Any:
-        if not isinstance(value, dict):
-            raise InputError(f"{key} is {shown(value)}; it must be a table, [{key}]")
-        return of(**_checked(of, value, f"{key}."))
+        return of(**_checked(of, table_of(key, value), f"{key}."))
 
     return check
 
@@ -170,10 +163,8 @@ def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
     def check(key: str, value: Any) -> str:
         if not isinstance(value, str):
             raise InputError(f"{key} is {shown(value)}; it must be a text")
-        try:
+        with naming(key):
             look_up(value)
-        except InputError as error:
-            raise InputError(f"{key}: {error}") from error
         return value
 
     return check

@@ -5,9 +5,9 @@ what failed. In pytest the plugin names the recording after the test; elsewhere 
 `check_detector` holds a detector of your own to what every detector of the package keeps.
 """
 
-from gtmbench.study.shared_flights import fly_once, standard_record
 from gtmbench.testing.contract import CONTRACT, check_detector
 from gtmbench.testing.detects import assert_detects, assert_quiet
+from gtmbench.testing.flights import fly_once, standard_record
 from gtmbench.testing.residuals import assert_residual
 
 __all__ = [

@@ -16,10 +16,10 @@ from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import Drift, inject
-from gtmbench.method.decimation import decimate
-from gtmbench.method.pose import as_records
+from gtmbench.intake.resampling import decimate
+from gtmbench.method.problem import as_records
 from gtmbench.record import Record
-from gtmbench.study.shared_flights import fly_once
+from gtmbench.testing.flights import fly_once
 
 _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those of the whole
 

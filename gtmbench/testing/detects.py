@@ -13,10 +13,10 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import inject
 from gtmbench.kept import kept
 from gtmbench.record import Record, check_record
-from gtmbench.report.words.study import fault_text
+from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.calibration import prepared
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
-from gtmbench.study.shared_flights import calibration_records, standard_record
+from gtmbench.testing.flights import calibration_records, standard_record
 
 _TIE = 1e-9  # seconds
 _calibrated: list[tuple[Any, Monitor]] = []  # detectors that were given uncalibrated, this session

@@ -12,7 +12,7 @@ import numpy as np
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
-from gtmbench.theory.extra import extra
+from gtmbench.imports import load_extra
 from gtmbench.theory.rational import PolynomialMatrix, RationalOperator, adjugate_times
 
 Matrix = Any  # rows of ints, Fractions, floats or sympy expressions: lists, a numpy array, a sympy matrix
@@ -74,7 +74,7 @@ def operator_of_system(
 
 def read_exactly(matrices: Mapping[str, Matrix], shapes: Mapping[str, tuple[int, int]]) -> dict[str, PolynomialMatrix]:
     """Return matrices over one ring K[p], K the rationals or the rational functions of the symbols in them."""
-    extra("sympy", "exact operators")
+    load_extra("sympy", "theory", "exact operators need")
     from sympy import Symbol
     from sympy.polys.constructor import construct_domain
     from sympy.polys.matrices import DomainMatrix

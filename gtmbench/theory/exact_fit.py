@@ -5,8 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 from gtmbench.errors import InputError
+from gtmbench.imports import load_extra
 from gtmbench.record import FloatArray
-from gtmbench.theory.extra import extra
 from gtmbench.theory.state_space import StateSpace
 
 Rationals = list[Fraction]
@@ -40,7 +40,7 @@ def exact_weights(system: StateSpace, *, seen: int, wanted: int) -> Rationals:
     >>> exact_weights(ring, seen=0, wanted=1)  # x_1(k+1) = x_0(k+2)
     [Fraction(0, 1), Fraction(1, 1)]
     """
-    extra("sympy", "exact weights")
+    load_extra("sympy", "theory", "exact weights need")
     from sympy import QQ
     from sympy.polys.matrices import DomainMatrix
     from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
+from gtmbench.imports import load_extra
 from gtmbench.record import FloatArray, frozen
-from gtmbench.theory.extra import extra
 from gtmbench.theory.realisation import block_hankel, hankel_singular_values, markov_parameters
 
 _FLOOR: Final = 1e-6  # of the data's greatest singular value: the solver leaves 1e-8 of it
@@ -122,7 +122,7 @@ def _problem(shape: tuple[int, ...]) -> tuple[Any, Any, Any, Any]:
 
     With the radius in the sum and not in the bound, small balls cost no digits.
     """
-    cp = extra("cvxpy", "nuclear norms")
+    cp = load_extra("cvxpy", "theory", "nuclear norms need")
     count = int(np.prod(shape)) - shape[1] * shape[2]
     step, data, radius = cp.Variable(count), cp.Parameter(count), cp.Parameter(nonneg=True)
     # where each entry of the matrix stands in the flat H_1, ..., H_(2n-1)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import number, shown, text
+from gtmbench.checks import keys, number, shown, table_of, text
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml, shipped_banks
+from gtmbench.files import is_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
+from gtmbench.shipped import shipped_banks
 
 _MOST_RESIDUALS = 50
 
@@ -123,7 +124,7 @@ def load_bank(source: str | Path) -> Bank:
 
 def bank_of(name: str, table: dict[str, Any]) -> Bank:
     """Return a bank from its tables, every key checked."""
-    _known("", table, ("title", "suspects", "whitening_s", "attitude_from_gyros", "residuals", "alarm"))
+    keys(table, ("title", "suspects", "whitening_s", "attitude_from_gyros", "residuals", "alarm"))
     blocks = table.get("residuals")
     if not isinstance(blocks, list) or not 0 < len(blocks) <= _MOST_RESIDUALS:
         raise InputError(f"a bank has 1 to {_MOST_RESIDUALS} tables [[residuals]], each with output and inputs")
@@ -176,7 +177,7 @@ def bank_table(bank: Bank) -> dict[str, Any]:
 def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> ResidualSpec:
     if not isinstance(block, dict):
         raise InputError(f"{where} is {shown(block)}; it must be a table")
-    _known(where, block, ("output", "inputs", "look_back_s", "look_ahead_s"))
+    keys(block, ("output", "inputs", "look_back_s", "look_ahead_s"), where=where)
     output = text(f"{where}: output", block.get("output"))
     inputs = _names(f"{where}: inputs", block.get("inputs"))
     if any(spec.output == output for spec in before):
@@ -194,32 +195,25 @@ def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> Residu
     )
 
 
-def _statistic(table: Any) -> Statistic:
-    if not isinstance(table, dict):
-        raise InputError(f"alarm is {shown(table)}; it must be a table, [alarm]")
-    _known("alarm", table, ("statistic", "window_s", "windows_s", "baseline_s", "shift", "ratio", "two_sided"))
+def _statistic(given: Any) -> Statistic:
+    legal = ("statistic", "window_s", "windows_s", "baseline_s", "shift", "ratio", "two_sided")
+    alarm = keys(table_of("alarm", given), legal, where="alarm")
     default = Statistic()
-    name = table.get("statistic", default.name)
+    name = alarm.get("statistic", default.name)
     if not isinstance(name, str) or name not in STATISTICS:
         raise InputError(f"alarm.statistic is {shown(name)}; there are {', '.join(STATISTICS)}")
-    windows = table.get("windows_s", table.get("window_s", list(default.windows_s)))
+    windows = alarm.get("windows_s", alarm.get("window_s", list(default.windows_s)))
     windows = windows if isinstance(windows, list) else [windows]
     if not 0 < len(windows) <= 30:
         raise InputError(f"alarm.windows_s holds {len(windows)} windows; give 1 to 30")
     return Statistic(
         name=name,
         windows_s=tuple(number("alarm.windows_s", value, 0.0, 3600.0, above=True) for value in windows),
-        baseline_s=number("alarm.baseline_s", table.get("baseline_s", default.baseline_s), 1.0, 86400.0),
-        shift=number("alarm.shift", table.get("shift", default.shift), 1e-3, 100.0),
-        ratio=number("alarm.ratio", table.get("ratio", default.ratio), 1.001, 1e6),
-        two_sided=_flag("alarm.two_sided", table.get("two_sided", name != "energy")),
+        baseline_s=number("alarm.baseline_s", alarm.get("baseline_s", default.baseline_s), 1.0, 86400.0),
+        shift=number("alarm.shift", alarm.get("shift", default.shift), 1e-3, 100.0),
+        ratio=number("alarm.ratio", alarm.get("ratio", default.ratio), 1.001, 1e6),
+        two_sided=_flag("alarm.two_sided", alarm.get("two_sided", name != "energy")),
     )
-
-
-def _known(where: str, table: dict[str, Any], legal: tuple[str, ...]) -> None:
-    for key in table:
-        if key not in legal:
-            raise InputError(f"{where + ': ' if where else ''}unknown key {shown(key)}; there are {', '.join(legal)}")
 
 
 def _flag(key: str, value: Any) -> bool:

@@ -13,7 +13,6 @@ from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.bank.plan import Plan, divided, left_out
-from gtmbench.detectors.protocol import Progress, silent
 from gtmbench.detectors.statistics.spread import Spread
 from gtmbench.detectors.statistics.statistic import Tolerance, tolerance_of
 from gtmbench.detectors.statistics.tails import rate_bound
@@ -25,6 +24,7 @@ from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.problem import Estimator
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.progress import Progress, silent
 from gtmbench.record import FloatArray, Record, frozen
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts

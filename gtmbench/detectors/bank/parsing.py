@@ -21,11 +21,11 @@ from gtmbench.detectors.tables import (
     keys,
     operator_of,
     operator_table,
-    plain,
     table_of,
 )
 from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.plain import exact
 
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")
@@ -51,12 +51,12 @@ def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
     thresholds, uncertainty = monitor.thresholds[output], monitor.uncertainties.get(output)
     return {
         "operator": operator_table(monitor.operators[output]),
-        "whitener": {key: plain(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
+        "whitener": {key: exact(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
         "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
         "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
         "uncertainty": None
         if uncertainty is None
-        else {key: plain(getattr(uncertainty, key)) for key in ("raw", "white", "root")},
+        else {key: exact(getattr(uncertainty, key)) for key in ("raw", "white", "root")},
     }
 
 

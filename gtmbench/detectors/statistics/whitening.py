@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.method.autoregressive import autocovariance, innovations, yule_walker
 from gtmbench.record import FloatArray, frozen
 
 
@@ -38,15 +39,7 @@ class Whitener:
         >>> Whitener(coefficients=np.array([1.0, -0.5]), mean=0.0, deviation=2.0).whiten(np.array([2.0, 3.0, 1.5]))
         array([nan,  1.,  0.])
         """
-        values = (residual - self.mean) / self.deviation
-        white = np.full(len(values), np.nan)
-        if len(values) > self.order:
-            there = np.isfinite(values)
-            white[self.order :] = np.convolve(np.where(there, values, 0.0), self.coefficients, mode="valid")
-            if not there.all():
-                spoilt = np.convolve(~there, np.ones(self.order + 1), mode="valid") > 0.5
-                white[self.order :][spoilt] = np.nan
-        return white
+        return innovations((residual - self.mean) / self.deviation, self.coefficients)
 
 
 def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
@@ -66,8 +59,6 @@ def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
     >>> fit_whitener([coloured], order=1).coefficients.round(1)
     array([ 1. , -0.9])
     """
-    from scipy.linalg import solve_toeplitz
-
     there = [residual[np.isfinite(residual)] for residual in residuals]
     count = sum(map(len, there))
     if count < 10 * (order + 1):
@@ -79,13 +70,12 @@ def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
     # each record about its own mean: a bias since turn-on is another in every flight, and no noise
     centred = [residual - values.mean() for residual, values in zip(residuals, there, strict=True) if len(values)]
     stretches = [part for residual in centred for part in _whole(residual)]
-    covariance = sum((_autocovariance(part, order) for part in stretches), np.zeros(order + 1)) / count
+    covariance = autocovariance(stretches, order) / count
     scale = max(abs(mean), max(float(np.abs(part).max()) for part in stretches))
     if not covariance[0] > (1e-12 * scale) ** 2:
         raise InputError("a residual is the same at every sample, so it has no noise to judge by; check the channels")
-    taps = solve_toeplitz(covariance[:-1], covariance[1:]) if order else np.zeros(0)
-    deviation = float(np.sqrt(covariance[0] - taps @ covariance[1:]))
-    return Whitener(coefficients=frozen(np.concatenate([[1.0], -taps])), mean=mean, deviation=deviation)
+    taps, variance = yule_walker(covariance)
+    return Whitener(coefficients=frozen(taps), mean=mean, deviation=float(np.sqrt(variance)))
 
 
 def _whole(residual: FloatArray) -> list[FloatArray]:
@@ -93,12 +83,3 @@ def _whole(residual: FloatArray) -> list[FloatArray]:
     there = np.isfinite(residual)
     ends = np.flatnonzero(np.diff(there)) + 1
     return [part for part in np.split(residual, ends) if len(part) and np.isfinite(part[0])]
-
-
-def _autocovariance(values: FloatArray, order: int) -> FloatArray:
-    """Return the sums of x(k) x(k-i), i = 0..order."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    size = next_fast_len(len(values) + order, real=True)
-    sums = np.asarray(irfft(np.abs(rfft(values, size)) ** 2, size))
-    return sums[: order + 1]

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.files import count_lines
-from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES
-from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values, reading
-from gtmbench.intake.formats.table import check_names, dates_in_seconds
+from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
+from gtmbench.intake.formats.raw import RawLog, RawSeries, dates_in_seconds
 from gtmbench.intake.units import unit
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def read_csv(path: Path) -> RawLog:
     """Read a table with a header."""
     with reading(path, "CSV table"):
         layout = _layout(path)
-        check_names(layout.names)
+        check_columns(layout.names)
         check_values(len(layout.names) * count_lines(path), "its table")
         frame = _frame(path, layout)
     series, ignored, notes = [], [], []

@@ -20,12 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.libraries import library, quiet
-from gtmbench.intake.formats.limits import MOST_MESSAGES
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds, reading
+from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
+from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.units import unit
 
-HEAD = b"\xa3\x95"
+_HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 _TEXTS = "anNZ"  # format characters whose values are no numbers
@@ -47,7 +46,6 @@ _DOCUMENTED = {
     ("POS", "Alt"): Meaning(channel="altitude", unit="m"),
     ("GPS", "Alt"): Meaning(channel="altitude", unit="m"),
 }
-_ORDER = list(_DOCUMENTED)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +77,7 @@ def read_dataflash(path: Path) -> RawLog:
     pymavlink = library("pymavlink.DFReader", path, kind)
     with reading(path, kind), quiet():
         content = path.read_bytes()
-        tables = (_binary if content.startswith(HEAD) else _text)(content, pymavlink)
+        tables = (_binary if content.startswith(_HEAD) else _text)(content, pymavlink)
         _set_units(tables)
         topics = {topic: columns for table in tables.values() for topic, columns in _topics(table).items()}
         clocks: dict[str, NDArray[np.float64]] = {}
@@ -88,11 +86,10 @@ def read_dataflash(path: Path) -> RawLog:
             stamps = {topic: columns.pop(stamp).load() for topic, columns in topics.items() if stamp in columns}
             seconds, said = in_seconds(stamps, per_second)
             clocks, notes = clocks | seconds, notes + said
-    series = [one for topic, columns in topics.items() if topic in clocks for one in columns.values()]
+    series = [column for topic, columns in topics.items() if topic in clocks for column in columns.values()]
     if not series:
         raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
-    series.sort(key=lambda one: _ORDER.index(_place(one)) if one.meaning else len(_ORDER))
-    return RawLog(kind=kind, series=tuple(series), clocks=clocks, notes=notes, by_name=False)
+    return RawLog(kind=kind, series=documented_first(series, _DOCUMENTED), clocks=clocks, notes=notes, by_name=False)
 
 
 def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
@@ -101,9 +98,9 @@ def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
     place, messages = 0, 0
     while 0 <= place <= len(content) - 3:
         kind = content[place + 2]
-        size = sizes.get(kind, 0) if content[place : place + 2] == HEAD else 0
+        size = sizes.get(kind, 0) if content[place : place + 2] == _HEAD else 0
         if not size or place + size > len(content):
-            place = content.find(HEAD, place + 1)
+            place = content.find(_HEAD, place + 1)
             continue
         messages += 1
         if messages > MOST_MESSAGES:
@@ -185,8 +182,8 @@ def _topics(table: _Table) -> dict[str, dict[str, RawSeries]]:
     numbers = [name for letter, name in zip(layout.format, layout.columns, strict=True) if letter not in _TEXTS]
     if layout.instance_field in numbers:
         which = table.column(layout.instance_field)
-        found = np.unique(which)[:_MOST_INSTANCES]
-        instances = {f"{layout.name}#{one:g}" if one else layout.name: which == one for one in found}
+        numbered = np.unique(which)[:_MOST_INSTANCES]
+        instances = {f"{layout.name}#{number:g}" if number else layout.name: which == number for number in numbered}
     return {
         topic: {
             name: RawSeries(
@@ -211,11 +208,6 @@ def _meaning(topic: str, name: str, stated: str) -> Meaning | None:
     return documented and (replace(documented, unit=stated) if unit(stated) else documented)
 
 
-def _place(one: RawSeries) -> tuple[str, str]:
-    topic, _, name = one.name.partition(".")
-    return topic, name
-
-
 def _word(text: bytes) -> str:
     return bytes(text).split(b"\0")[0].decode("latin-1").strip()
 
@@ -225,3 +217,8 @@ def _number(text: bytes) -> float:
         return float(text)
     except ValueError:
         return np.nan
+
+
+FORMAT = Format(
+    name="ArduPilot DataFlash (.bin, .log)", magic=(_HEAD, b"FMT,"), suffixes=(".bin",), read=read_dataflash
+)

@@ -1,4 +1,8 @@
-"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu``, unpacked under limits."""
+"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu`` (CDR) in aircraft axes, unpacked under limits.
+
+REP 103: a body's x points forward, y left and z up; the world's x points east, y north and z up. So q, r and pitch turn
+the other way than an aircraft's, and the heading is counted from north.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +20,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats import ros_imu
-from gtmbench.intake.formats.libraries import library, quiet
 from gtmbench.intake.formats.limits import (
     LARGEST_CHUNK_BYTES,
     LONGEST_LINE_BYTES,
     MOST_COLUMNS,
     MOST_MESSAGES,
     MOST_UNPACKED_BYTES,
+    check_values,
+    library,
+    quiet,
+    reading,
 )
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
-from gtmbench.intake.quaternion import euler_deg
+from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, euler_deg, in_seconds
 
-MAGIC = b"\x89MCAP0\r\n"
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns
 _NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's errors are ValueErrors
+
+_IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+_IMU_MEANINGS = {
+    "angular_velocity.x": Meaning(channel="p", unit="rad/s"),
+    "angular_velocity.y": Meaning(channel="q", unit="rad/s", sign=-1.0),
+    "angular_velocity.z": Meaning(channel="r", unit="rad/s", sign=-1.0),
+    "linear_acceleration.x": Meaning(channel="nx", unit="m/s2"),
+    "linear_acceleration.y": Meaning(channel="ny", unit="m/s2", sign=-1.0),
+    "linear_acceleration.z": Meaning(channel="nz", unit="m/s2"),
+}
+# of the angles that make the orientation: yaw is counted from east, and 90 deg are taken off where it is read
+_IMU_ANGLES = {
+    "roll": Meaning(channel="phi", unit="deg"),
+    "pitch": Meaning(channel="theta", unit="deg", sign=-1.0),
+    "yaw": Meaning(channel="psi", unit="deg", sign=-1.0),
+}
+_ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
+_ANGULAR = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+_LINEAR = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
+_SEC, _NANOSEC = "header.stamp.sec", "header.stamp.nanosec"
 
 
 @dataclass(kw_only=True, eq=False)
@@ -77,7 +101,7 @@ def read_mcap(path: Path) -> RawLog:
         raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's sensor_msgs/msg/Imu (cdr)")
     stamps, said = _stamps(topics)
     clocks, since = in_seconds(stamps, 1e9)
-    series = [one for name, topic in topics.items() for one in _series(name, topic)]
+    series = [column for name, topic in topics.items() for column in _series(name, topic)]
     if any(topic.imu for topic in topics.values()):
         notes.append("sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down")
     return RawLog(kind="MCAP", series=tuple(series), clocks=clocks, notes=(*notes, *said, *since))
@@ -86,9 +110,8 @@ def read_mcap(path: Path) -> RawLog:
 def _records(mcap: Any, file: IO[bytes], notes: list[str]) -> Iterator[Any]:
     """Give the records of a file; where it is cut short or broken, those that stand before."""
     unpacked, given = 0, 0
-    with mmap.mmap(
-        file.fileno(), 0, access=mmap.ACCESS_READ
-    ) as content:  # its read() never asks for more than is there
+    # a mapped file's read() never asks for more than is there
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         reader = mcap.StreamReader(content, emit_chunks=True, record_size_limit=len(content))
         try:
             for record in reader.records:
@@ -154,7 +177,7 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
             if values is None:
                 left_out[why_not] = left_out.get(why_not, 0) + 1
                 continue
-            topic = topics.setdefault(channel.topic, _Topic(imu=schema in ros_imu.SCHEMAS))
+            topic = topics.setdefault(channel.topic, _Topic(imu=schema in _IMU_SCHEMAS))
             grown += topic.add(min(record.log_time, 2**63 - 1), values)
             check_values(grown, "its messages")
 
@@ -164,34 +187,34 @@ def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] 
         return None, f"{encoding[:30]} of more than {LONGEST_LINE_BYTES} bytes"
     try:
         if encoding == "json":
-            found: dict[str, float] = {}
-            _flatten("", json.loads(data), found, 0)
-            return found, ""
-        if encoding == "cdr" and schema in ros_imu.SCHEMAS:
-            return ros_imu.decode_imu(data), ""
+            columns: dict[str, float] = {}
+            _flatten("", json.loads(data), columns, 0)
+            return columns, ""
+        if encoding == "cdr" and schema in _IMU_SCHEMAS:
+            return _decoded_imu(data), ""
     except _NO_MESSAGE:
         return None, f"broken {encoding}"
     return None, f"{encoding[:30]} {schema[:60]}".strip()
 
 
-def _flatten(name: str, value: Any, found: dict[str, float], depth: int) -> None:
+def _flatten(name: str, value: Any, columns: dict[str, float], depth: int) -> None:
     if isinstance(value, (int, float)):
-        if len(found) < MOST_COLUMNS:
-            found[name or "value"] = float(value) if abs(value) < 1e300 else np.nan
+        if len(columns) < MOST_COLUMNS:
+            columns[name or "value"] = float(value) if abs(value) < 1e300 else np.nan
     elif depth < _DEPTH and isinstance(value, dict):
         for key, part in value.items():
-            _flatten(f"{name}.{key}" if name else str(key), part, found, depth + 1)
+            _flatten(f"{name}.{key}" if name else str(key), part, columns, depth + 1)
     elif depth < _DEPTH and isinstance(value, list):
         for place, part in enumerate(value[:_MOST_ITEMS]):
-            _flatten(f"{name}[{place}]", part, found, depth + 1)
+            _flatten(f"{name}[{place}]", part, columns, depth + 1)
 
 
 def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]], tuple[str, ...]]:
     """Return when messages were measured, if all topics tell, else when they were logged."""
-    if all({ros_imu.SEC, ros_imu.NANOSEC} <= set(topic.columns) for topic in topics.values()):
+    if all({_SEC, _NANOSEC} <= set(topic.columns) for topic in topics.values()):
         measured = {}
         for name, topic in topics.items():
-            sec, nanosec = topic.column(ros_imu.SEC), topic.column(ros_imu.NANOSEC)
+            sec, nanosec = topic.column(_SEC), topic.column(_NANOSEC)
             whole = np.isfinite(sec) & np.isfinite(nanosec) & (np.abs(sec) < 1e9 * 9)
             measured[name] = np.where(whole, sec, 0).astype(np.int64) * 10**9 + np.where(whole, nanosec, 0).astype(
                 np.int64
@@ -209,12 +232,12 @@ def _series(name: str, topic: _Topic) -> list[RawSeries]:
             name=f"{name}.{field}",
             load=load,
             clock=name,
-            meaning=ros_imu.MEANINGS.get(field) if topic.imu else None,
+            meaning=_IMU_MEANINGS.get(field) if topic.imu else None,
         )
         for field, load in columns.items()
     ]
-    if topic.imu and ros_imu.is_oriented(topic.columns):
-        series += [_angle(name, topic, angle, meaning) for angle, meaning in ros_imu.ANGLES.items()]
+    if topic.imu and all(name in topic.columns for name in _ORIENTATION):
+        series += [_angle(name, topic, angle, meaning) for angle, meaning in _IMU_ANGLES.items()]
     return series
 
 
@@ -224,3 +247,27 @@ def _angle(name: str, topic: _Topic, angle: str, meaning: Meaning) -> RawSeries:
         return turned - 90.0 if angle == "yaw" else turned
 
     return RawSeries(name=f"{name}.orientation({angle})", load=load, clock=name, meaning=meaning)
+
+
+def _decoded_imu(data: bytes) -> dict[str, float]:
+    """Return the numbers of a message, covariances left out.
+
+    Raises
+    ------
+    ValueError, struct.error
+        Where it isn't one.
+    """
+    if len(data) < 4 or data[0] != 0 or data[1] > 1:
+        raise ValueError("no plain CDR")
+    order = "<" if data[1] else ">"
+    body = data[4:]
+    sec, nanosec, length = struct.unpack_from(f"{order}iII", body)
+    place = -(-(12 + length) // 8) * 8  # doubles stand at multiples of eight
+    orientation = struct.unpack_from(f"{order}4d", body, place)
+    angular = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9))
+    linear = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9 + 3 + 9))
+    names = (_SEC, _NANOSEC, *_ORIENTATION, *_ANGULAR, *_LINEAR)
+    return dict(zip(names, (sec, nanosec, *orientation, *angular, *linear), strict=True))
+
+
+FORMAT = Format(name="MCAP", magic=(b"\x89MCAP0\r\n",), suffixes=(".mcap",), read=read_mcap)

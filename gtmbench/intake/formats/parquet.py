@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.formats.raw import RawLog, RawSeries, check_values, reading
-from gtmbench.intake.formats.table import check_names, dates_in_seconds
+from gtmbench.intake.formats.limits import check_columns, check_values, reading
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, dates_in_seconds
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -23,7 +23,7 @@ def read_parquet(path: Path) -> RawLog:
     series, ignored, notes = [], [], []
     with reading(path, "Parquet table"):
         metadata, schema = pq.read_metadata(path), pq.read_schema(path)
-        check_names(schema.names)
+        check_columns(schema.names)
         check_values(metadata.num_rows, "one of its columns")
         for field in schema:
             if _is_date(field.type):
@@ -62,3 +62,6 @@ def _is_number(kind: pa.DataType) -> bool:
 
     types = pa.types
     return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_boolean(kind))
+
+
+FORMAT = Format(name="Parquet", magic=(b"PAR1",), suffixes=(".parquet",), read=read_parquet)

@@ -1,9 +1,11 @@
-"""What a log's file holds before anything is made of it: columns as they are named, each with its own stamps."""
+"""What a log's file holds before anything is made of it: columns as they are named, each with its own stamps.
+
+And what several formats store otherwise than channels are: stamps in ticks, dates, attitudes as quaternions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.checks import one_line
 from gtmbench.clock import FloatArray
-from gtmbench.errors import InputError
-from gtmbench.intake.formats.limits import MOST_VALUES
 
-EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
+_EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
 _GREATEST = 1e100
 _LAST_DATE_S = 2.5e11  # of four figures a year
+ANGLES = ("roll", "pitch", "yaw")  # that a quaternion becomes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,17 +92,38 @@ class RawLog:
         return replace(self, clocks={**self.clocks, **clocks}, notes=(*self.notes, *notes))
 
 
-def first_stamp(stamps: NDArray[Any]) -> float:
-    """Return the first stamp that is one, NaN where none is."""
-    finite = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
-    return finite[0] if len(finite) else np.nan
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A format of logs.
+
+    Attributes
+    ----------
+    name : str
+        As a message lists it.
+    magic : tuple of bytes
+        What its files begin with: one of these.
+    suffixes : tuple of str
+        Of files that are nothing else: one that begins otherwise is refused, not tried as a CSV.
+    read : function
+    """
+
+    name: str
+    magic: tuple[bytes, ...]
+    suffixes: tuple[str, ...]
+    read: Callable[[Path], RawLog]
+
+
+def documented_first(series: Iterable[RawSeries], documented: Iterable[tuple[str, str]]) -> tuple[RawSeries, ...]:
+    """Return a container's columns as its format's documentation, (topic, field) by (topic, field), prefers them."""
+    order = [f"{topic}.{field}" for topic, field in documented]
+    return tuple(sorted(series, key=lambda column: order.index(column.name) if column.meaning else len(order)))
 
 
 def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return stamps in seconds, counted from the first where they count from 1970, and a note that says so."""
-    starts = [first for first in map(first_stamp, clocks.values()) if np.isfinite(first)]
+    starts = [first for first in map(_first_stamp, clocks.values()) if np.isfinite(first)]
     origin = min(starts, default=0)
-    if not origin / per_second > EPOCH_S:
+    if not origin / per_second > _EPOCH_S:
         return {name: stamps / per_second for name, stamps in clocks.items()}, ()
     # whole numbers are subtracted as such: nanoseconds since 1970 don't fit into a double
     seconds = {name: (stamps - origin).astype(np.float64) / per_second for name, stamps in clocks.items()}
@@ -111,23 +132,35 @@ def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[d
     return seconds, (f"stamps count from 1970: times are since the first, {said}",)
 
 
-def check_values(count: float, what: str) -> None:
-    """Refuse more values than fit into memory."""
-    if not count <= MOST_VALUES:
-        raise InputError(f"{what} would be {count:.3g} values; at most {MOST_VALUES:.0e} are read: cut the log")
+def _first_stamp(stamps: NDArray[Any]) -> float:
+    finite = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
+    return finite[0] if len(finite) else np.nan
 
 
-@contextmanager
-def reading(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a format's library raises on a broken file into one line that names the file.
+def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
+    """Return dates as seconds since the first of them, NaN where one is missing, and a note that says so."""
+    nanoseconds = dates.astype("datetime64[ns]")
+    there = ~np.isnat(nanoseconds)
+    if not there.any():
+        return np.full(len(dates), np.nan), "no date can be read"
+    first = nanoseconds[there][0]
+    whole = (nanoseconds - first).astype(np.int64)
+    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {first.astype('datetime64[us]')}"
 
-    Libraries raise nearly anything on garbage, bare Exceptions included; nothing but a library's work on a file belongs
-    into this block.
+
+def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:
+    """Return roll, pitch or yaw in degrees; the quaternion is w, x, y, z, from the body to the world.
+
+    >>> euler_deg([np.array([0.5**0.5]), np.array([0.5**0.5]), np.array([0.0]), np.array([0.0])], "roll").round(9)
+    array([90.])
     """
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {one_line(str(error))}") from error
-    except Exception as error:
-        reason = one_line(str(error))[:160] or type(error).__name__
-        raise InputError(f"{path} isn't a readable {kind}: {reason}") from error
+    w, x, y, z = (np.asarray(part, dtype=np.float64) for part in quaternion)
+    with np.errstate(all="ignore"):  # a quaternion of zeros has no attitude: NaN
+        norm = w * w + x * x + y * y + z * z
+        if angle == "roll":
+            turned = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+        elif angle == "pitch":
+            turned = np.arcsin(np.clip(2 * (w * y - x * z) / norm, -1.0, 1.0))
+        else:
+            turned = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        return np.where(np.abs(norm - 1.0) < 0.1, np.degrees(turned), np.nan)

@@ -10,12 +10,17 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.formats.libraries import library, quiet
-from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, check_values, in_seconds, reading
-from gtmbench.intake.quaternion import ANGLES, euler_deg
-
-MAGIC = b"ULog\x01\x12\x35"
+from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
+from gtmbench.intake.formats.raw import (
+    ANGLES,
+    Format,
+    Meaning,
+    RawLog,
+    RawSeries,
+    documented_first,
+    euler_deg,
+    in_seconds,
+)
 
 
 def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:
@@ -43,7 +48,6 @@ _DOCUMENTED = {
     ("vehicle_global_position", "alt"): Meaning(channel="altitude", unit="m"),
     ("vehicle_air_data", "baro_alt_meter"): Meaning(channel="altitude", unit="m"),
 }
-_ORDER = list(_DOCUMENTED)
 
 
 class _TooMuchWork(Exception):  # noqa: N818 - no ValueError: pyulog goes on after those
@@ -101,20 +105,19 @@ def read_ulog(path: Path) -> RawLog:
     with reading(path, kind), quiet(), path.open("rb") as file:
         log = _bounded(core)(_Counted(file, path.stat().st_size))
     topics = {}
-    for data in log.data_list:
-        name = f"{data.name}#{data.multi_id}" if data.multi_id else str(data.name)
-        fields = {field: values for field, values in data.data.items() if not field.startswith("_padding")}
+    for topic in log.data_list:
+        name = f"{topic.name}#{topic.multi_id}" if topic.multi_id else str(topic.name)
+        fields = {field: values for field, values in topic.data.items() if not field.startswith("_padding")}
         if "timestamp" in fields and len(fields["timestamp"]):
             topics[name] = fields
     check_values(sum(len(fields["timestamp"]) for fields in topics.values()), "its stamps")
     clocks, notes = in_seconds({name: _stamps(fields) for name, fields in topics.items()}, 1e6)
-    series = [one for name, fields in topics.items() for one in _columns(name, fields)]
-    series.sort(key=_rank)
+    series = [column for name, fields in topics.items() for column in _columns(name, fields)]
     if log.file_corruption:
         notes = (*notes, "parts of the file are broken and were passed over")
     return RawLog(
         kind=kind,
-        series=tuple(series),
+        series=documented_first(series, _DOCUMENTED),
         clocks=clocks,
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
@@ -141,6 +144,4 @@ def _columns(topic: str, fields: dict[str, NDArray[Any]]) -> list[RawSeries]:
     ]
 
 
-def _rank(one: RawSeries) -> int:
-    topic, _, field = one.name.partition(".")
-    return _ORDER.index((topic, field)) if one.meaning else len(_ORDER)
+FORMAT = Format(name="PX4 ULog", magic=(b"ULog\x01\x12\x35",), suffixes=(".ulg", ".ulog"), read=read_ulog)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.checks import names, number
 from gtmbench.errors import InputError
-from gtmbench.method.pose import Records, Weights, pose_problem
+from gtmbench.method.problem import Records, Weights, pose_problem
 from gtmbench.method.regression.triangle import without
 from gtmbench.record import FloatArray
 

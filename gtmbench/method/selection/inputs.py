@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import whole
-from gtmbench.method.pose import Records, Weights, operator_names, pose_problem
-from gtmbench.method.problem import Problem
+from gtmbench.method.problem import Problem, Records, Weights, operator_names, pose_problem
 from gtmbench.method.regression.triangle import Triangle, without
 from gtmbench.method.selection.criteria import information
 from gtmbench.record import FloatArray

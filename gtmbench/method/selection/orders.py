@@ -16,8 +16,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve
-from gtmbench.method.pose import Records, Weights, as_records, operator_names, pose_problem
-from gtmbench.method.problem import Problem
+from gtmbench.method.problem import Problem, Records, Weights, as_records, operator_names, pose_problem
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
 from gtmbench.method.selection.criteria import information

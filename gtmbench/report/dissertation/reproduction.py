@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,12 +17,16 @@ from numpy.typing import ArrayLike
 
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import atomic_folder, check_folder
+from gtmbench.plain import dumps, finite_or_none, plain
+from gtmbench.theory.polynomials import read_polynomial, write_polynomial
+from gtmbench.theory.rational import Coefficients, PolynomialMatrix, entries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Agreement = Literal["agrees", "DISAGREES", "not printed"]
 _DPI = 100
+_MOST = 3  # polynomials in a cell; more are cut short, `values` has them all
 RESULTS = "results.json"
 
 
@@ -109,7 +113,7 @@ class Reproduction:
             agreement=agreement,
             note=note,
             seconds=now - self._last,
-            values=_plain(values),
+            values=plain(values, _number_or_words),
         )
         self._last = now
         self.rows.append(row)
@@ -150,7 +154,7 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
                 "figures": page.figures,
                 "rows": [asdict(row) for row in page.rows],
             }
-            written = json.dumps(results, indent=1, allow_nan=False)
+            written = dumps(results, indent=1)
             (folder / RESULTS).write_text(written + "\n", encoding="utf-8")
     except GtmbenchError as error:
         click.echo(f"{name}.py: {error}", err=True)
@@ -162,6 +166,30 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
         held = sum(row.agreement != "not printed" for row in page.rows)
         click.echo(f"{held - wrong} of {held} agree; {len(page.figures)} figures and {RESULTS} in {given.out}")
     return 1 if wrong else 0
+
+
+def claim_polynomials(
+    page: Reproduction,
+    result: str,
+    printed: Sequence[str],
+    ours: Sequence[Coefficients],
+    *,
+    expected: Sequence[Coefficients] | None = None,
+    note: str = "",
+) -> None:
+    """Hold polynomials against the printed ones, coefficient by coefficient, exactly.
+
+    `expected` are the printed ones' coefficients by falling powers, where `read_polynomial` can't read the print.
+    """
+    theirs = [read_polynomial(text) for text in printed] if expected is None else expected
+    agrees = len(theirs) == len(ours) and all(map(_is_same, theirs, ours))
+    written = [write_polynomial(polynomial) for polynomial in ours]
+    page.claim(result, _cell(printed), _cell(written), agrees=agrees, note=note, values=ours)
+
+
+def flat(matrix: PolynomialMatrix) -> list[Coefficients]:
+    """Return the coefficients of all entries of a polynomial matrix, row by row."""
+    return [entry for row in entries(matrix) for entry in row]
 
 
 def listed(values: ArrayLike) -> str:
@@ -180,21 +208,27 @@ def _make_parents(out: Path) -> None:
         raise InputError(f"can't make the folder {out.parent}: {error.strerror}; give another --out") from error
 
 
+def _is_same(theirs: Coefficients, ours: Coefficients) -> bool:
+    from sympy import cancel, sympify
+
+    return len(theirs) == len(ours) and all(
+        cancel(sympify(a) - sympify(b)) == 0 for a, b in zip(theirs, ours, strict=True)
+    )
+
+
+def _cell(texts: Sequence[str]) -> str:
+    return "; ".join(texts if len(texts) <= _MOST else [*texts[: _MOST - 1], "...", texts[-1]])
+
+
 def _written(values: np.ndarray[Any, Any], form: str) -> str:
-    flat = [f"{x:{form}}" for x in values.ravel()]
-    return " ".join(flat if len(flat) <= 8 else [*flat[:4], "...", *flat[-2:]])
+    cells = [f"{x:{form}}" for x in values.ravel()]
+    return " ".join(cells if len(cells) <= 8 else [*cells[:4], "...", *cells[-2:]])
 
 
-def _plain(value: object) -> Any:
-    """Return a value as JSON knows it; complex numbers as [real, imaginary]."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+def _number_or_words(value: object) -> object:
+    """Return a leaf with nothing lost: complex numbers as [real, imaginary], NaN, infinities and symbols as words."""
+    if isinstance(value, Fraction):
+        return value.numerator if value.denominator == 1 else float(value)
     if isinstance(value, complex):
         return [value.real, value.imag]
-    if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value)):
-        return value
-    return str(value)  # JSON knows neither infinity nor NaN
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else finite_or_none(value)

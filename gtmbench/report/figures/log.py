@@ -12,25 +12,27 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.figures.study import one_legend, panels
-from gtmbench.report.scores import HIGHEST, LOWEST, level
+from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
+from gtmbench.report.scores import LOWEST, level
 from gtmbench.report.style import COLOURS
-from gtmbench.report.words.events import MOST_ALARMS
+from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.log import outcome_text
-from gtmbench.report.words.log_faults import (
+from gtmbench.report.words.monitor import rms_identified, title_text
+from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.watched import (
+    TINTS,
+    State,
+    Stretch,
     about,
     began_s,
     faults_of,
     residuals_of,
     scores_of,
     signals_of,
+    stretches,
     tints_of,
     whole_of,
 )
-from gtmbench.report.words.log_spans import TINTS, State, Stretch, stretches
-from gtmbench.report.words.monitor import rms_identified, title_text
-from gtmbench.report.words.study import alarm_text
-from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watched import WatchedLog
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def write_log_figure(watched: WatchedLog, path: Path) -> None:
 
 def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    found, whole = stretches(watched), whole_of(watched)
+    parts, whole = stretches(watched), whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
     heights = [0.35, 2.4] if scores_of(watched) else [0.35]
     for name in signals_of(watched):
@@ -61,17 +63,17 @@ def _figure(watched: WatchedLog) -> Figure:
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
     for column, span in enumerate(spans):
-        _column([row[column] for row in axes], watched, found, span)
+        _column([row[column] for row in axes], watched, parts, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
         axis.set_title(textwrap.fill(alarm_text(fault), 45), fontsize="medium")
     _finished(figure, [axis for row in axes for axis in row], watched)
     return figure
 
 
-def _column(axes: Sequence[Axes], watched: WatchedLog, found: Sequence[Stretch], span: Span) -> None:
+def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch], span: Span) -> None:
     """Draw a span: what became of it, levels, then every signal with its residual."""
     rest = iter(axes)
-    _states(next(rest), watched, found)
+    _states(next(rest), watched, parts)
     if scores_of(watched):
         _levels(next(rest), watched, span)
     for name in signals_of(watched):
@@ -82,13 +84,13 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, found: Sequence[Stretch],
         axis.set_xlim(*span)
         axis.tick_params(labelbottom=axis is axes[-1])
     for axis in axes[1:]:
-        _marked(axis, watched, found)
+        _marked(axis, watched, parts)
     axes[-1].set_xlabel("time (s)")
 
 
-def _states(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
+def _states(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
     """Draw what became of the log as one bar, and the remarks on it."""
-    _bands(axis, found, alpha=1.0)
+    _bands(axis, parts, alpha=1.0)
     ends = [time_s for remark in watched.log.remarks for time_s in (remark.start_s, remark.end_s, np.nan)]
     if ends:
         axis.plot(ends, np.full(len(ends), 0.5), "d-", color="k", ms=4, lw=1.0, label="remark")
@@ -97,9 +99,9 @@ def _states(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
     axis.grid(visible=False)
 
 
-def _bands(axis: Axes, found: Sequence[Stretch], alpha: float) -> None:
+def _bands(axis: Axes, parts: Sequence[Stretch], alpha: float) -> None:
     for state in State:
-        spans = [(one.start_s, one.duration_s) for one in found if one.state is state]
+        spans = [(stretch.start_s, stretch.duration_s) for stretch in parts if stretch.state is state]
         if spans:
             bars = axis.broken_barh(
                 spans, (0.0, 1.0), transform=axis.get_xaxis_transform(), lw=0.0, zorder=0, label=state
@@ -109,30 +111,25 @@ def _bands(axis: Axes, found: Sequence[Stretch], alpha: float) -> None:
             )
 
 
-def _marked(axis: Axes, watched: WatchedLog, found: Sequence[Stretch]) -> None:
+def _marked(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
     """Draw what wasn't watched, when faults began, and alarms."""
-    _bands(axis, [one for one in found if one.state is not State.WATCHED], alpha=0.35)
+    _bands(axis, [stretch for stretch in parts if stretch.state is not State.WATCHED], alpha=0.35)
     for alarm in watched.alarms[:MOST_ALARMS]:
         if began_s(alarm) < alarm.time_s:
             axis.axvline(began_s(alarm), color="k", lw=1.2, ls=":", label="fault began, estimated")
-        axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
-        if alarm.isolated_s is not None:
-            axis.axvline(alarm.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+        draw_alarm(axis, alarm.time_s, alarm.isolated_s)
 
 
 def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     """Draw every score over its threshold."""
-    top, tints = 10.0, tints_of(watched)
+    tints, levels = tints_of(watched), []
     for watch in watched.watches:
         for name, score in watch.scores.items():
-            levels = level(score)
+            levels.append(level(score))
             of = f"residual of {name}" if name in watch.residuals else name
-            _line(axis, score.known_s, np.maximum(levels, LOWEST), span, tints[name], f"level, {of}")
-            top = max(top, float(np.nanmax(levels, initial=top)))
-    axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
-    axis.set_yscale("log")
+            _line(axis, score.known_s, np.maximum(levels[-1], LOWEST), span, tints[name], f"level, {of}")
+    draw_threshold(axis, levels)
     axis.yaxis.set_major_formatter("{x:g}")
-    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
     axis.set_ylabel("level\n(alarm above 1)")
 
 
@@ -161,24 +158,6 @@ def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, tint: 
     if shown.any():
         rows = int((span[1] - span[0]) / (time_s[-1] - time_s[0] + 1e-9) * len(time_s))  # of a line from end to end
         axis.plot(*thinned(time_s[shown], values[shown], every=2 * rows // _POINTS), lw=1.0, color=tint, label=label)
-
-
-def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the greatest value of every so many samples: a spike of one sample stays.
-
-    NaN where there are none; samples as they are, where every second or each is wanted.
-
-    >>> thinned(np.arange(6.0), np.array([0.0, 9.0, 1.0, 2.0, 2.0, 2.0]), every=3)
-    (array([0. , 1.5, 3. , 4.5]), array([0., 9., 2., 2.]))
-    """
-    if every <= 2:
-        return time_s, values
-    starts = np.arange(0, len(values), every)
-    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-    begun_s = time_s[starts]
-    half_s = 0.5 * every * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
-    times = np.column_stack([begun_s, np.minimum(begun_s + half_s, time_s[-1])])
-    return times.ravel(), np.column_stack([low, high]).ravel()
 
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.method.selection.excitations import ExcitationCount
 from gtmbench.method.selection.orders import OrderChoice
-from gtmbench.report.figures.study import panels
+from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 
 if TYPE_CHECKING:

@@ -14,15 +14,15 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.scores import HIGHEST, LOWEST, around, level, norm_of, part, safe, tints
+from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
+from gtmbench.report.scores import LOWEST, around, level, norm_of, part, safe, tints
 from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text, counting_alarm, repetitions, trial_label
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.study import alarm_text, counting_alarm, repetitions, trial_label
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -32,7 +32,6 @@ _STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
 _MOST_TRIALS = 15  # of a figure with a place for each
 _COLUMNS = 3
 _TITLE = 62  # letters in a line
-_MOST_ALARMS = 100  # that are drawn: a function may call every sample above a threshold one
 
 
 def write_figures(study: Study, folder: Path) -> list[Path]:
@@ -54,24 +53,22 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
 
 def _figures(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Callable[[], Figure]]:
     """Return a detector's figures by name, each still to be drawn: a study holds many."""
-    found: dict[str, Callable[[], Figure]] = {}
+    figures: dict[str, Callable[[], Figure]] = {}
     monitor, watch = baseline.monitor, baseline.watch
     if isinstance(monitor, NormMonitor):
-        found |= {"markov": partial(_markov, monitor), "prediction": partial(_prediction, monitor, baseline)}
-    kinds: dict[str, Callable[[str, list[Trial]], Figure]] = {}
-    if norm_of(watch):
-        kinds["norm"] = _norm
-    elif watch.scores:
-        kinds["levels"] = _levels_figure
+        figures |= {"markov": partial(_markov, monitor), "prediction": partial(_prediction, monitor, baseline)}
+    kinds = ["levels"] if watch.scores and not norm_of(watch) else []
     if monitor.suspects:
-        kinds["virtual"] = _virtual_figure
+        kinds.append("virtual")
     elif not watch.scores:
-        kinds["alarms"] = _alarms_figure
+        kinds.append("alarms")
     for scenario, group in groupby(trials, key=lambda trial: trial.scenario):
         own = list(group)
-        for kind, draw in kinds.items():
-            found[f"{kind}_{scenario}"] = partial(draw, scenario, own)
-    return found
+        if norm_of(watch):
+            figures[f"norm_{scenario}"] = partial(_norm, scenario, own)
+        for kind in kinds:
+            figures[f"{kind}_{scenario}"] = partial(_trials_figure, kind, scenario, own)
+    return figures
 
 
 def _markov(monitor: NormMonitor) -> Figure:
@@ -151,31 +148,14 @@ def _score_line(of: Baseline | Trial) -> tuple[FloatArray, FloatArray]:
     return (of.watch.record.time_s if isinstance(of.watch.monitor, NormMonitor) else score.known_s), score.values
 
 
-def _levels_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
-    figure, (places,) = _grid(trials, heights=[2.9])
-    for axis, trial in zip(places, trials, strict=False):
-        _levels(axis, trial, _shown_s(trial))
-        axis.set_xlabel("time (s)")
-    return _finished(figure, places, scenario, trials, "every score over its threshold, at the time when it is known")
-
-
-def _virtual_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
-    figure, (signals, errors) = _grid(trials, heights=[2.6, 1.5])
-    for upper, lower, trial in zip(signals, errors, trials, strict=False):
-        span = _shown_s(trial)
-        _signal(upper, trial, span)
-        _virtual(upper, trial, span)
-        _virtual_error(lower, trial, span)
-        lower.set_xlabel("time (s)")
-    return _finished(figure, signals, scenario, trials, "the failed sensor as measured, its virtual sensor, the truth")
-
-
-def _alarms_figure(scenario: str, trials: Sequence[Trial]) -> Figure:
-    figure, (places,) = _grid(trials, heights=[2.6])
-    for axis, trial in zip(places, trials, strict=False):
-        _signal(axis, trial, _shown_s(trial))
-        axis.set_xlabel("time (s)")
-    return _finished(figure, places, scenario, trials, "the failed sensor as measured, the truth, alarms")
+def _trials_figure(kind: str, scenario: str, trials: Sequence[Trial]) -> Figure:
+    """Draw every trial of a scenario in a place of its own."""
+    heights, draw, what = _KINDS[kind]
+    figure, rows = _grid(trials, heights)
+    for trial, *axes in zip(trials, *rows, strict=False):
+        draw(axes, trial, _shown_s(trial))
+        axes[-1].set_xlabel("time (s)")
+    return _finished(figure, rows[0], scenario, trials, what)
 
 
 def _grid(trials: Sequence[Trial], heights: list[float]) -> tuple[Figure, list[list[Axes]]]:
@@ -211,56 +191,57 @@ def _shown_s(trial: Trial) -> Span:
     return around(trial, before_s=4.0, after_s=8.0, longest_s=120.0)
 
 
-def _levels(axis: Axes, trial: Trial, span: Span) -> None:
+def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw levels on a logarithmic axis."""
-    top, colours = 10.0, tints(trial.watch)
+    axis, colours, levels = axes[0], tints(trial.watch), []
     for name, score in trial.watch.scores.items():
         time_s, values = part(score.known_s, level(score), span)
         axis.plot(time_s, np.maximum(values, LOWEST), color=colours[name], lw=1.1, label=as_it_is(f"level of {name}"))
-        top = max(top, float(np.nanmax(values, initial=top)))
-    axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
-    axis.set_yscale("log")
-    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
+        levels.append(values)
+    draw_threshold(axis, levels)
     axis.set_ylabel("level (alarm above 1)")
 
 
-def _signal(axis: Axes, trial: Trial, span: Span) -> None:
+def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw the broken channel and the truth."""
-    name, flight = trial.channel, trial.baseline.flight
+    axis, name, flight = axes[0], trial.channel, trial.baseline.flight
     measured = part(trial.record.time_s, trial.record[name], span)
     axis.plot(*measured, ".", color=COLOURS["healthy"], ms=2.5, label="measured")
     axis.plot(*part(flight.time_s, flight[name], span), color="k", alpha=0.35, lw=2.4, label="true")
     axis.set_ylabel(with_unit(name, unit_of(name)))
 
 
-def _virtual(axis: Axes, trial: Trial, span: Span) -> None:
+def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
+    """Draw the broken channel with its virtual sensor, and below it, what both are off the truth."""
+    _signal(axes, trial, span)
+    upper, lower = axes
     name, watch = trial.channel, trial.watch
-    virtual = watch.virtual(name)
-    if np.isfinite(virtual).any():
-        axis.plot(*part(watch.record.time_s, virtual, span), color=COLOURS["virtual"], lw=1.2, label="virtual sensor")
+    begun_s, virtual = part(watch.record.time_s, watch.virtual(name), span)
+    if np.isfinite(watch.virtual(name)).any():
+        upper.plot(begun_s, virtual, color=COLOURS["virtual"], lw=1.2, label="virtual sensor")
     else:
         note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
-        axis.text(0.5, 0.04, note, transform=axis.transAxes, ha="center", fontsize="small")
-
-
-def _virtual_error(axis: Axes, trial: Trial, span: Span) -> None:
-    name, watch = trial.channel, trial.watch
+        upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small")
     time_s, true = part(trial.baseline.flight.time_s, trial.baseline.flight[name], span)
     _, measured = part(trial.record.time_s, trial.record[name], span)
-    axis.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
-    begun_s, virtual = part(watch.record.time_s, watch.virtual(name), span)
-    axis.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
-    axis.set_ylabel("minus true")
+    lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
+    lower.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
+    lower.set_ylabel("minus true")
+
+
+# heights of a place's axes, what draws them, what is said of all
+_KINDS: dict[str, tuple[list[float], Callable[[Sequence[Axes], Trial, Span], None], str]] = {
+    "levels": ([2.9], _levels, "every score over its threshold, at the time when it is known"),
+    "virtual": ([2.6, 1.5], _virtual, "the failed sensor as measured, its virtual sensor, the truth"),
+    "alarms": ([2.6], _signal, "the failed sensor as measured, the truth, alarms"),
+}
 
 
 def _mark(axis: Axes, trial: Trial) -> None:
     axis.axvline(trial.onset_s, color="k", lw=1.2, ls=":", label="onset")
-    for alarm in () if trial.watch.scores else trial.watch.alarms[:_MOST_ALARMS]:  # scores show the others themselves
+    for alarm in () if trial.watch.scores else trial.watch.alarms[:MOST_ALARMS]:  # scores show the others themselves
         axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=0.5, alpha=0.5)
-    if trial.alarm_time_s is not None:
-        axis.axvline(trial.alarm_time_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
-    if trial.isolated_s is not None:
-        axis.axvline(trial.isolated_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+    draw_alarm(axis, trial.alarm_time_s, trial.isolated_s)
 
 
 def _said(trial: Trial) -> str:
@@ -269,34 +250,3 @@ def _said(trial: Trial) -> str:
         return f"missed: {trial.reason}"
     late = f"alarm after {trial.detection_delay_s:.2f} s"
     return late if counting.last is None else f"{alarm_text(counting)}; {late}"
-
-
-def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int) -> None:
-    """Give a figure one legend, below it: what stands on several axes is named once."""
-    shown: dict[str, Artist] = {}
-    for axis in axes:
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            shown.setdefault(label, handle)
-    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=columns)
-
-
-def as_it_is(text: str) -> str:
-    """Return a text that matplotlib takes for no formula: files may be called anything."""
-    return text.replace("$", r"\$")
-
-
-def panels(
-    rows: int,
-    columns: int,
-    size: tuple[float, float],
-    heights: Sequence[float] | None = None,
-    widths: Sequence[float] | None = None,
-) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
-    from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
-
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
-    for axis in np.ravel(grid):
-        axis.grid(alpha=0.3)
-    return figure, [list(row) for row in grid]

@@ -19,8 +19,7 @@ from gtmbench.files import atomic_write
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.scores import level, part
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.events import Event
-from gtmbench.report.words.study import repetitions
+from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Injection
 

@@ -49,8 +49,7 @@ from gtmbench.report.recording.entities import (
 )
 from gtmbench.report.scores import tints
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.events import MOST_ALARMS, Event, watch_events
-from gtmbench.report.words.study import fault_text
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
 
 _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last mark
 

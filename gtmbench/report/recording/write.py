@@ -106,13 +106,21 @@ from gtmbench.report.recording.flight import log_scene, log_sensors
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.events import MOST_ALARMS, Event, trial_events, watch_events
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import outcome_text, remark_text
-from gtmbench.report.words.log_faults import began_s, residuals_of, scores_of, signals_of, tints_of, whole_of
-from gtmbench.report.words.log_spans import TINTS, State, stretches
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.study import trial_label
 from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.watched import (
+    TINTS,
+    State,
+    began_s,
+    residuals_of,
+    scores_of,
+    signals_of,
+    stretches,
+    tints_of,
+    whole_of,
+)
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 

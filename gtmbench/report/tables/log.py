@@ -12,12 +12,12 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.plain import plain
 from gtmbench.report.scores import level
-from gtmbench.report.tables.results import SCHEMA, plain, versions
+from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.words.log import alarm_bound, deviation, outcome_text, passed_alarms, rms
-from gtmbench.report.words.log_faults import began_s, disarmed_by
-from gtmbench.report.words.log_spans import stretches
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.report.words.watched import began_s, disarmed_by, stretches
 from gtmbench.study.log.watched import WatchedLog
 
 

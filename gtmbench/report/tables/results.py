@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
-import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -15,6 +13,7 @@ from typing import Any
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.plain import dumps, plain
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.version import __version__
@@ -91,7 +90,7 @@ def write_results(study: Study, folder: Path) -> None:
 
 def write_tables(found: Mapping[str, Any], folder: Path) -> None:
     """Write an object as ``results.json``, and its ``trials`` as ``trials.csv``."""
-    (folder / "results.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n")
+    (folder / "results.json").write_text(dumps(found, indent=2) + "\n")
     rows = [_flat(row) for row in found["trials"]]
     with (folder / "trials.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
@@ -118,16 +117,3 @@ def named(figures: Mapping[str, float | None]) -> str:
     'slope=0.05'
     """
     return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON has it: NaN and infinities become None, numpy's numbers Python's, anything else words."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(of) for key, of in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(of) for of in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, (str, int, float, type(None))) else str(value)

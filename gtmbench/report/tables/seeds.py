@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.statistics.tails import rate_bound
-from gtmbench.report.tables.results import SCHEMA, plain, versions, write_tables
-from gtmbench.report.words.study import severity_text
+from gtmbench.plain import plain
+from gtmbench.report.tables.results import SCHEMA, versions, write_tables
+from gtmbench.report.words.judgement import severity_text
 from gtmbench.report.words.units import counted
 from gtmbench.study.trial import Study, Trial
 

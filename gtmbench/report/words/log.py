@@ -15,12 +15,10 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.words.events import source_text
-from gtmbench.report.words.log_faults import began_s, disarmed_by, faults_of
-from gtmbench.report.words.log_spans import State, stretches
+from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
-from gtmbench.report.words.study import alarm_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
+from gtmbench.report.words.watched import State, began_s, disarmed_by, faults_of, stretches
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms

@@ -1,109 +1,16 @@
-"""Faults, judgements and a study in words: the table at the end of a run, and what stands below it."""
+"""A study in words: the table at the end of a run, and what stands below it."""
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.statistics.tails import rate_bound
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.report.words.judgement import estimate_text, severity_text
 from gtmbench.report.words.monitor import monitor_lines
-from gtmbench.report.words.units import counted, per_second, with_error
-from gtmbench.study.score import first_after
-from gtmbench.study.trial import Baseline, Injection, Study, Trial
-
-
-def severity_text(trial: Injection) -> str:
-    """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
-    return _severities(trial.injected)
-
-
-def fault_text(fault: Fault) -> str:
-    """Name a fault with its channel and its severity.
-
-    >>> from gtmbench.faults.kinds import Drift, Jam
-    >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Jam(channel="q", onset_s=300))
-    ('drift of p, 0.05 deg/s²', 'jam of q')
-    """
-    what = f"{fault.kind.replace('_', ' ')} of {fault.channel}"
-    return ", ".join(part for part in (what, _severities(fault)) if part)
-
-
-def _severities(fault: Fault) -> str:
-    unit, values = unit_of(fault.channel), fault.severities
-    of = {item.name: per_second(unit) if item.per_second else unit for item in fault.parameters()}
-    return ", ".join(f"{value:.3g} {of[name]}".rstrip() for name, value in values.items())
-
-
-def trial_label(trial: Injection) -> str:
-    """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
-    severity = severity_text(trial)
-    return f"{trial.channel}, {severity}" if severity else trial.channel
-
-
-def repetitions(trials: Sequence[Injection]) -> list[int]:
-    """Return for every trial of a detector how many before it broke the same channel in the same scenario."""
-    often = Counter[tuple[str, str]]()
-    counts = []
-    for trial in trials:
-        counts.append(often[trial.scenario, trial.channel])
-        often[trial.scenario, trial.channel] += 1
-    return counts
-
-
-def estimate_text(
-    kind: str,
-    parameters: Mapping[str, float],
-    errors: Mapping[str, float],
-    unit: str,
-    injected: Fault | None = None,
-) -> str:
-    """Write the parameters of a kind of fault with their standard errors; times are left out.
-
-    Of a kind that only the `injected` fault knows, its declaration tells the units; otherwise there are none.
-
-    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.9}, {"slope": 0.00012}, "deg/s")
-    '0.0499 ± 0.0001 deg/s²'
-    >>> estimate_text("wobble", {"depth": 2.0}, {}, "deg/s")
-    '2'
-    """
-    known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
-    slopes = {item.name for item in known.parameters() if item.per_second} if known else set()
-    parts = []
-    for name, value in parameters.items():
-        if not name.endswith("_s"):
-            of = per_second(unit) if name in slopes else unit if known else ""
-            parts.append(f"{with_error(value, errors.get(name, math.nan))} {of}".rstrip())
-    return ", ".join(parts)
-
-
-def judgement_text(judged: Judgement) -> str:
-    """Say what a judgement says: who, and what kind of fault with which parameters."""
-    if judged.sensor is not None:
-        who = f"{judged.sensor} failed"
-    else:
-        who = f"undecided: {' or '.join(judged.candidates)}" if judged.candidates else "nothing is left to explain"
-    if judged.kind is None:
-        return who
-    likeliest = judged.candidates[0] if judged.candidates else ""
-    estimate = estimate_text(judged.kind, judged.parameters, judged.errors, unit_of(likeliest))
-    return f"{who}; {judged.kind.replace('_', ' ')} {estimate}".rstrip()
-
-
-def alarm_text(alarm: Alarm) -> str:
-    """Say what is known of an alarm at the end: as its last judgement does, or that it is one."""
-    return "alarm" if alarm.last is None else judgement_text(alarm.last)
-
-
-def counting_alarm(trial: Trial) -> Alarm | None:
-    """Return the alarm that counts: the first after the onset, or the one that first told of the same fault."""
-    told = first_after(trial.watch.alarms, trial.onset_s)
-    return None if told is None else next(alarm for alarm in trial.watch.alarms if alarm.number == told.fault)
+from gtmbench.report.words.units import counted
+from gtmbench.study.trial import Baseline, Study, Trial
 
 
 def title(baseline: Baseline) -> str:

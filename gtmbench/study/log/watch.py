@@ -10,16 +10,16 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, calibrate
-from gtmbench.detectors.protocol import Detector, Monitor, Progress, Watch, is_ready, is_recipe, silent
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.pose import operator_names
+from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.open import open_for
-from gtmbench.study.log.parts import first_part, healthy_spans, within, without
+from gtmbench.study.log.records import first_part, healthy_spans, open_for, within, without
 from gtmbench.study.log.watched import WatchedLog
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
@@ -105,16 +105,16 @@ def watch_log(
     >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_log(record, Path(folder, "flight.csv"))
-    ...     seen = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-    >>> seen.outcome, seen.identified_s
+    ...     watched = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> watched.outcome, watched.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
-    found = prepared(detector)
-    if is_ready(found):
-        return _by_monitor(path, found, healthy, mapping, rate_hz, progress)
-    assert is_recipe(found)
-    rate = _rate(found, false_alarms_per_hour)
-    log = _opened(path, found, mapping, rate_hz)
+    watcher = prepared(detector)
+    if is_ready(watcher):
+        return _by_monitor(path, watcher, healthy, mapping, rate_hz, progress)
+    assert is_recipe(watcher)
+    rate = _rate(watcher, false_alarms_per_hour)
+    log = _opened(path, watcher, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
     paths = [_other(given, log) for given in healthy if isinstance(given, (str, Path))]
     spans = healthy_spans(log, [given for given in healthy if not isinstance(given, (str, Path))])
@@ -122,7 +122,7 @@ def watch_log(
     if not healthy:
         spans = (first_part(log),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
-    others = [open_for(other, found, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
+    others = [open_for(other, watcher, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
     records = [record for other in others for record in other.segments] + within(log, spans)
     shortest = _LONG_ENOUGH * max(map(len, records))
     kept = [record for record in records if len(record) >= shortest]
@@ -136,7 +136,7 @@ def watch_log(
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
     }
-    ready = _calibrated(found, kept, rate, origin, progress)
+    ready = _calibrated(watcher, kept, rate, origin, progress)
     return _watched(log, ready, identified_s=spans, reasons=reasons, progress=progress)
 
 
@@ -199,10 +199,10 @@ def _opened(path: str | Path, detector: Detector, mapping: Sequence[str], rate_h
 
 def _other(path: str | Path, log: FlightLog) -> Path:
     """Return the path of another log, and refuse this one: it would be watched by what it taught."""
-    found = Path(path)
-    if found.exists() and found.samefile(log.path):
-        raise InputError(f"{found} is the log that is watched; give a span of it that is healthy, or another log")
-    return found
+    other = Path(path)
+    if other.exists() and other.samefile(log.path):
+        raise InputError(f"{other} is the log that is watched; give a span of it that is healthy, or another log")
+    return other
 
 
 def _watched(

@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,18 +15,22 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.channels import SENSORS
 from gtmbench.checks import number, whole
 from gtmbench.clock import same_period
-from gtmbench.detectors.protocol import Detector, Progress, silent
-from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.detectors.protocol import Detector
+from gtmbench.errors import InputError
+from gtmbench.processes import spread
+from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
-from gtmbench.study.log.open import open_for
+from gtmbench.study.flights import check_flown
+from gtmbench.study.log.records import open_for
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
 _MOST_FLIGHTS = 2000
 _LARGEST_SEED = 2**31 - 1
+_KILLED = "a process that flew was killed (no memory?); close others, or fly fewer"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,21 +92,10 @@ class CalibrationFlights:
         progress : callable
             Told the step, how many are flown, and of how many.
         """
-        there = (*SENSORS, *COMMANDS)
-        missing = [channel for channel in detector.channels if channel not in there]
-        if missing:
-            raise InputError(
-                f"'{detector.name}' needs {', '.join(missing)}, which no flight has; there are {', '.join(there)}"
-            )
+        check_flown(detector.name, detector.channels)
         channels = detector.channels or SENSORS
         tasks = [(self, channels, self.seed + i) for i in range(self.flights)]
-        found: list[Record] = []
-        progress("flying", 0, len(tasks))
-        with _mapped(min(processes, len(tasks))) as mapped:
-            for record in mapped(_flown, tasks):
-                found.append(record)
-                progress("flying", len(found), len(tasks))
-        return found
+        return spread(_flown, tasks, processes=processes, step="flying", progress=progress, killed=_KILLED)
 
     def provenance(self) -> dict[str, Any]:
         """Return where the records come from, as plain values without a date: the same flights, the same words."""
@@ -191,50 +178,3 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
 def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:
     gyros = [name for name in _GYROS if name in record]
     return imperfect(record, drawn(imperfections, seed=seed), channels=gyros, seed=seed) if gyros else record
-
-
-@contextmanager
-def _mapped(processes: int) -> Iterator[Callable[..., Any]]:
-    """Give a `map` over processes that end with the block; the plain one for a single process."""
-    if processes <= 1:
-        yield map
-        return
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks that threads of ours hold
-    try:
-        pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_ignore_interrupts)
-    except (OSError, ImportError):  # a machine without semaphores
-        yield map
-        return
-
-    def mapped(work: Callable[[Any], Any], tasks: Sequence[Any]) -> Any:
-        with _interrupts_wait():  # the processes start here; Ctrl-C is ours to handle, not theirs
-            return pool.map(work, tasks)
-
-    others = set(multiprocessing.active_children())
-    try:
-        yield mapped
-    except BrokenProcessPool as error:
-        raise GtmbenchError("a process that flew was killed (no memory?); close others, or fly fewer") from error
-    except BaseException:  # nobody waits for flights that go nowhere
-        for child in set(multiprocessing.active_children()) - others:
-            child.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _ignore_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextmanager
-def _interrupts_wait() -> Iterator[None]:
-    """Hold Ctrl-C back for a moment; processes that start meanwhile never see it."""
-    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, former)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
-from gtmbench.intake.flight_log import Remark
+from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.segments import Track
 
 _STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to
@@ -21,15 +21,15 @@ _LEVEL_NZ = (0.5, 1.5)  # g: what a flight's mean should be between
 
 def remarks_on(track: Track, judged: Sequence[str], others: Sequence[Track]) -> list[Remark]:
     """Return remarks on a track's channels; of all, what is missing; of the `judged`, what looks wrong."""
-    found = []
+    remarks = []
     for channel, values in zip(track.channels, track.values.T, strict=True):
-        found += _missing(channel, track.time_s, values)
+        remarks += _missing(channel, track.time_s, values)
         if channel in judged:
-            found += _constant(channel, track.time_s, values, [*others, track])
-            found += _saturated(channel, track.time_s, values)
+            remarks += _constant(channel, track.time_s, values, [*others, track])
+            remarks += _saturated(channel, track.time_s, values)
         if channel == "nz" and np.isfinite(values).any():
-            found += _sign(track.time_s, values)
-    return found
+            remarks += _sign(track.time_s, values)
+    return remarks
 
 
 def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remark]:
@@ -42,7 +42,7 @@ def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remar
         f"{channel}: {np.count_nonzero(lost)} of {len(values)} samples are missing (NaN or infinite), in {len(starts)} "
         f"places, at most {longest} in a row; they stay missing"
     )
-    return [_remark("missing", channel, time_s[starts[0]], time_s[ends[-1] - 1], text)]
+    return [remark("missing", time_s[starts[0]], time_s[ends[-1] - 1], text, channel)]
 
 
 def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequence[Track]) -> list[Remark]:
@@ -52,11 +52,11 @@ def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequ
     time_s, values = time_s[there], values[there]
     if np.all(values == values[0]):
         text = f"{channel} is {values[0]:.6g} from start to end: constant"
-        return [_remark("constant", channel, time_s[0], time_s[-1], text)]
+        return [remark("constant", time_s[0], time_s[-1], text, channel)]
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     lengths = np.diff(bounds)
     used_to = float(np.sort(lengths)[-min(len(lengths), 2 + len(lengths) // 1000)])
-    found = []
+    remarks = []
     stays = np.flatnonzero((lengths >= _FEWEST) & (lengths > _USED_TO * used_to))
     for place in np.sort(stays[np.argsort(lengths[stays])][-_MOST_STAYS:]):
         start_s, end_s = float(time_s[bounds[place]]), float(time_s[bounds[place + 1] - 1])
@@ -64,8 +64,8 @@ def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequ
             text = (
                 f"{channel} stays at {values[bounds[place]]:.6g} for {end_s - start_s:.4g} s while others move: stuck?"
             )
-            found.append(_remark("constant", channel, start_s, end_s, text))
-    return found
+            remarks.append(remark("constant", start_s, end_s, text, channel))
+    return remarks
 
 
 def _others_move(channel: str, others: Sequence[Track], start_s: float, end_s: float) -> bool:
@@ -82,7 +82,7 @@ def _others_move(channel: str, others: Sequence[Track], start_s: float, end_s: f
 
 
 def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remark]:
-    found = []
+    remarks = []
     for extreme, side in ((np.nanmax, "greatest"), (np.nanmin, "smallest")):
         if not np.isfinite(values).any():
             return []
@@ -99,8 +99,8 @@ def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Rem
             count = int(np.count_nonzero(at_limit))
             share = f"{count} samples ({100 * count / len(values):.3g} %)"
             text = f"{channel}: {share} are exactly its {side} value, {limit:.6g}, in {len(starts)} places: at a limit?"
-            found.append(_remark("saturated", channel, time_s[starts[0]], time_s[ends[-1] - 1], text))
-    return found
+            remarks.append(remark("saturated", time_s[starts[0]], time_s[ends[-1] - 1], text, channel))
+    return remarks
 
 
 def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
@@ -111,7 +111,7 @@ def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
     turned = -high <= mean <= -low
     why = "its sign is turned: map it with the other one" if turned else "its unit, its sign, or gravity taken off?"
     text = f"nz is {mean:.3g} g at the mean, level flight reads +1: {why}"
-    return [_remark("sign", "nz", time_s[0], time_s[-1], text)]
+    return [remark("sign", time_s[0], time_s[-1], text, "nz")]
 
 
 def _mean(values: FloatArray) -> float:
@@ -123,7 +123,3 @@ def _runs(true: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]
     """Return where runs of True begin, and where they have ended."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
     return edges[::2], edges[1::2]
-
-
-def _remark(kind: str, channel: str, start_s: float, end_s: float, text: str) -> Remark:
-    return Remark(kind=kind, channel=channel, start_s=float(start_s), end_s=float(end_s), text=text)

@@ -1,14 +1,49 @@
-"""Parts of a log: within some spans, to identify on, and outside of them, to watch."""
+"""A log's records for a detector: opened with its channels; within spans, to identify on, and outside, to watch."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
+from gtmbench.detectors.bank.bank import check_channels
+from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.record import Record, Span
 
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
+
+
+def open_for(
+    path: str | Path, watcher: Detector | Monitor, *, mapping: Sequence[str] = (), rate_hz: float | None = None
+) -> FlightLog:
+    """Open a log with the channels that a detector needs; with all of its channels for one that doesn't say.
+
+    Raises
+    ------
+    InputError
+        Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
+    """
+    try:
+        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None)
+    except InputError as error:
+        columns: tuple[LogColumn, ...] = ()
+        with contextlib.suppress(InputError):
+            columns = log_columns(path)
+        if columns and not any(column.why_not for column in columns):
+            mapped = {text.partition("=")[0].strip() for text in mapping}
+            there = mapped | {column.channel for column in columns} | {column.name for column in columns}
+            try:
+                check_channels(_called(watcher), watcher.channels, there)
+            except InputError as lacking:
+                raise InputError(f"{path}: {lacking}") from error
+        raise
+
+
+def _called(watcher: Detector | Monitor) -> str:
+    return f"bank {watcher.name}" if hasattr(watcher, "bank") else f"'{watcher.name}'"
 
 
 def whole_s(log: FlightLog) -> Span:
@@ -38,13 +73,13 @@ def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:
                 f"{wanted[0]:g}..{wanted[1]:g} s hold nothing of {log.path.name}, which runs from {first_s:g} to "
                 f"{last_s:g} s; choose a span inside"
             )
-    found: list[Span] = []
+    spans: list[Span] = []
     for start_s, end_s in sorted(clipped):
-        if found and start_s <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], end_s)
+        if spans and start_s <= spans[-1][1]:
+            spans[-1] = spans[-1][0], max(spans[-1][1], end_s)
         else:
-            found.append((start_s, end_s))
-    return tuple(found)
+            spans.append((start_s, end_s))
+    return tuple(spans)
 
 
 def within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:

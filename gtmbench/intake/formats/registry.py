@@ -1,4 +1,4 @@
-"""Any log: which format a file is, by its first bytes."""
+"""Any log: which format a file is, by its first bytes. A new format is a file beside this one and an entry here."""
 
 from __future__ import annotations
 
@@ -7,22 +7,15 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.intake.formats import dataflash, mcap, ulog
+from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.parquet import read_parquet
 from gtmbench.intake.formats.raw import RawLog
 
-_READ = "read are CSV, Parquet, PX4 ULog, ArduPilot DataFlash (.bin, .log) and MCAP"
-_READERS = (
-    (ulog.MAGIC, ulog.read_ulog),
-    (mcap.MAGIC, mcap.read_mcap),
-    (dataflash.HEAD, dataflash.read_dataflash),
-    (b"FMT,", dataflash.read_dataflash),
-    (b"PAR1", read_parquet),
-)
+FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)  # and CSV: whatever begins as none of them
+
 _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", "zstd"), (b"BZh", "bzip2"))
-_BINARY = {".ulg", ".ulog", ".mcap", ".bin", ".parquet"}
+_READ = f"read are {', '.join(['CSV', *(form.name for form in FORMATS[:-1])])} and {FORMATS[-1].name}"
 
 
 def read_raw(path: Path) -> RawLog:
@@ -37,17 +30,17 @@ def read_raw(path: Path) -> RawLog:
     for magic, packing in _PACKED:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")
-    for magic, reader in _READERS:
-        if head.startswith(magic):
-            return _named(reader(path))
-    if path.suffix.lower() in _BINARY:
+    for form in FORMATS:
+        if head.startswith(form.magic):
+            return _printable(form.read(path))
+    if any(path.suffix.lower() in form.suffixes for form in FORMATS):
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
-    return _named(read_csv(path))
+    return _printable(read_csv(path))
 
 
-def _named(raw: RawLog) -> RawLog:
+def _printable(raw: RawLog) -> RawLog:
     """Return a log whose columns have names that can be printed."""
-    return replace(raw, series=tuple(replace(one, name=one_line(one.name)) for one in raw.series))
+    return replace(raw, series=tuple(replace(series, name=one_line(series.name)) for series in raw.series))
 
 
 def _head(path: Path) -> bytes:

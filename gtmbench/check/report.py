@@ -1,0 +1,174 @@
+"""What a check says: as lines for people, as JSON, and as JUnit XML, which CI systems show."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from gtmbench.check.baseline import Reference
+from gtmbench.check.compare import Compared, Number, Pair
+from gtmbench.check.run import Check
+from gtmbench.checks import printable
+from gtmbench.files import atomic_write
+from gtmbench.report.tables.results import versions
+
+
+def regression_line(figure: Compared) -> str:
+    """Write a regression: which figure, what it was, what it is, and what is allowed.
+
+    >>> figure = Compared(group="drift of p", figure="delay_s", at="", was=91.55, now=97.2, low=-math.inf, high=93.381,
+    ...                   unit="s", remark="", better=False, explained=False)
+    >>> regression_line(figure)
+    'drift of p, delay: was 91.55, is 97.2, allowed up to 93.381 s'
+    """
+    said = f" ({figure.remark})" if figure.remark and figure.rule.form == "flag" else ""
+    return f"{figure.text}: was {shown(figure.was)}, is {shown(figure.now)}, allowed {_allowed(figure)}{said}"
+
+
+def check_lines(check: Check) -> list[str]:
+    """Return what a check says, regressions first, the worst of them on top."""
+    regressions, better, total = check.regressions, check.better, len(check.compared)
+    same = total - len(regressions) - len(better)
+    verdict = f"{len(regressions)} of {total} figures worse than allowed" if regressions else "no figure is worse"
+    return [
+        *map(regression_line, regressions),
+        *_better_lines(better),
+        f"{check.reference.path}: {verdict}; {len(better)} better, {same} within their tolerances",
+        *_advice(check),
+    ]
+
+
+def changed_rows(pairs: Iterable[Pair]) -> list[list[str]]:
+    """Return rows of what differs: figure, was, is, in which unit; of a list, where it differs most, and in how many.
+
+    >>> from gtmbench.check.compare import Pair
+    >>> pairs = [Pair(group="healthy E(k) of r", figure="windows", at=f"window {i}", was=1.0, now=now, unit="deg/s",
+    ...               remark="", explained=False) for i, now in enumerate([1.0, 1.5, 4.0])]
+    >>> changed_rows(pairs)
+    [['healthy E(k) of r, window 2, max (2 of 3 changed)', '1', '4', 'deg/s']]
+    """
+    rows = []
+    for _, entries in groupby(pairs, lambda pair: (pair.group, pair.figure)):
+        several = list(entries)
+        changed = [pair for pair in several if pair.changed]
+        if changed:
+            most = max(changed, key=_difference)
+            count = f" ({len(changed)} of {len(several)} changed)" if len(several) > 1 else ""
+            rows.append([f"{most.text}{count}", shown(most.was), shown(most.now), most.unit])
+    return rows
+
+
+def shown(value: Number | None) -> str:
+    """Write a figure: yes or no, five digits, or - where there is none."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _allowed(figure: Compared) -> str:
+    unit = f" {figure.unit}" if figure.unit else ""
+    if figure.rule.form == "flag":
+        return shown(figure.was)
+    if math.isinf(figure.low):
+        return f"up to {shown(figure.high)}{unit}"
+    lowest = shown(figure.low)
+    return f"down to {lowest}{unit}" if math.isinf(figure.high) else f"{lowest} to {shown(figure.high)}{unit}"
+
+
+def _better_lines(better: list[Compared]) -> list[str]:
+    """Return a line a group: ``better: drift of p: delay, peak ratio``."""
+    lines = []
+    for group, entries in groupby(better, lambda figure: figure.group):
+        often = Counter(figure.rule.text for figure in entries)
+        figures = ", ".join(text if count == 1 else f"{text} ({count} times)" for text, count in often.items())
+        lines.append(f"better: {group}: {figures}")
+    return lines
+
+
+def _advice(check: Check) -> list[str]:
+    command = f"gtmbench check {check.reference.path} --update"
+    if check.regressions:
+        return [f"if that is what the change is meant to do: {command}"]
+    return [f"to hold what is better from now on: {command}"] if check.better else []
+
+
+def _difference(pair: Pair) -> float:
+    difference = math.inf if pair.was is None or pair.now is None else abs(pair.now - pair.was)
+    return math.inf if math.isnan(difference) else difference
+
+
+def check_results(check: Check) -> dict[str, Any]:
+    """Return a check as one JSON-ready object: every figure, and those that are worse or better beside it."""
+    return {
+        **_origin(check.reference),
+        "passed": not check.regressions,
+        "regressions": list(map(_compared, check.regressions)),
+        "better": list(map(_compared, check.better)),
+        "figures": list(map(_compared, check.compared)),
+        "versions": versions(),
+    }
+
+
+def update_results(reference: Reference, pairs: Iterable[Pair]) -> dict[str, Any]:
+    """Return what a new baseline changes as one JSON-ready object; None: there is no such figure."""
+    changed = [_pair(pair) for pair in pairs if pair.changed]
+    return {**_origin(reference), "updated": True, "changes": changed, "versions": versions()}
+
+
+def _origin(reference: Reference) -> dict[str, Any]:
+    return {
+        "baseline": str(reference.path),
+        "scenarios": [scenario.name for scenario in reference.scenarios],
+        "seed": reference.seed,
+        "detector": reference.detector,
+        "monitor": reference.detector,  # its name of before
+    }
+
+
+def _compared(figure: Compared) -> dict[str, Any]:
+    allowed = {"allowed_from": _finite(figure.low), "allowed_to": _finite(figure.high)}
+    return {**_pair(figure), **allowed, "remark": figure.remark}
+
+
+def _pair(pair: Pair) -> dict[str, Any]:
+    return {
+        "group": pair.group,
+        "figure": pair.figure,
+        "at": pair.at,
+        "was": _finite(pair.was),
+        "is": _finite(pair.now),
+        "unit": pair.unit,
+    }
+
+
+def _finite(value: Number | None) -> Number | None:
+    """Return a number as JSON has it: None where it isn't finite."""
+    return None if value is None or not math.isfinite(value) else value
+
+
+def write_junit(check: Check, path: Path, *, took_s: float) -> None:
+    """Write a check as a JUnit file; `took_s`: how long the run took."""
+    failed: dict[str, list[str]] = {}
+    for figure in check.regressions:
+        failed.setdefault(figure.group, []).append(regression_line(figure))
+    name = f"gtmbench check {check.reference.path.stem}"
+    counts = {"tests": str(len(check.groups)), "failures": str(len(failed)), "errors": "0", "time": f"{took_s:.3f}"}
+    suites = ET.Element("testsuites", {"name": "gtmbench check", **counts})
+    suite = ET.SubElement(suites, "testsuite", {"name": printable(name), "skipped": "0", **counts})
+    for group in check.groups:  # names without what XML can't hold: a file's may have control characters
+        names = {"classname": printable(f"gtmbench.check.{check.reference.path.stem}"), "name": printable(group.title)}
+        case = ET.SubElement(suite, "testcase", {**names, "time": "0"})
+        lines = [printable(line) for line in failed.get(group.title, [])]
+        if lines:
+            ET.SubElement(case, "failure", {"message": lines[0], "type": "regression"}).text = "\n".join(lines)
+    ET.indent(suites)
+    suites.tail = "\n"
+    with atomic_write(path) as aside:
+        ET.ElementTree(suites).write(aside, encoding="utf-8", xml_declaration=True)

@@ -1,0 +1,84 @@
+"""What every figure is made of: panels, levels with their threshold, alarms, lines of many samples, one legend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.record import FloatArray
+from gtmbench.report.scores import HIGHEST, LOWEST
+from gtmbench.report.style import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEAST_TOP = 10.0  # of an axis of levels
+
+
+def panels(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    heights: Sequence[float] | None = None,
+    widths: Sequence[float] | None = None,
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
+    from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
+
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
+    for axis in np.ravel(grid):
+        axis.grid(alpha=0.3)
+    return figure, [list(row) for row in grid]
+
+
+def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int) -> None:
+    """Give a figure one legend, below it: what stands on several axes is named once."""
+    shown: dict[str, Artist] = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            shown.setdefault(label, handle)
+    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=columns)
+
+
+def as_it_is(text: str) -> str:
+    """Return a text that matplotlib takes for no formula: files may be called anything."""
+    return text.replace("$", r"\$")
+
+
+def draw_threshold(axis: Axes, levels: Sequence[FloatArray]) -> None:
+    """Draw the threshold of levels, 1, on a logarithmic axis on which they find room."""
+    top = max([_LEAST_TOP, *(float(np.nanmax(values, initial=_LEAST_TOP)) for values in levels)])
+    axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
+    axis.set_yscale("log")
+    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
+
+
+def draw_alarm(axis: Axes, alarm_s: float | None, named_s: float | None) -> None:
+    """Draw when an alarm was raised, and when it named a sensor, as far as it did."""
+    if alarm_s is not None:
+        axis.axvline(alarm_s, color=COLOURS["threshold"], lw=1.0, label="alarm")
+    if named_s is not None:
+        axis.axvline(named_s, color=COLOURS["beta"], lw=1.2, ls="-.", label="sensor named")
+
+
+def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the greatest value of every so many samples: a spike of one sample stays.
+
+    NaN where there are none; samples as they are, where every second or each is wanted.
+
+    >>> thinned(np.arange(6.0), np.array([0.0, 9.0, 1.0, 2.0, 2.0, 2.0]), every=3)
+    (array([0. , 1.5, 3. , 4.5]), array([0., 9., 2., 2.]))
+    """
+    if every <= 2:
+        return time_s, values
+    starts = np.arange(0, len(values), every)
+    low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+    begun_s = time_s[starts]
+    half_s = 0.5 * every * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    times = np.column_stack([begun_s, np.minimum(begun_s + half_s, time_s[-1])])
+    return times.ravel(), np.column_stack([low, high]).ravel()
