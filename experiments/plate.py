@@ -121,7 +121,7 @@ def rational(page: Reproduction, record: gb.Record) -> None:
     """Show that T_1 leaves nothing in exact arithmetic."""
     system, start = unforced(PLATE, waves(), sample_period_s=PERIOD_S)
     off = np.abs(system.simulate(np.zeros((len(record), 0)), start) - record.values).max()
-    pair = {"seen": 0, "wanted": len(SENSORS) - 1}
+    pair = {"given": 0, "wanted": len(SENSORS) - 1}
     weights = exact_weights(system, **pair)
     left = left_over(system, weights, **pair)
     norm = np.linalg.norm([float(one) for one in weights])

@@ -32,7 +32,7 @@ from rich.progress import track
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.bench.imperfections import lagged
+from gtmbench.faults.distortions import lagged
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.study.score import false_alarms

@@ -34,7 +34,7 @@ import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.figures.panels import panels
 from gtmbench.study.fault_tables import parse_severity, resolve

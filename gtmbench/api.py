@@ -11,7 +11,7 @@ from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
-from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
@@ -20,8 +20,8 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
-from gtmbench.faults.fault import Fault, severity
-from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
+from gtmbench.faults.fault import Fault, inject, severity
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
 from gtmbench.faults.registry import register_fault
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
@@ -46,8 +46,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
-from gtmbench.study.log.watch import bank_between, watch_log
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score

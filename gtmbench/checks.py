@@ -45,13 +45,13 @@ def names(what: str, given: Any) -> tuple[str, ...]:
     >>> names("inputs", "p")
     ('p',)
     """
-    found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
-    for name in found:
+    listed = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+    for name in listed:
         if not isinstance(name, str):
             raise InputError(f"{what} holds {shown(name)}; give names of channels")
-        if found.count(name) > 1:
+        if listed.count(name) > 1:
             raise InputError(f"'{name}' is given twice in {what}; name every channel once")
-    return found
+    return listed
 
 
 def text(name: str, value: Any) -> str:

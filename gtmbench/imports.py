@@ -89,7 +89,7 @@ def installed(group: str) -> dict[str, str]:
     with _without_current_folder():
         for point in entry_points(group=group):
             sources.setdefault(point.name, set()).add(f"{point.module}:{point.attr}")
-    return {name: " or ".join(sorted(found)) for name, found in sorted(sources.items())}
+    return {name: " or ".join(sorted(announced)) for name, announced in sorted(sources.items())}
 
 
 def load_installed(group: str, name: str) -> object:

@@ -10,7 +10,7 @@ from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import calibrate
 from gtmbench.detectors.monitor.alarms import Arming
-from gtmbench.detectors.monitor.scores import Track, levels
+from gtmbench.detectors.monitor.scores import Track, residual_scores
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 from gtmbench.shipped import shipped_banks
@@ -225,20 +225,20 @@ def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
 
 def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter_isnt():
     one = Arming(output="p", track=Track(monitor("C"), "p"))
-    assert not one.see(2.0, 0)  # above from the start
-    assert not one.see(0.5, 1)
-    assert one.see(2.0, 2)
+    assert not one.take(2.0, 0)  # above from the start
+    assert not one.take(0.5, 1)
+    assert one.take(2.0, 2)
     one.disarm(3, 2)
-    assert [one.see(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
+    assert [one.take(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
     one.rearm(6)
-    assert not one.see(2.0, 6)  # it has never come down since
+    assert not one.take(2.0, 6)  # it has never come down since
     one.disarm(7, 7)
-    assert [one.see(level, 7) for level in (0.5, 2.0)] == [False] * 2
+    assert [one.take(level, 7) for level in (0.5, 2.0)] == [False] * 2
     one.rearm(9)
-    assert one.see(2.0, 9)
+    assert one.take(2.0, 9)
     one.begin_anew(10)
     assert not one.armed
-    assert [one.see(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
+    assert [one.take(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
 
 
 def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():
@@ -263,7 +263,7 @@ def test_nothing_is_said_of_rows_that_are_known_after_the_end():
 @pytest.mark.parametrize("name", ["C", "B"])
 def test_levels_of_single_samples_are_those_of_the_batch(name):
     used = monitor(name)
-    whole = levels(used, gappy(healthy()), bank_residuals(used, gappy(healthy())))
+    whole = residual_scores(used, gappy(healthy()), bank_residuals(used, gappy(healthy())))
     stream = used.stream()
     found = []
     take = stream._rows.take

@@ -8,7 +8,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import calibrate
-from gtmbench.detectors.monitor.scores import crossings, levels
+from gtmbench.detectors.monitor.scores import crossings, residual_scores
 from gtmbench.detectors.protocol import watch
 from gtmbench.detectors.statistics.statistic import STATISTICS
 from gtmbench.errors import InputError
@@ -45,7 +45,7 @@ def plant(samples, seed, period_s=0.1, noise=1.0):
 
 
 def false_alarms(monitor, records):
-    return sum(len(crossings(levels(monitor, record, bank_residuals(monitor, record)))) for record in records)
+    return sum(len(crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))) for record in records)
 
 
 @pytest.mark.parametrize("period_s", [0.1, 0.04, 0.01])
@@ -99,10 +99,13 @@ def test_units_dont_matter(name):
     broken = fresh.replace("outlet", fresh["outlet"] + np.where(np.arange(6000) > 3000, 2.0, 0.0))
     for record in (fresh, broken):
         residuals = (bank_residuals(here, record), bank_residuals(there, converted(record)))
-        one, other = levels(here, record, residuals[0]), levels(there, converted(record), residuals[1])
+        one, other = (
+            residual_scores(here, record, residuals[0]),
+            residual_scores(there, converted(record), residuals[1]),
+        )
         for output in one:
             np.testing.assert_allclose(other[output].values, one[output].values, rtol=1e-6, atol=1e-6)
-        found = [[(each.output, each.row, each.series) for each in crossings(level)] for level in (one, other)]
+        found = [[(each.output, each.row, each.test) for each in crossings(level)] for level in (one, other)]
         assert found[0] == found[1]
         assert bool(found[0]) == (record is broken)
 

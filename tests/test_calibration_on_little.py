@@ -130,8 +130,22 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
         assert one.widening[output].tobytes() == other.widening[output].tobytes()
 
 
+def test_a_file_that_says_doubt_is_read_and_saved_with_the_word_of_now(tmp_path):
+    old, new = tmp_path / "old.json", tmp_path / "new.json"
+    gb.save_monitor(calibrated("pitch"), new)
+    old.write_text(new.read_text().replace('"uncertainty"', '"doubt"'))
+    assert old.read_bytes() != new.read_bytes()
+    gb.save_monitor(gb.load_monitor(old), tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == new.read_bytes()
+    both = json.loads(new.read_text())
+    both["figures"]["residuals"]["p"]["doubt"] = None
+    old.write_text(json.dumps(both))
+    with pytest.raises(InputError, match="unknown key 'doubt'"):
+        gb.load_monitor(old)
+
+
 HOSTILE = {
-    "a uncertainty that is no table": (lambda _: [1.0], "residuals.p.uncertainty is"),
+    "an uncertainty that is no table": (lambda _: [1.0], "residuals.p.uncertainty is"),
     "no root": (lambda given: {key: given[key] for key in ("raw", "white")}, "key 'root' is missing"),
     "one key more": (lambda given: {**given, "grey": 1.0}, "unknown key 'grey'"),
     "negative": (lambda given: {**given, "raw": -1.0}, "uncertainty.raw is -1"),
@@ -150,7 +164,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize(("change", "words"), HOSTILE.values(), ids=HOSTILE)
-def test_a_doubt_that_isnt_one_is_refused_by_name(change, words, tmp_path):
+def test_an_uncertainty_that_is_none_is_refused_by_name(change, words, tmp_path):
     gb.save_monitor(calibrated("pitch"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
     saved = document["figures"]["residuals"]["p"]

@@ -191,8 +191,10 @@ def test_a_disk_that_fills_up_leaves_nothing(cli, logs, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal to a group of processes")
 def test_ctrl_c_while_processes_fly_ends_with_130_at_once(tmp_path):
+    """Whoever started pytest may have told it to ignore Ctrl-C."""
     script = (
-        "import os; os.cpu_count = lambda: 2\n"
+        "import os, signal; os.cpu_count = lambda: 2\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from gtmbench.cli import app, monitor\n"
         "from gtmbench.study.healthy_records import CalibrationFlights as Flights\n"
         "whole = Flights.records\n"

@@ -110,6 +110,13 @@ def test_attributes_of_a_watch(old, new):
     assert len(found) > 0
 
 
+def test_attributes_of_a_bank_and_its_monitor():
+    monitor = monitors.monitor()
+    disturbs = told("Bank.disturbs is called affects", lambda: monitor.bank.disturbs)
+    assert disturbs("psi") == monitor.bank.affects("psi") == ("p", "q", "r")
+    assert told("BankMonitor.doubts is called uncertainties", lambda: monitor.doubts) is monitor.uncertainties
+
+
 def test_the_findings_of_a_log():
     log = FlightLog(path=Path("x.csv"), segments=(seen().record,), remarks=(), method=())
     watched = gb.WatchedLog(log=log, monitor=monitors.monitor(), identified_s=(), watches=(seen(),), reasons=())

@@ -288,6 +288,6 @@ def test_at_a_low_rate_it_judges_as_well():
 def test_a_residual_that_is_zero_is_infinitely_quiet(paper):
     test = replace(paper.bank.statistic, two_sided=True)
     zero = np.zeros(3000)
-    _, low = test.series(zero, zero, 0.01, paper.tolerances["r"])
+    _, low = test.scores(zero, zero, 0.01, paper.tolerances["r"])
     assert np.isinf(over(low.values, -1.0)[1000:]).all()
     assert (over(low.values, -1.0)[1000:] > 0.0).all()

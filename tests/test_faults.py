@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from gtmbench.detectors.isolation.hypotheses import HYPOTHESES, Stretch
 from gtmbench.errors import InputError
 from gtmbench.faults import kinds as faults
-from gtmbench.faults.fault import Fault, other_channel, severity
-from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation, inject
+from gtmbench.faults.fault import Fault, inject, other_channel, severity
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
 from gtmbench.record import Record
 
 PERIOD_S = 0.01
@@ -280,3 +281,24 @@ def test_faults_on_different_channels_dont_meet():
     for one in faults:
         np.testing.assert_array_equal(both[one.channel], inject(record, one)[one.channel])
     np.testing.assert_array_equal(inject(record, []).values, record.values)
+
+
+@pytest.mark.parametrize("kind", HYPOTHESES)
+def test_a_diagnosis_makes_of_a_virtual_sensor_what_injecting_makes_of_the_signal(kind):
+    """To the last bit: it is the same code, under the same name."""
+    record = Record(np.random.default_rng(4).normal(0.0, 3.0, 200), channels=["p"], sample_period_s=0.02)
+    cls, rows = faults.FAULTS[kind], slice(80, None)
+    severities = {each.name: 1.3 for each in cls.parameters() if each.is_severity}
+    broken = cls(channel="p", onset_s=1.6, **severities).array(record)
+    stretch = Stretch(
+        channel="p",
+        measured=broken[rows],
+        virtual=record["p"][rows],
+        before=float(record["p"][79]),
+        time_s=record.time_s[rows],
+        earliest_s=0.0,
+        sample_period_s=record.sample_period_s,
+    )
+    parameters = {**severities, "onset_s": 1.6, "value": stretch.before}
+    np.testing.assert_array_equal(HYPOTHESES[kind].reads(stretch, parameters), broken[rows])
+    assert HYPOTHESES[kind].kind == kind

@@ -172,7 +172,7 @@ def test_a_table_of_a_million_times_one_value_is_refused_before_it_is_read(tmp_p
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table({"time_s": column, "p_deg_s": column}), path)
     assert path.stat().st_size < 1e5
-    monkeypatch.setattr(logs, "_MOST_VALUES", 1_000_000)
+    monkeypatch.setattr(logs, "MOST_LOG_VALUES", 1_000_000)
     assert peak_mb(lambda: gb.read_log(path)) < 1.0
 
 

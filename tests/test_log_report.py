@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.figures.panels import thinned
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
+from gtmbench.report.watched import State, stretches
 from gtmbench.report.words.log import log_report, outcome_text
-from gtmbench.report.words.watched import State, stretches
 from tests.logged import (
     CASES,
     ODD,

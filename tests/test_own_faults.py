@@ -11,8 +11,8 @@ import pytest
 
 from gtmbench.errors import InputError
 from gtmbench.faults import registry
-from gtmbench.faults.fault import Fault, other_channel, severity
-from gtmbench.faults.kinds import FAULTS, Drift, Jam, inject
+from gtmbench.faults.fault import Fault, inject, other_channel, severity
+from gtmbench.faults.kinds import FAULTS, Drift, Jam
 from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import build, resolve, spec_of
@@ -194,7 +194,7 @@ def made(**members):
         (lambda: made(distort=None), r"hers\.Own has no distort; define what it makes of the samples"),
         (
             lambda: made(kind="drift"),
-            r"kind 'drift' of hers\.Own is taken by gtmbench\.bench\.faults\.Drift; give it another",
+            r"kind 'drift' of hers\.Own is taken by gtmbench\.faults\.kinds\.Drift; give it another",
         ),
         (
             lambda: made(__annotations__={"size": float}),
@@ -230,7 +230,7 @@ def test_an_import_that_fails_says_with_what(tmp_path):
         import_package(str(tmp_path / "none.py"))
     (tmp_path / "bad.py").write_text(OWN.replace('"bias_step"', '"drift"'))
     with pytest.raises(
-        InputError, match=r"bad\.py: kind 'drift' of .*BiasStep is taken by gtmbench\.bench\.faults\.Drift"
+        InputError, match=r"bad\.py: kind 'drift' of .*BiasStep is taken by gtmbench\.faults\.kinds\.Drift"
     ):
         import_package(str(tmp_path / "bad.py"))
 

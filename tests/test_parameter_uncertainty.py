@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.detectors.statistics.spread import Spread
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, SpreadStream
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
@@ -311,8 +310,8 @@ def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
     for _ in range(60):
         error = record.matrix(["p", "q"]) @ (0.5 * random.standard_normal(2)) + random.standard_normal(1500)
         drawn.append(error)
-        scaled = test.series(error, error / spread.white, 0.01, tolerance)
-        known = test.series(error, error, 0.01, tolerance, spread)
+        scaled = test.scores(error, error / spread.white, 0.01, tolerance)
+        known = test.scores(error, error, 0.01, tolerance, spread)
         greatest.append(np.nanmax(scaled[0].values))
         judged.append([np.nanmax(one.values) for one in known])
     assert np.median(greatest) > 20.0  # samples over their spread alone: most draws would alarm
@@ -329,8 +328,8 @@ def test_a_shift_in_known_motion_alarms_as_without_doubt():
     uncertainty = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0)
     spread = uncertainty.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
     for one, other in zip(
-        test.series(noise, shifted, 0.01, Tolerance()),
-        test.series(noise, shifted, 0.01, Tolerance(), spread),
+        test.scores(noise, shifted, 0.01, Tolerance()),
+        test.scores(noise, shifted, 0.01, Tolerance(), spread),
         strict=True,
     ):
         np.testing.assert_array_equal(one.values, other.values)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.recording.write import write_recording

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.protocol import Score, Watch, came_down
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.faults.kinds import Drift, Jam
+from gtmbench.method.alarms import came_down
 from gtmbench.record import Record
 from gtmbench.study.score import false_alarms, score
 

@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
-from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.shipped import shipped_banks
 from tests.monitors import monitor, record
 
@@ -122,7 +122,7 @@ def test_the_slowest_drift_is_where_a_noiseless_ramp_begins_to_cross(output):
 
     def crosses(times):
         white = used.whiteners[output].whiten(times * slope * time_s)
-        series = test.series(white, white, period_s, used.tolerances[output])
+        series = test.scores(white, white, period_s, used.tolerances[output])
         means = [one for one in series if one.label.startswith("mean")]
         return any(np.nanmax(one.values) > used.thresholds[output][one.label] for one in means)
 

@@ -22,7 +22,7 @@ def noise(samples=300, seed=3):
 def series(name, e, white=None, tolerance=NONE, **settings):
     """Return values and reach of every series by its label."""
     test = Statistic(name=name, **{**GIVEN, **settings})
-    found = test.series(e, e if white is None else white, TS, tolerance)
+    found = test.scores(e, e if white is None else white, TS, tolerance)
     assert len({one.label for one in found}) == len(found)
     return {one.label: one for one in found}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gtmbench.detectors.statistics.tails import block_maxima, rate_bound, tail_threshold
+from gtmbench.detectors.statistics.thresholds import block_maxima, rate_bound, tail_threshold
 
 REPEATS = 300
 LENGTH = 1000  # samples a block

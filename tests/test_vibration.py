@@ -136,11 +136,11 @@ def test_one_sensor_of_the_plate_gives_another_exactly_whatever_the_state():
     system, start = unforced(PLATE, WAVES, sample_period_s=0.001)
     expected = simulate(PLATE, WAVES, sample_period_s=0.001).values
     np.testing.assert_allclose(system.simulate(np.zeros((1500, 0)), start), expected, atol=1e-11)
-    weights = exact_weights(system, seen=0, wanted=2)
+    weights = exact_weights(system, given=0, wanted=2)
     assert (system.order, len(weights)) == (24, 24)
-    assert left_over(system, weights, seen=0, wanted=2) == 0
+    assert left_over(system, weights, given=0, wanted=2) == 0
     weights[5] *= 1 + Fraction(1, 10**30)  # what no double would see
-    assert left_over(system, weights, seen=0, wanted=2) > 0
+    assert left_over(system, weights, given=0, wanted=2) > 0
 
 
 def test_exact_weights_predict_a_simulation():
@@ -148,7 +148,7 @@ def test_exact_weights_predict_a_simulation():
     system = StateSpace(
         rng.standard_normal((3, 3)) / 2, np.zeros((3, 0)), rng.standard_normal((2, 3)), np.zeros((2, 0))
     )
-    weights = np.array([float(one) for one in exact_weights(system, seen=0, wanted=1)])
+    weights = np.array([float(one) for one in exact_weights(system, given=0, wanted=1)])
     y = system.simulate(np.zeros((20, 0)), rng.standard_normal(3))
     for k in range(15):
         assert y[k + 2, 1] == pytest.approx(weights @ y[k : k + 5 : 2, 0], rel=1e-8, abs=1e-12)
@@ -178,7 +178,7 @@ def test_nested_operators_fall_to_the_noise_with_as_many_inputs_as_excitations()
         (lambda: simulate(PLATE, WAVES, sample_period_s=0.0), "sample_period_s is 0.0"),
         (
             lambda: exact_weights(
-                StateSpace(np.eye(2), np.zeros((2, 0)), np.eye(2), np.zeros((2, 0))), seen=0, wanted=1
+                StateSpace(np.eye(2), np.zeros((2, 0)), np.eye(2), np.zeros((2, 0))), given=0, wanted=1
             ),
             "output 0 doesn't see all 2 states",
         ),

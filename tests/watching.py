@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.detectors.protocol import Score, came_down, rising
+from gtmbench.detectors.protocol import Score
+from gtmbench.method.alarms import came_down, rising
 
 EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 EXCITATION = "multisine+turbulence"

@@ -87,7 +87,7 @@ def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
             raise InputError(f"[{table}] lacks {', '.join(missing)}")
     if unknown := envelope.keys() - CHANNELS.keys():
         raise InputError(f"[envelope] names no channel: {', '.join(sorted(unknown))}")
-    found = Aircraft(
+    aircraft = Aircraft(
         name=text("the folder's name", folder.name),
         title=text("title", facts.get("title")),
         folder=folder,
@@ -99,10 +99,10 @@ def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
         limits={key: _span(f"limits.{key}", limits[key]) for key in COMMANDS},
         envelope={key: _span(f"envelope.{key}", value) for key, value in envelope.items()},
     )
-    for key, (low, high) in found.searched.items():
-        if not low <= found.guess[key] <= high:
-            raise InputError(f"trim.guess.{key} is {found.guess[key]:g}; it must lie in {low:g}..{high:g}")
-    return found
+    for key, (low, high) in aircraft.searched.items():
+        if not low <= aircraft.guess[key] <= high:
+            raise InputError(f"trim.guess.{key} is {aircraft.guess[key]:g}; it must lie in {low:g}..{high:g}")
+    return aircraft
 
 
 def _table(facts: dict[str, Any], key: str) -> dict[str, Any]:

@@ -110,9 +110,9 @@ def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
     properties = fdm.get_property_manager()
 
     def node(name: str) -> jsbsim.FGPropertyNode:
-        found = properties.get_node(name)
-        assert found is not None  # the engine has checked every channel's
-        return found
+        known = properties.get_node(name)
+        assert known is not None  # the engine has checked every channel's
+        return known
 
     read = [node(c.jsbsim).get_double_value for c in CHANNELS.values() if c.role is not Role.COMMAND]
     to_elevator, to_aileron, to_rudder, to_throttle = (

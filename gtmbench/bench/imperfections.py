@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-
-import numpy as np
 
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import names, number, shown, whole
 from gtmbench.errors import InputError
+from gtmbench.faults.distortions import lagged, quantised, random_walk
 from gtmbench.record import FloatArray, Record, check_record
 
 LARGEST = 1e9  # of every figure; far beyond any sensor, and far from where numbers overflow
@@ -53,8 +51,8 @@ class Imperfections:
     quantum: float = 0.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            object.__setattr__(self, item.name, number(item.name, getattr(self, item.name), 0.0, LARGEST))
+        for each in fields(self):
+            object.__setattr__(self, each.name, number(each.name, getattr(self, each.name), 0.0, LARGEST))
         if 0.0 < self.quantum < SMALLEST_QUANTUM:
             raise InputError(f"quantum is {self.quantum:g}; it must be 0 (none) or {SMALLEST_QUANTUM:g} or more")
 
@@ -108,7 +106,7 @@ def imperfect(
     chosen = names("channels", channels)
     record.columns(chosen)  # all of them, before any work is done
     for name in chosen:
-        record = record.replace(name, _read(record[name], imperfections, record.sample_period_s, name, seed))
+        record = record.replace(name, _imperfect(record[name], imperfections, record.sample_period_s, name, seed))
     return record
 
 
@@ -158,43 +156,13 @@ def parse_imperfections(text: str) -> Imperfections:
     return Imperfections(**{"lag_s" if key == "lag" else key: figure for key, figure in figures.items()})
 
 
-def _read(seen: FloatArray, by: Imperfections, sample_period_s: float, name: str, seed: int) -> FloatArray:
+def _imperfect(y: FloatArray, by: Imperfections, sample_period_s: float, name: str, seed: int) -> FloatArray:
     """Return what an imperfect sensor makes of one channel."""
-    read = lagged(seen, by.lag_s, sample_period_s) if by.lag_s else seen
+    if by.lag_s:
+        y = lagged(y, by.lag_s, sample_period_s)
     # names of channels are printable: none has a zero byte, so no channel's noise comes from these streams
     if by.bias:
-        read = read + by.bias * stream(seed, f"{name}\0bias").standard_normal()
+        y = y + by.bias * stream(seed, f"{name}\0bias").standard_normal()
     if by.wander:
-        gains = stream(seed, f"{name}\0wander").standard_normal(len(read))
-        gains[:1] = 0.0  # no time has passed at the first sample
-        read = read + by.wander * math.sqrt(sample_period_s) * np.cumsum(gains)
-    if by.quantum:
-        read = np.rint(read / by.quantum) * by.quantum + 0.0  # a sensor doesn't read -0
-    return read
-
-
-def lagged(seen: FloatArray, lag_s: float, sample_period_s: float) -> FloatArray:
-    """Return a signal behind a first-order lag tau y' + y = u, in rest at the first sample.
-
-    The signal runs straight from sample to sample, and on these ramps (so on held signals, too) the solution is exact:
-    with a = exp(-Ts/tau) and g = (1 - a) tau/Ts,
-
-        y(k) = a y(k-1) + (1 - g) u(k) + (g - a) u(k-1).
-
-    Holding u(k-1) over the step instead would add half a sample of delay, as much as a lag of 5 ms does at 100 Hz.
-    Missing samples are passed over.
-
-    >>> lagged(np.arange(4.0), 1e-4, 1.0).round(4)
-    array([0.    , 0.9999, 1.9999, 2.9999])
-    """
-    from scipy.signal import lfilter
-
-    there = np.isfinite(seen)
-    read = seen.copy()
-    if there.any():
-        kept = seen[there]
-        a = math.exp(-sample_period_s / lag_s)
-        g = -math.expm1(-sample_period_s / lag_s) * lag_s / sample_period_s
-        # the filter starts from zero, and so at rest, when it sees what has changed since the first sample
-        read[there] = kept[0] + lfilter([1.0 - g, g - a], [1.0, -a], kept - kept[0])
-    return read
+        y = y + random_walk(stream(seed, f"{name}\0wander").standard_normal(len(y)), by.wander, sample_period_s)
+    return quantised(y, by.quantum) if by.quantum else y

@@ -102,8 +102,8 @@ def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_
 
     Examples
     --------
-    >>> found = trim("gtm")
-    >>> round(found.alpha_deg, 1), round(found.elevator_deg, 1)
+    >>> level = trim("gtm")
+    >>> round(level.alpha_deg, 1), round(level.elevator_deg, 1)
     (3.0, 2.7)
     """
     craft = load_aircraft(aircraft)
@@ -145,12 +145,12 @@ def trimmed_engine(
     try:
         with simulating(searched, aircraft), silenced():
             search = partial(accelerations, searched)
-            found = least_squares(search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
+            solution = least_squares(search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
     except ValueError as error:
         raise TrimError(
             f"no trim for '{aircraft.name}': its accelerations aren't all numbers; check the model"
         ) from error
-    fdm, x = engine(aircraft), np.round(found.x, _DECIMALS)
+    fdm, x = engine(aircraft), np.round(solution.x, _DECIMALS)
     with simulating(fdm, aircraft), silenced():
         left = accelerations(fdm, x)
     if not np.all(np.abs(left) < TOLERANCE):

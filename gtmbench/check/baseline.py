@@ -143,27 +143,20 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         As `read_reference`.
     """
     with naming(path):
-        return _reference(path, table)
-
-
-def _reference(path: Path, table: dict[str, Any]) -> Reference:
-    table = _upgraded(table)
-    keys(table, (*_SETTINGS, "recorded", *KINDS))
-    scenarios = tuple(load_scenario(_beside(path, name)) for name in _texts("scenarios", table.get("scenarios")))
-    seed = whole("seed", table["seed"]) if "seed" in table else None
-    detector = table.get("detector")
-    if detector is not None and not isinstance(detector, str):
-        raise InputError(f"detector is {shown(detector)}; it must be a name of `gtmbench list`, or a file")
-    recorded = _known("recorded", table.get("recorded", {}), ("seed",))
-    return Reference(
-        path=path,
-        scenarios=scenarios,
-        seed=common_setup(scenarios[:1], seed).seed,  # the others': when they are run
-        detector=None if detector is None else _detector(path, detector),
-        tolerances=_tolerances(table.get("tolerances", {})),
-        recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
-        recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
-    )
+        table = keys(_upgraded(table), (*_SETTINGS, "recorded", *KINDS))
+        scenarios = _scenarios(path, table.get("scenarios"))
+        seed = whole("seed", table["seed"]) if "seed" in table else None
+        detector = _detector(path, table.get("detector"))
+        recorded = _known("recorded", table.get("recorded", {}), ("seed",))
+        return Reference(
+            path=path,
+            scenarios=scenarios,
+            seed=common_setup(scenarios[:1], seed).seed,  # the others': when they are run
+            detector=detector,
+            tolerances=_tolerances(table.get("tolerances", {})),
+            recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
+            recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
+        )
 
 
 def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
@@ -183,25 +176,33 @@ def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
     return {**kept, "score": scores} if scores else kept
 
 
-def is_detectors_file(name: str) -> bool:
+def _scenarios(path: Path, given: Any) -> tuple[Scenario, ...]:
+    if given is None:
+        raise InputError("no scenarios given; name those to run")
+    if not isinstance(given, list) or not given or not all(isinstance(name, str) for name in given):
+        raise InputError(f"scenarios is {shown(given)}; it must be a list of names or files")
+    return tuple(load_scenario(name if name in shipped_scenarios() else path.parent / name) for name in given)
+
+
+def _detector(path: Path, given: Any) -> str | None:
+    """Return what watches as it is found from here: a file's path, or a name; a baseline imports no Python."""
+    if given is None:
+        return None
+    if not isinstance(given, str):
+        raise InputError(f"detector is {shown(given)}; it must be a name of `gtmbench list`, or a file")
+    if _is_file_of_detector(given):
+        return str(path.parent / given)
+    if ":" in given:
+        raise InputError(
+            f"detector is {shown(given)}, and a baseline imports no Python; state the detector's own name, and give "
+            f"--detector {given} on the command line"
+        )
+    return given
+
+
+def _is_file_of_detector(name: str) -> bool:
     """Whether a bank's or a monitor's file is meant, not a name."""
     return Path(name).suffix.lower() in (".toml", ".json")
-
-
-def _detector(path: Path, name: str) -> str:
-    """Return what watches as it is found from here: a file's path, or a name; a baseline imports no Python."""
-    if is_detectors_file(name):
-        return str(path.parent / name)
-    if ":" in name:
-        raise InputError(
-            f"detector is {shown(name)}, and a baseline imports no Python; state the detector's own name, and give "
-            f"--detector {name} on the command line"
-        )
-    return name
-
-
-def _beside(path: Path, name: str) -> str | Path:
-    return name if name in shipped_scenarios() else path.parent / name
 
 
 def _tolerances(given: Any) -> dict[str, Tolerance]:
@@ -237,14 +238,6 @@ def _real(where: str, given: Any) -> float:
     return given if isinstance(given, float) else number(where, given)
 
 
-def _texts(where: str, given: Any) -> list[str]:
-    if given is None:
-        raise InputError(f"no {where} given; name those to run")
-    if not isinstance(given, list) or not given or not all(isinstance(name, str) for name in given):
-        raise InputError(f"{where} is {shown(given)}; it must be a list of names or files")
-    return given
-
-
 def _known(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, Any]:
     return keys(table_of(section, given), legal, section=section)
 
@@ -276,7 +269,7 @@ def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) 
         seed=load_scenario(scenarios[0]).setup.seed,
         detector='# detector = "monitor.json"'
         if detector is None
-        else f"detector = {_text(_seen_from(path, detector, () if is_detectors_file(detector) else (detector,)))}",
+        else f"detector = {_text(_seen_from(path, detector, () if _is_file_of_detector(detector) else (detector,)))}",
         tolerances="\n".join(
             f"{line:<{width}}  # {RULES[figure].meaning}" for line, figure in zip(stated, figures, strict=True)
         ),
@@ -396,9 +389,8 @@ def _value(value: Value, labels: Sequence[str] = ()) -> str:
 
 
 def _text(given: str) -> str:
-    return json.dumps(given, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # the one that TOML escapes and JSON doesn't
+    # DEL is the one that TOML escapes and JSON doesn't
+    return json.dumps(given, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _seen_from(path: Path, name: str, shipped: Collection[str]) -> str:

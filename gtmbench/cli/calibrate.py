@@ -13,7 +13,7 @@ from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
-from gtmbench.detectors.bank.signatures import Signatures, signatures
+from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe

@@ -52,15 +52,15 @@ def trim_command(
             _print_modes(linear)
 
 
-def trim_text(level: Trim) -> str:
+def trim_text(state: Trim) -> str:
     """Write a trim as section 4.4 prints it."""
     return (
-        f"Level flight, altitude = {level.altitude_ft:.2f} ft, equivalent airspeed = {level.eas_kt:.2f} kt, "
-        f"true airspeed = {level.tas_kt:.2f} kt,\nalpha = {level.alpha_deg:.2f} deg, beta = {level.beta_deg:.2f} deg, "
-        f"gamma = {level.gamma_deg:.2f} deg, roll = {level.roll_deg:.3f} deg, pitch = {level.pitch_deg:.2f} deg,\n"
-        f"yaw = {level.yaw_deg:.2f} deg, ground track = {level.ground_track_deg:.2f} deg, "
-        f"elevator = {level.elevator_deg:.2f} deg, aileron = {level.aileron_deg:.3f} deg, "
-        f"rudder = {level.rudder_deg:.3f} deg, throttle = {level.throttle_percent:.2f} %"
+        f"Level flight, altitude = {state.altitude_ft:.2f} ft, equivalent airspeed = {state.eas_kt:.2f} kt, "
+        f"true airspeed = {state.tas_kt:.2f} kt,\nalpha = {state.alpha_deg:.2f} deg, beta = {state.beta_deg:.2f} deg, "
+        f"gamma = {state.gamma_deg:.2f} deg, roll = {state.roll_deg:.3f} deg, pitch = {state.pitch_deg:.2f} deg,\n"
+        f"yaw = {state.yaw_deg:.2f} deg, ground track = {state.ground_track_deg:.2f} deg, "
+        f"elevator = {state.elevator_deg:.2f} deg, aileron = {state.aileron_deg:.3f} deg, "
+        f"rudder = {state.rudder_deg:.3f} deg, throttle = {state.throttle_percent:.2f} %"
     )
 
 

@@ -23,7 +23,7 @@ from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
     from gtmbench.intake.open import LogColumn
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.study.log.watch import WatchedLog
 
 
 @click.command("monitor")
@@ -198,19 +198,11 @@ def _possible(channels: Iterable[str]) -> list[str]:
 
 def _print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
     names = ["column", "unit", "samples", "rate (Hz)", "from (s)", "to (s)", "channel"]
-    rows = [
-        [
-            column.name,
-            column.unit,
-            str(column.samples),
-            *(
-                f"{value:.6g}" if math.isfinite(value) else "-"
-                for value in (column.rate_hz, column.start_s, column.end_s)
-            ),
-            column.channel or column.why_not,
-        ]
-        for column in columns
-    ]
+    rows = []
+    for column in columns:
+        times = [column.rate_hz, column.start_s, column.end_s]
+        shown = [f"{value:.6g}" if math.isfinite(value) else "-" for value in times]
+        rows.append([column.name, column.unit, str(column.samples), *shown, column.channel or column.why_not])
     print_table(log.name, names, rows, right=names[2:6])
 
 

@@ -1,4 +1,7 @@
-"""Whatever can serve as a detector, as one: recipes, monitors, classes of either, banks and plain functions."""
+"""Whatever can serve as a detector, as one: recipes, monitors, classes of either, banks and plain functions.
+
+Detectors of installed packages are listed by name without importing them, and imported where one is named.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,10 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
+from gtmbench.imports import installed as announced
+from gtmbench.imports import load_installed
 
+GROUP = "gtmbench.detectors"  # of entry points: NAME = "package.module:OBJECT"
 _DETECTOR = ("name", "channels", "calibrate")
 _MONITOR = (
     "name",
@@ -47,6 +53,25 @@ def adapted(given: Any, called: str | None = None) -> Detector | Monitor:
         f"{shown(called or given)} is a {type(given).__name__}, no detector; give a Detector, a Monitor, a Bank or a "
         "function from a Record to the times of its alarms"
     )
+
+
+def installed_names() -> dict[str, str]:
+    """Return the names of installed detectors and where each stands, ``package.module:OBJECT``; nothing is imported."""
+    return announced(GROUP)
+
+
+def installed(name: str) -> Detector | Monitor:
+    """Return an installed detector by its name.
+
+    Raises
+    ------
+    InputError
+        Where none has that name, or it can't be imported.
+    """
+    names = installed_names()
+    if name not in names:
+        raise InputError(f"no installed detector is called '{name}'; there are {', '.join(names) or 'none'}")
+    return adapted(load_installed(GROUP, name), name)
 
 
 def _made(cls: type) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gtmbench.deprecation import renamed
@@ -144,3 +145,15 @@ class Alarm:
     residual = renamed("Finding.residual", "source")
     series = renamed("Finding.series", "test")
     resumed_s = renamed("Finding.resumed_s", "end_known_s")
+
+
+def alarms_at(rises: Iterable[tuple[float, str]], first: int = 0) -> tuple[Alarm, ...]:
+    """Return alarms of times and names of scores that tell no onset, numbered from `first` on.
+
+    >>> [(alarm.number, alarm.onset_s) for alarm in alarms_at([(1.5, "p"), (2.0, "q")], first=3)]
+    [(3, 1.5), (4, 2.0)]
+    """
+    return tuple(
+        Alarm(number=number, time_s=time_s, onset_s=time_s, source=source)
+        for number, (time_s, source) in enumerate(rises, first)
+    )

@@ -7,14 +7,19 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
+from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
+from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
-from gtmbench.detectors.monitor.watch import scores_and_alarms
-from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
+from gtmbench.method.alarms import BoolArray
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
@@ -24,7 +29,7 @@ RATE = 0.002  # false alarms an hour, wanted where nobody says
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankMonitor(CalibratedBank):
-    """A calibrated bank at work; its scores are the residuals' levels: the greatest statistic over its threshold."""
+    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds."""
 
     @property
     def name(self) -> str:
@@ -58,18 +63,23 @@ class BankMonitor(CalibratedBank):
     def watch(self, record: Record) -> Watch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
+        A stream does the same with rows as they come in; here they are all there.
+
         Raises
         ------
         InputError
             Where the record lacks a channel of the bank or has another sample period.
         """
         residuals = bank_residuals(self, record)
-        scores, alarms = scores_and_alarms(self, record, residuals)
+        tracks = tracks_of(self, residuals)
+        logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True)
+        logic.run(len(record))
+        arming = {each.output: each for each in logic.arming}
         return Watch(
             monitor=self,
             record=record,
-            scores=MappingProxyType(scores),
-            alarms=alarms,
+            scores=MappingProxyType({output: _score(self, record, arming[output]) for output in tracks}),
+            alarms=tuple(logic.alarms),
             residuals=residuals.raw,
             predictions=residuals.predicted,
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
@@ -78,6 +88,26 @@ class BankMonitor(CalibratedBank):
     def figures(self) -> dict[str, Any]:
         """Return what calibration found, the bank's tables among it, as plain JSON values."""
         return bank_figures(self)
+
+
+def _score(monitor: CalibratedBank, record: Record, arming: Arming) -> Score:
+    score, since = score_of(arming.track, record), arming.disarmed_row
+    return Score(
+        name=arming.output,
+        values=score.values,
+        known_s=score.known_s,
+        channels=tuple(name for name in monitor.bank.channels if arming.output in monitor.bank.affects(name)),
+        armed=np.isfinite(score.values) & _armed(arming, len(record)),
+        disarmed_s=None if since is None else float(record.time_s[since]),
+    )
+
+
+def _armed(arming: Arming, rows: int) -> BoolArray:
+    """Return whether a row's score, once known, could have raised an alarm."""
+    armed = np.zeros(rows + arming.track.ahead, dtype=bool)  # when it is known
+    for row, able in arming.changes or ():
+        armed[row:] = able
+    return armed[arming.track.ahead :]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +190,7 @@ def calibrate(
     InputError
         Where channels are missing or constant, or the records too short.
     """
-    found = calibrate_bank(
+    calibrated = calibrate_bank(
         as_records(records),
         bank,
         false_alarms_per_hour=RATE if false_alarms_per_hour is None else false_alarms_per_hour,
@@ -168,4 +198,4 @@ def calibrate(
         provenance=provenance,
         progress=progress,
     )
-    return BankMonitor(**vars(found))
+    return BankMonitor(**vars(calibrated))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
 from gtmbench.clock import FloatArray
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import Alarm, alarms_at
 from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.stream import BufferedStream, RollingBuffer
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
@@ -119,17 +119,17 @@ class SimpleDetector:
         self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})
     ) -> SimpleMonitor:
         """Return the monitor of some figures, with the parameters that it was calibrated with."""
-        found = keys("figures", figures, ("sample_period_s", "recipe", "learned"))
-        recipe = keys("recipe", found["recipe"], tuple(self._recipe()))
+        figures = keys("figures", figures, ("sample_period_s", "recipe", "learned"))
+        recipe = keys("recipe", figures["recipe"], tuple(self._recipe()))
         return SimpleMonitor(
             detector=self._with({key: _tuples(value) for key, value in recipe.items()}),
-            learned=table_of("learned", found["learned"]),
-            sample_period_s=number("sample_period_s", found["sample_period_s"], *PERIODS_S),
+            learned=table_of("learned", figures["learned"]),
+            sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
             provenance=dict(provenance),
         )
 
     def _recipe(self) -> dict[str, Any]:
-        return {one.name: exact(getattr(self, one.name)) for one in fields(self)} if is_dataclass(self) else {}
+        return {each.name: exact(getattr(self, each.name)) for each in fields(self)} if is_dataclass(self) else {}
 
     def _with(self, recipe: Mapping[str, Any]) -> Self:
         return replace(self, **recipe) if is_dataclass(self) else self
@@ -195,14 +195,14 @@ class SimpleMonitor:
             name: Score(name=name, values=values, known_s=known_s, armed=came_down(values, 1.0))
             for name, values in self.scores(record.select(self.channels)).items()
         }
-        rows = sorted((row, name) for name, of in scores.items() for row in rising(of.values, 1.0).tolist())
-        alarms = [_alarm(number, float(known_s[row]), name) for number, (row, name) in enumerate(rows)]
-        return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=tuple(alarms))
+        rows = sorted((row, name) for name, score in scores.items() for row in rising(score.values, 1.0).tolist())
+        alarms = alarms_at((float(known_s[row]), name) for row, name in rows)
+        return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=alarms)
 
     def scores(self, record: Record) -> dict[str, FloatArray]:
         """Return the scores of a record, NaN where they aren't known by its end."""
         record.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
-        found = {}
+        scores = {}
         for name, given in self.detector.scores(record, self.learned).items():
             values = np.array(given, dtype=np.float64)
             if values.shape != (len(record),):
@@ -212,8 +212,8 @@ class SimpleMonitor:
                 )
             values[max(len(record) - self.behind, 0) :] = np.nan
             values.setflags(write=False)
-            found[name] = values
-        return found
+            scores[name] = values
+        return scores
 
     def stream(self) -> SimpleStream:
         """Return a fresh stream."""
@@ -265,19 +265,14 @@ class SimpleStream:
         rows, last, armed = [], {}, {}
         for name, values in self._monitor.scores(record).items():
             before = self._last.get(name, np.zeros(0))
-            seen = np.concatenate([before, values[known.start - row_0 : known.stop - row_0]])
-            rows += [(row - len(before), name) for row in rising(seen, 1.0).tolist()]
-            last[name] = seen[~np.isnan(seen)][-1:]
-            armed[name] = self._armed.get(name, False) or bool(came_down(seen, 1.0).any())
-        count = len(self._alarms)
-        found = tuple(_alarm(count + i, float(known_s[row]), name) for i, (row, name) in enumerate(sorted(rows)))
-        self._last, self._armed, self._alarms = last, armed, self._alarms + found
+            score = np.concatenate([before, values[known.start - row_0 : known.stop - row_0]])
+            rows += [(row - len(before), name) for row in rising(score, 1.0).tolist()]
+            last[name] = score[~np.isnan(score)][-1:]
+            armed[name] = self._armed.get(name, False) or bool(came_down(score, 1.0).any())
+        alarms = alarms_at(((float(known_s[row]), name) for row, name in sorted(rows)), first=len(self._alarms))
+        self._last, self._armed, self._alarms = last, armed, self._alarms + alarms
         self._buffer.keep(clock, record)
-        return found
-
-
-def _alarm(number: int, time_s: float, source: str) -> Alarm:
-    return Alarm(number=number, time_s=time_s, onset_s=time_s, source=source)
+        return alarms
 
 
 def _tuples(value: Any) -> Any:

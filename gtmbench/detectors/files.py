@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import shown, text
+from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
-from gtmbench.detectors.installed import installed, installed_names
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
@@ -115,7 +115,7 @@ class _Kept:
     provenance: dict[str, Any]
 
 
-def kind_of(thing: Detector | Monitor) -> str:
+def kind_of(detector: Detector | Monitor) -> str:
     """Return who restores it: ``bank``, ``dissertation`` or the name of a detector of somebody's own.
 
     Raises
@@ -123,13 +123,13 @@ def kind_of(thing: Detector | Monitor) -> str:
     InputError
         Where somebody's own goes by a name that is gtmbench's.
     """
-    if isinstance(thing, BankDetector | BankMonitor):
+    if isinstance(detector, BankDetector | BankMonitor):
         return "bank"
-    if isinstance(thing, DissertationOperator | NormMonitor):
+    if isinstance(detector, DissertationOperator | NormMonitor):
         return "dissertation"
-    if thing.name in BUILT_IN:
-        raise InputError(f"'{thing.name}' is the name of a detector of gtmbench; call yours otherwise")
-    return thing.name
+    if detector.name in BUILT_IN:
+        raise InputError(f"'{detector.name}' is the name of a detector of gtmbench; call yours otherwise")
+    return detector.name
 
 
 def _restored(kept: _Kept) -> Monitor:

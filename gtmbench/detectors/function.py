@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import shown
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import alarms_at
+from gtmbench.detectors.base import BaseMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.stream import BufferedStream
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
 from gtmbench.progress import Progress, silent
@@ -77,21 +77,14 @@ class FunctionDetector:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FunctionMonitor:
+class FunctionMonitor(BaseMonitor):
     """A function of a record at work; it shows no score and names no sensor."""
 
     function: Function
     name: str
     channels: tuple[str, ...] = ()
     memory_s: float = float("inf")
-    suspects: tuple[str, ...] = ()
-    sample_period_s: float | None = None
-    look_ahead_s: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    def stream(self) -> BufferedStream:
-        """Return a stream that asks the function about a rolling buffer of `memory_s`."""
-        return BufferedStream(self)
 
     def figures(self) -> dict[str, Any]:
         """Return nothing: a function has no figures."""
@@ -101,11 +94,8 @@ class FunctionMonitor:
         """Return the alarms that the function gives, in time."""
         check_record(record)
         record.columns(self.channels)
-        alarms = [
-            Alarm(number=i, time_s=time_s, onset_s=time_s, source=self.name)
-            for i, time_s in enumerate(_times(self.name, self.function(record)))
-        ]
-        return Watch(monitor=self, record=record, alarms=tuple(alarms))
+        times_s = _times(self.name, self.function(record))
+        return Watch(monitor=self, record=record, alarms=alarms_at((time_s, self.name) for time_s in times_s))
 
 
 def _times(name: str, given: ArrayLike) -> list[float]:

@@ -17,8 +17,6 @@ import numpy as np
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.method.alarms import BoolArray
-from gtmbench.method.alarms import came_down as came_down
-from gtmbench.method.alarms import rising as rising
 from gtmbench.progress import Progress, silent
 from gtmbench.record import FloatArray, Record
 

@@ -7,15 +7,14 @@ through `for_data_file`, which doesn't know that form.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from gtmbench.checks import shown
-from gtmbench.detectors.adapt import adapted
+from gtmbench.detectors.adapt import adapted, installed, installed_names
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.files import load_monitor
-from gtmbench.detectors.installed import installed, installed_names
-from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.shipped import shipped_banks
@@ -47,12 +46,12 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     >>> find_detector("dissertation").outputs
     ('r',)
     """
-    found = _python(str(source)) if is_python(source) else for_data_file(source)
+    detector = _python(str(source)) if is_python(source) else for_data_file(source)
     if calibrated is None:
-        return found
-    if not hasattr(found, "calibrate"):
+        return detector
+    if not is_recipe(detector):
         raise InputError(f"{source} is a monitor, calibrated already; leave --calibrated {calibrated} out")
-    return load_monitor(calibrated, cast(Detector, found))
+    return load_monitor(calibrated, detector)
 
 
 def as_detector(given: Any) -> Detector | Monitor:

@@ -89,7 +89,8 @@ class BufferedStream:
     ...     return record.time_s[record["p"] > 1.0]
     >>> stream = BufferedStream(FunctionDetector(beyond_one, memory_s=0.0).calibrate())
     >>> record = Record([0.0, 2.0, 0.0, 2.0], channels=["p"], sample_period_s=0.5)
-    >>> [[(one.number, one.time_s) for one in stream.push(record.between(*span))] for span in [(0, 1), (1.5, 1.5)]]
+    >>> chunks = record.between(0, 1), record.between(1.5, 1.5)
+    >>> [[(alarm.number, alarm.time_s) for alarm in stream.push(chunk)] for chunk in chunks]
     [[(0, 0.5)], [(1, 1.5)]]
     """
 
@@ -120,22 +121,22 @@ class BufferedStream:
         clock, record = self._buffer.joined(chunk)
         if not len(chunk):
             return ()
-        seen = self._monitor.watch(record)
-        alarms, told = self._numbered(seen.alarms, record)
+        watched = self._monitor.watch(record)
+        alarms, told = self._numbered(watched.alarms, record)
         self._armed = {
             name: (self._armed.get(name, False) or bool(score.armed.any())) and score.disarmed_s is None
-            for name, score in seen.scores.items()
+            for name, score in watched.scores.items()
         } or {self._monitor.name: True}
         self._alarms = alarms
         self._buffer.keep(clock, record)
         return told
 
-    def _numbered(self, seen: Sequence[Alarm], record: Record) -> tuple[dict[int, Alarm], tuple[Alarm, ...]]:
+    def _numbered(self, watched: Sequence[Alarm], record: Record) -> tuple[dict[int, Alarm], tuple[Alarm, ...]]:
         """Return all alarms, numbered as in the stream, and those among them that are new or of which more is known."""
         slack_s = _SLACK * record.sample_period_s
         numbers: dict[int, int] = {}  # in the buffer's watch -> in the stream
         alarms, told = dict(self._alarms), []
-        for alarm in seen:
+        for alarm in watched:
             old = self._known(alarm, slack_s)
             if old is None and not self._buffer.end_s + slack_s < alarm.time_s <= record.end_s + slack_s:
                 continue  # still to come, or seen only because the buffer begins where it does

@@ -48,47 +48,47 @@ def operator_of(
     InputError
         Naming the key, what stands there and what should.
     """
-    found = keys(where, table, OPERATOR_KEYS)
+    table = keys(where, table, OPERATOR_KEYS)
     for key, wanted in (("inputs", list(inputs)), ("outputs", list(outputs))):
-        if found[key] != wanted:
-            raise InputError(f"{where}.{key} is {shown(found[key])}; {other} says {shown(wanted)}")
+        if table[key] != wanted:
+            raise InputError(f"{where}.{key} is {shown(table[key])}; {other} says {shown(wanted)}")
     causal, noncausal = (
-        whole(f"{where}.{key}", found[key], 0, MOST_LAGS) for key in ("causal_order", "noncausal_order")
+        whole(f"{where}.{key}", table[key], 0, MOST_LAGS) for key in ("causal_order", "noncausal_order")
     )
     lags = causal + noncausal + 1
     if lags * len(inputs) > MOST_LAGS:
         raise InputError(f"{where}: {lags} lags of {len(inputs)} inputs; at most {MOST_LAGS} parameters are read")
-    own_s = number(f"{where}.sample_period_s", found["sample_period_s"], *PERIODS_S)
+    own_s = number(f"{where}.sample_period_s", table["sample_period_s"], *PERIODS_S)
     if not same_period(own_s, period_s):
         raise InputError(f"{where}.sample_period_s is {own_s:g}; the monitor's is {period_s:g}, and they must be one")
     for key in ("estimator", "solver"):
-        if not isinstance(found[key], str):
-            raise InputError(f"{where}.{key} is {shown(found[key])}; it must be a text")
+        if not isinstance(table[key], str):
+            raise InputError(f"{where}.{key} is {shown(table[key])}; it must be a text")
     return Transmissibility(
-        markov=array_of(f"{where}.markov", found["markov"], (lags, len(outputs), len(inputs))),
+        markov=array_of(f"{where}.markov", table["markov"], (lags, len(outputs), len(inputs))),
         inputs=inputs,
         outputs=outputs,
         causal_order=causal,
         noncausal_order=noncausal,
-        input_means=array_of(f"{where}.input_means", found["input_means"], (len(inputs),)),
-        output_means=array_of(f"{where}.output_means", found["output_means"], (len(outputs),)),
-        rms_residual=array_of(f"{where}.rms_residual", found["rms_residual"], (len(outputs),)),
-        rank=whole(f"{where}.rank", found["rank"]),
-        samples=whole(f"{where}.samples", found["samples"], 0, 10**15),
+        input_means=array_of(f"{where}.input_means", table["input_means"], (len(inputs),)),
+        output_means=array_of(f"{where}.output_means", table["output_means"], (len(outputs),)),
+        rms_residual=array_of(f"{where}.rms_residual", table["rms_residual"], (len(outputs),)),
+        rank=whole(f"{where}.rank", table["rank"]),
+        samples=whole(f"{where}.samples", table["samples"], 0, 10**15),
         sample_period_s=own_s,
-        estimator=found["estimator"],
-        solver=found["solver"],
+        estimator=table["estimator"],
+        solver=table["solver"],
     )
 
 
 def keys(where: str, given: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
     """Return a table that has exactly these keys, in the file's order."""
-    found = table_of(where or "it", given)
-    missing = [key for key in wanted if key not in found]
+    table = table_of(where or "it", given)
+    missing = [key for key in wanted if key not in table]
     if missing:
         before = f"{where}: " if where else ""
         raise InputError(f"{before}key '{missing[0]}' is missing; there must be {', '.join(wanted)}")
-    return checks.keys(found, wanted, where=where, there="there must be")
+    return checks.keys(table, wanted, where=where, there="there must be")
 
 
 def table_of(where: str, given: Any) -> dict[str, Any]:

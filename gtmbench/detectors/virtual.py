@@ -74,8 +74,8 @@ def _rolled(
     """Return phi in deg: its slope depends on itself, so step by step."""
     step = math.radians(sample_period_s)
     means = [0.5 * (rate[1:] + rate[:-1]) for rate in (p, q, r)]
-    at, found = start, [start]
+    at, angles = start, [start]
     for roll, pitch, yaw, tan in zip(*(mean.tolist() for mean in means), tangent.tolist(), strict=False):
         at += step * (roll + tan * (pitch * math.sin(at) + yaw * math.cos(at)))
-        found.append(at)
-    return np.asarray(np.rad2deg(found))
+        angles.append(at)
+    return np.asarray(np.rad2deg(angles))

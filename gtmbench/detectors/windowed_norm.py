@@ -11,11 +11,11 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import number, text, whole
-from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Score, Watch, came_down, rising
+from gtmbench.detectors.alarm import Alarm, alarms_at
+from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import threshold
+from gtmbench.method.alarms import came_down, rising, threshold
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
@@ -107,17 +107,17 @@ class DissertationOperator:
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> NormMonitor:
         """Return the monitor of some figures; they have to be of these sensors, orders and window."""
-        found = restore_norm(figures, provenance)
-        operator = found.operator
-        given = (operator.inputs, operator.outputs, operator.causal_order, operator.noncausal_order, found.window)
+        monitor = restore_norm(figures, provenance)
+        operator = monitor.operator
+        given = (operator.inputs, operator.outputs, operator.causal_order, operator.noncausal_order, monitor.window)
         if given != (self.inputs, self.outputs, self.causal_order, self.noncausal_order, self.window):
             raise InputError(
                 f"the figures are of {operator.name} with r = {operator.causal_order}, d = {operator.noncausal_order}, "
-                f"w = {found.window}; the recipe says [{' '.join(self.inputs)}] -> {' '.join(self.outputs)} with "
+                f"w = {monitor.window}; the recipe says [{' '.join(self.inputs)}] -> {' '.join(self.outputs)} with "
                 f"r = {self.causal_order}, d = {self.noncausal_order}, w = {self.window}; give the monitor's file "
                 "alone, or calibrate anew"
             )
-        return found
+        return monitor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,8 +196,8 @@ class NormMonitor:
             Where the record lacks a channel or has another sample period.
         """
         check_record(record)
-        found = residual(self.operator, record)
-        norm = windowed_norm(found, window=self.window)
+        errors = residual(self.operator, record)
+        norm = windowed_norm(errors, window=self.window)
         known_s = np.round(norm.known_s, 9)
         score = Score(
             name=SCORE,
@@ -208,13 +208,12 @@ class NormMonitor:
             channels=self.channels,
             armed=came_down(norm.values, self.threshold),
         )
-        alarms = [_alarm(i, float(known_s[row])) for i, row in enumerate(rising(norm.values, self.threshold).tolist())]
-        columns = dict(zip(self.operator.outputs, found.values.T, strict=True))
+        columns = dict(zip(self.operator.outputs, errors.values.T, strict=True))
         return Watch(
             monitor=self,
             record=record,
             scores=MappingProxyType({SCORE: score}),
-            alarms=tuple(alarms),
+            alarms=alarms_at((time_s, SCORE) for time_s in known_s[rising(norm.values, self.threshold)].tolist()),
             residuals=MappingProxyType(columns),
             predictions=MappingProxyType({name: record[name] - values for name, values in columns.items()}),
         )
@@ -254,15 +253,11 @@ class NormAlarmStream:
             Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         crossed = self._crossings.push(self._norm.push(self._residual.push(chunk)))
-        times = np.round(crossed.time_s, 9).tolist()
-        found = tuple(_alarm(len(self._alarms) + i, time_s) for i, time_s in enumerate(times))
+        times_s = np.round(crossed.time_s, 9).tolist()
+        alarms = alarms_at(((time_s, SCORE) for time_s in times_s), first=len(self._alarms))
         self._is_armed = not np.isnan(crossed.armed_s)
-        self._alarms += found
-        return found
-
-
-def _alarm(number: int, time_s: float) -> Alarm:
-    return Alarm(number=number, time_s=time_s, onset_s=time_s, source=SCORE)
+        self._alarms += alarms
+        return alarms
 
 
 def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> NormMonitor:
@@ -273,14 +268,14 @@ def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> N
     InputError
         Naming the key, what stands there and what should.
     """
-    found = keys("figures", figures, ("sample_period_s", "name", "window", "threshold", "operator"))
-    table = keys("operator", found["operator"], OPERATOR_KEYS)
+    figures = keys("figures", figures, ("sample_period_s", "name", "window", "threshold", "operator"))
+    table = keys("operator", figures["operator"], OPERATOR_KEYS)
     inputs, outputs = (names_of(f"operator.{key}", table[key]) for key in ("inputs", "outputs"))
-    period_s = number("sample_period_s", found["sample_period_s"], *PERIODS_S)
+    period_s = number("sample_period_s", figures["sample_period_s"], *PERIODS_S)
     return NormMonitor(
-        name=text("name", found["name"]),
+        name=text("name", figures["name"]),
         operator=operator_of("operator", table, inputs, outputs, period_s, "the file"),
-        window=whole("window", found["window"]),
-        threshold=number("threshold", found["threshold"], 0.0, above=True),
+        window=whole("window", figures["window"]),
+        threshold=number("threshold", figures["threshold"], 0.0, above=True),
         provenance=dict(provenance),
     )

@@ -1,8 +1,9 @@
-"""What every fault has: a channel, an onset, parameters, and one way of distorting that serves arrays and streams.
+"""What every fault has: a channel, an onset, parameters, and one way of distorting a signal.
 
 A kind says once how it distorts a stretch of samples, given what it carries over from the stretch before. The array
-form takes the whole fault as one stretch, the streaming form takes stretches of one sample: the same code, so the same
-result, and a fault can sit inside a control loop.
+form takes the whole fault as one stretch, the streaming form takes stretches of one sample, and a diagnosis takes what
+a virtual sensor says the suspect should have read: the same code, so the same result, and a fault can sit inside a
+control loop.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +19,8 @@ import numpy as np
 from gtmbench.checks import number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
+
+Distorted = tuple[FloatArray, Any]  # broken samples, and what is carried into the next stretch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,40 +65,39 @@ class Fault:
         if not isinstance(self.channel, str):
             raise InputError(f"{self.kind}: channel is {shown(self.channel)}; it must be a channel's name")
         number(f"{self.kind}: onset_s", self.onset_s)
-        for item in self.parameters():
-            if item.is_severity:
-                number(f"{self.kind}: {item.name}", getattr(self, item.name), item.low)
+        for parameter in self.parameters():
+            if parameter.is_severity:
+                number(f"{self.kind}: {parameter.name}", getattr(self, parameter.name), parameter.low)
         if self.duration_s is not None:
             number(f"{self.kind}: duration_s", self.duration_s, 0.0, above=True)
 
     @classmethod
+    @cache  # a diagnosis makes thousands of a kind
     def parameters(cls) -> tuple[Parameter, ...]:
         """Return the parameters of this kind, in order."""
-        return tuple(Parameter(name=item.name, **item.metadata) for item in fields(cls) if item.metadata)
+        return tuple(Parameter(name=each.name, **each.metadata) for each in fields(cls) if each.metadata)
 
     @property
     def severities(self) -> dict[str, float]:
         """How bad it is: the severities by name, in the channel's unit (per second for slopes)."""
-        return {item.name: float(getattr(self, item.name)) for item in self.parameters() if item.is_severity}
+        return {each.name: float(getattr(self, each.name)) for each in self.parameters() if each.is_severity}
 
     @property
     def reads(self) -> tuple[str, ...]:
         """The channels it looks at, its own first."""
-        others = (getattr(self, item.name) for item in self.parameters() if not item.is_severity)
+        others = (getattr(self, each.name) for each in self.parameters() if not each.is_severity)
         return (self.channel, *others)
 
     def begin(self, before: FloatArray) -> Any:
         """Return what the fault carries into its first stretch, from the last healthy sample of `reads`."""
         return None
 
-    def distort(
-        self, seen: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any
-    ) -> tuple[FloatArray, Any]:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
         """Return the broken samples of a stretch, and what to carry into the next.
 
         Parameters
         ----------
-        seen : shape (samples, len(reads))
+        readings : shape (samples, len(reads))
             The channels the fault reads, its own first.
         elapsed_s : shape (samples,)
             Time since the onset, in seconds.
@@ -113,14 +116,14 @@ class Fault:
     def array(self, record: Record) -> FloatArray:
         """Return the broken channel of a record, shape (samples,)."""
         time_s = record.time_s
-        seen = record.matrix(self.reads)
-        broken = seen[:, 0].copy()
+        readings = record.matrix(self.reads)
+        broken = readings[:, 0].copy()
         stretch = np.flatnonzero(self.active(time_s))
         if len(stretch):
             first, last = int(stretch[0]), int(stretch[-1]) + 1
-            carried = self.begin(seen[max(first - 1, 0)])
+            carried = self.begin(readings[max(first - 1, 0)])
             elapsed = time_s[first:last] - self.onset_s
-            broken[first:last], _ = self.distort(seen[first:last], elapsed, record.sample_period_s, carried)
+            broken[first:last], _ = self.distort(readings[first:last], elapsed, record.sample_period_s, carried)
         return broken
 
     def stream(self, sample_period_s: float) -> Callable[[float, Sequence[float]], float]:
@@ -131,15 +134,42 @@ class Fault:
 
         def step(time_s: float, sample: Sequence[float]) -> float:
             nonlocal carried, before, begun
-            seen = np.asarray(sample, dtype=np.float64).reshape(1, -1)
+            readings = np.asarray(sample, dtype=np.float64).reshape(1, -1)
             moment = np.array([time_s])
             if not self.active(moment)[0]:
-                before = seen[0]
-                return float(seen[0, 0])
+                before = readings[0]
+                return float(readings[0, 0])
             if not begun:
-                carried = self.begin(seen[0] if before is None else before)
+                carried = self.begin(readings[0] if before is None else before)
                 begun = True
-            broken, carried = self.distort(seen, moment - self.onset_s, sample_period_s, carried)
+            broken, carried = self.distort(readings, moment - self.onset_s, sample_period_s, carried)
             return float(broken[0])
 
         return step
+
+
+def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
+    """Return the record with one or several faults, applied one after the other.
+
+    Raises
+    ------
+    InputError
+        Where the record lacks a channel, or a fault's onset lies outside of it.
+
+    Examples
+    --------
+    >>> from gtmbench.faults.kinds import Jam
+    >>> record = Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
+    >>> inject(record, Jam(channel="p", onset_s=1.0))["p"]
+    array([3., 3., 3.])
+    """
+    for fault in [faults] if isinstance(faults, Fault) else faults:
+        if not isinstance(fault, Fault):
+            raise InputError(f"{fault!r} is no fault; give one such as Jam(channel='p', onset_s=300)")
+        if not record.start_s - 1e-9 <= fault.onset_s <= record.end_s + 1e-9:
+            raise InputError(
+                f"{fault.kind} on '{fault.channel}' begins at {fault.onset_s:g} s, outside of the record, which runs "
+                f"from {record.start_s:g} to {record.end_s:g} s"
+            )
+        record = record.replace(fault.channel, fault.array(record))
+    return record

@@ -42,8 +42,8 @@ def register_fault(cls: _Class) -> _Class:
     ...     kind = "step"
     ...     size: float = severity(per_second=False)
     ...
-    ...     def distort(self, seen, elapsed_s, sample_period_s, carried):
-    ...         return seen[:, 0] + self.size, None
+    ...     def distort(self, readings, elapsed_s, sample_period_s, carried):
+    ...         return readings[:, 0] + self.size, None
     >>> find_fault("step") is Step
     True
     """
@@ -119,10 +119,10 @@ def _checked(cls: object) -> type[Fault]:
     if "__dataclass_params__" not in vars(cls) or not vars(cls)["__dataclass_params__"].frozen:
         raise InputError(f"{place} isn't a frozen dataclass; put {_HOW} above it, and @register_fault above that")
     common = Fault.__dataclass_fields__
-    for item in fields(cls):
-        unset = item.default is MISSING and item.default_factory is MISSING
-        if unset and item.init and not item.metadata and item.name not in common:
-            raise InputError(f"{place}: declare '{item.name}' by severity() or other_channel(), or give it a default")
+    for each in fields(cls):
+        unset = each.default is MISSING and each.default_factory is MISSING
+        if unset and each.init and not each.metadata and each.name not in common:
+            raise InputError(f"{place}: declare '{each.name}' by severity() or other_channel(), or give it a default")
     return cls
 
 

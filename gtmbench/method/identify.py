@@ -115,12 +115,12 @@ def operator_of(problem: Problem, estimate: Estimate, estimator: Estimator) -> T
 
 
 def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
-    what, seen = "record determines", ""
+    what, limit = "record determines", ""
     if problem.instruments:
-        what, seen = f"instruments {', '.join(problem.instruments)} determine", ", as far as they see it,"
+        what, limit = f"instruments {', '.join(problem.instruments)} determine", ", as far as they see it,"
     warnings.warn(
         f"the {what} {estimate.rank} of the {problem.parameters} Markov parameters of an output: "
-        f"{cause(estimate.root[0], problem.inputs, estimate.equations)}{seen}; the smallest ones that fit were taken. "
+        f"{cause(estimate.root[0], problem.inputs, estimate.equations)}{limit}; the smallest ones that fit were taken. "
         "Predictions on like records hold; don't read the parameters",
         RankWarning,
         stacklevel=4,
@@ -153,7 +153,7 @@ def cause(root: FloatArray, channels: Sequence[str], equations: int) -> str:
         return int(np.linalg.matrix_rank(by_channel[:, :, numbers].reshape(size, -1), tolerance))
 
     alone = [(name, rank([i])) for i, name in enumerate(channels)]
-    poor = [f"'{name}' ({found} of its {lags} lags)" for name, found in alone if found < lags]
+    poor = [f"'{name}' ({determined} of its {lags} lags)" for name, determined in alone if determined < lags]
     if poor:
         return f"too few frequencies in {', '.join(poor)}"
     for last in range(1, count):

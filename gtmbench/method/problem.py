@@ -171,18 +171,18 @@ def operator_names(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple
 
 def as_records(given: Records) -> tuple[Record, ...]:
     """Return one record or several as a tuple: at least one, all of one sample period."""
-    found = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
-    for record in found:
+    records = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
+    for record in records:
         check_record(record)
-    if not found:
+    if not records:
         raise InputError("no record given; give one Record or several")
-    periods = {record.sample_period_s for record in found}
+    periods = {record.sample_period_s for record in records}
     if not same_period(max(periods), min(periods)):
         raise InputError(
             f"the records are sampled every {', '.join(f'{period:g}' for period in sorted(periods))} s; one operator "
             "has one sample period, so resample them"
         )
-    return found
+    return records
 
 
 def pose_problem(
@@ -202,9 +202,9 @@ def pose_problem(
     InputError
         Where channels are missing, constant, hold NaN, or the records are too short.
     """
-    found = as_records(records)
+    flights = as_records(records)
     given = [weights] if isinstance(records, Record) else weights
-    parts, centre, rms = stretches(found, (*instruments, *inputs, *outputs), _weights(found, given))
+    parts, centre, rms = stretches(flights, (*instruments, *inputs, *outputs), _weights(flights, given))
     problem = Problem(
         stretches=parts,
         instruments=instruments,
@@ -214,7 +214,7 @@ def pose_problem(
         noncausal_order=whole("noncausal_order", noncausal_order),
         centre=centre,
         scale=rms,
-        sample_period_s=found[0].sample_period_s,
+        sample_period_s=flights[0].sample_period_s,
     )
     check_parameters(problem.lags, len(inputs))
     target = f" of '{outputs[0]}'" if outputs else ""
@@ -237,20 +237,20 @@ def _weights(records: tuple[Record, ...], given: Any) -> list[FloatArray | None]
     each = [None] * len(records) if given is None else list(given) if isinstance(given, Iterable) else [given]
     if len(each) != len(records):
         raise InputError(f"{len(each)} arrays of weights were given for {len(records)} records; give one a record")
-    found: list[FloatArray | None] = []
-    for record, one in zip(records, each, strict=True):
-        if one is None:
-            found.append(None)
+    arrays: list[FloatArray | None] = []
+    for record, weights in zip(records, each, strict=True):
+        if weights is None:
+            arrays.append(None)
             continue
         try:
-            if np.iscomplexobj(one):
+            if np.iscomplexobj(weights):
                 raise TypeError
-            array = np.asarray(one, dtype=float)
+            array = np.asarray(weights, dtype=float)
         except (TypeError, ValueError):
-            raise InputError(f"weights hold a {type(one).__name__}; give numbers, one a sample") from None
+            raise InputError(f"weights hold a {type(weights).__name__}; give numbers, one a sample") from None
         if array.shape != (len(record),):
             raise InputError(f"weights of shape {array.shape} for {len(record)} samples; give one a sample")
         if not np.all((array == 0) | ((array >= 1e-100) & (array <= 1e100))):
             raise InputError("weights must be 0 or numbers from 1e-100 to 1e100")
-        found.append(array)
-    return found
+        arrays.append(array)
+    return arrays

@@ -116,13 +116,13 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
     >>> record = Record(np.column_stack([u, 2.0 * u + w]), channels=["u", "y"], sample_period_s=0.01)
     >>> names = {"inputs": ["u"], "outputs": ["y"], "causal_order": 0, "noncausal_order": 0}
     >>> operator = identify(record, **names, estimator=PredictionError(noise_order=1))
-    >>> [round(float(np.nanstd(found(operator, record).values)), 1) for found in (residual, innovations)]
+    >>> [round(float(np.nanstd(each(operator, record).values)), 1) for each in (residual, innovations)]
     [11.7, 1.0]
     """
-    found = residual(operator, record)
+    left = residual(operator, record)
     if operator.noise_model is None:
         raise InputError(f"the operator {operator.name} has no noise model; identify it by PredictionError(...)")
-    return replace(found, values=frozen(operator.noise_model.innovations(found.values)))
+    return replace(left, values=frozen(operator.noise_model.innovations(left.values)))
 
 
 def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:

@@ -58,13 +58,13 @@ class ResidualStream:
         clock = advanced(self._clock, chunk)
         values = np.concatenate([self._tail, record.matrix(self._channels)])
         joined = Record(values, channels=self._channels, sample_period_s=clock.sample_period_s)
-        found = residual(self._operator, joined)
+        whole = residual(self._operator, joined)
         known = clock.known(len(record), self._operator.noncausal_order)
         row_0 = clock.count - len(joined)  # which sample that is
         self._tail = values[max(len(values) - len(self._operator.markov) + 1, 0) :].copy()  # a view would hold it all
         self._clock = clock
         return replace(
-            found, values=found.values[known.start - row_0 : known.stop - row_0], time_s=clock.times_s(known)
+            whole, values=whole.values[known.start - row_0 : known.stop - row_0], time_s=clock.times_s(known)
         )
 
 
@@ -182,9 +182,9 @@ class AlarmStream:
         """
         source = f"windows of {norm.window + 1} samples with a look-ahead of {norm.look_ahead_s} s"
         clock = advanced(self._clock, ChunkClock.of(norm.time_s, norm.sample_period_s, source))
-        time_s, values = seen = np.hstack([self._last, [norm.time_s, norm.values]])
-        found = alarms(replace(norm, time_s=time_s, values=values), self._threshold, start_s=self._start_s)
-        self._last = seen[:, np.flatnonzero(~np.isnan(values))[-1:]]
-        self._armed_s = found.armed_s if np.isnan(self._armed_s) else self._armed_s
+        time_s, values = both = np.hstack([self._last, [norm.time_s, norm.values]])
+        crossings = alarms(replace(norm, time_s=time_s, values=values), self._threshold, start_s=self._start_s)
+        self._last = both[:, np.flatnonzero(~np.isnan(values))[-1:]]
+        self._armed_s = crossings.armed_s if np.isnan(self._armed_s) else self._armed_s
         self._clock = clock
-        return replace(found, armed_s=self._armed_s)
+        return replace(crossings, armed_s=self._armed_s)

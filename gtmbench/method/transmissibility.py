@@ -108,11 +108,11 @@ class Transmissibility:
     @cached_property
     def standard_error(self) -> FloatArray:
         """Standard deviations of `markov`, same shape and units; NaN where the theory or the data give none."""
-        found = np.full(self.markov.shape, np.nan)
+        errors = np.full(self.markov.shape, np.nan)
         for o in range(len(self.outputs)):
             deviation = np.sqrt(np.sum(self._factor(o) ** 2, axis=1))
-            found[:, o] = deviation.reshape(len(self.lags), len(self.inputs))[::-1]
-        return found
+            errors[:, o] = deviation.reshape(len(self.lags), len(self.inputs))[::-1]
+        return errors
 
     def covariance(self, output: str) -> FloatArray:
         """Return the covariance of one output's Markov parameters, shape (lags, inputs, lags, inputs).

@@ -1,8 +1,10 @@
-"""How scores are shown: in their own unit, or as levels, over their thresholds."""
+"""How scores are shown: in their own unit, or as levels.
+
+A level is a score over its threshold: another word, since a score itself keeps its unit, and since recordings, figures
+and results show it by that name (``levels/p``, ``peak_level``).
+"""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 
@@ -45,12 +47,3 @@ def around(trial: Trial, *, before_s: float, after_s: float, longest_s: float = 
     last_s = max(told) + after_s if told else trial.onset_s + _MISSED_S
     start_s = max(trial.onset_s - before_s, trial.record.start_s)
     return start_s, min(last_s, start_s + longest_s, trial.record.end_s)
-
-
-def safe(name: str) -> str:
-    """Return a name as part of a file's: letters, digits, dots and dashes stay.
-
-    >>> safe("C (2)"), safe("../odd")
-    ('C_2', 'odd')
-    """
-    return re.sub(r"[^\w.-]+", "_", name).strip("_.") or "detector"

@@ -35,15 +35,11 @@ def own_detector(setup: Setup) -> DissertationOperator:
     >>> own_detector(Setup()) == DissertationOperator(identify_s=(25.0, 200.0), threshold_s=(200.0, 480.0))
     True
     """
-    operator, alarm = setup.operator, setup.alarm
+    alarm = setup.alarm
     return DissertationOperator(
-        inputs=operator.inputs,
-        outputs=operator.outputs,
-        causal_order=operator.causal_order,
-        noncausal_order=operator.noncausal_order,
+        **vars(setup.operator),
         window=alarm.window,
         threshold_factor=alarm.threshold_factor,
-        identify_s=operator.identify_s,
         threshold_s=alarm.threshold_s,
     )
 
@@ -86,56 +82,53 @@ def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibrator:
-    """What a study's detectors need: by name a detector that is yet to calibrate, or a monitor that is ready.
+    """What watches a study: by name a detector that is yet to calibrate, or a monitor that is ready."""
 
-    Attributes
-    ----------
-    detectors : mapping of str to Detector
-    ready : mapping of str to Monitor
-    order : tuple of str
-    """
-
-    detectors: Mapping[str, Detector]
-    ready: Mapping[str, Monitor]
-    order: tuple[str, ...]
+    watchers: Mapping[str, Detector | Monitor]
 
     @classmethod
-    def of(cls, setup: Setup, named: Mapping[str, Any]) -> Calibrator:
-        """Sort detectors from monitors, and refuse what doesn't fit the study's sensors: before anything is flown."""
-        for name, watcher in named.items():
+    def of(cls, setup: Setup, watchers: Mapping[str, Any]) -> Calibrator:
+        """Refuse what doesn't fit the study's sensors: before anything is flown."""
+        for name, watcher in watchers.items():
             check_flown(name, watcher.channels)
-        ready = {name: watcher for name, watcher in named.items() if is_ready(watcher)}
-        for name, monitor in ready.items():
-            _check_period(name, monitor)
-            _check_noise(name, monitor, setup)
-        rest = {name: watcher for name, watcher in named.items() if is_recipe(watcher)}
-        return cls(detectors=rest, ready=ready, order=tuple(named))
+        for name, watcher in watchers.items():
+            if is_ready(watcher):
+                _check_period(name, watcher)
+                _check_noise(name, watcher, setup)
+        return cls(watchers=watchers)
 
     @property
     def commands(self) -> bool:
         """Whether a detector needs surface commands."""
-        watchers: list[Detector | Monitor] = [*self.detectors.values(), *self.ready.values()]
-        return any(channel in COMMANDS for watcher in watchers for channel in watcher.channels)
+        return any(channel in COMMANDS for watcher in self.watchers.values() for channel in watcher.channels)
 
     @property
     def steps(self) -> int:
         """How many steps `monitors` tells of."""
-        return len(self.detectors) + (FLIGHTS if self._need_flights else 0)
+        return len(self._recipes) + (FLIGHTS if self._need_flights else 0)
+
+    @property
+    def _recipes(self) -> list[Detector]:
+        return [watcher for watcher in self.watchers.values() if is_recipe(watcher)]
 
     @property
     def _need_flights(self) -> bool:
-        return any(not _is_tied(detector) for detector in self.detectors.values())
+        return any(not _is_tied(detector) for detector in self._recipes)
 
     def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
         """Calibrate what has to be, and return every monitor by name."""
         records = _flights(flown, tell) if self._need_flights else []
-        monitors: dict[str, Monitor] = dict(self.ready)
-        for name, detector in self.detectors.items():
+        monitors = {}
+        for name, watcher in self.watchers.items():
+            if is_ready(watcher):
+                monitors[name] = watcher
+                continue
+            assert is_recipe(watcher)
             tell(f"calibrate {name}")
-            tied = _is_tied(detector)
-            monitor = detector.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
+            tied = _is_tied(watcher)
+            monitor = watcher.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
             monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
-        return {name: monitors[name] for name in self.order}
+        return monitors
 
 
 def _is_tied(detector: Detector) -> bool:

@@ -10,7 +10,7 @@ from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim, trim
 from gtmbench.channels import COMMANDS, SENSORS, unit_of
 from gtmbench.errors import InputError
-from gtmbench.faults.kinds import inject
+from gtmbench.faults.fault import inject
 from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec, build, resolve

@@ -130,7 +130,8 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Ver
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import Drift, inject
+    >>> from gtmbench.faults.fault import inject
+    >>> from gtmbench.faults.kinds import Drift
     >>> from gtmbench.detectors.function import FunctionDetector
     >>> healthy = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
     >>> fault = Drift(channel="p", onset_s=1.0, slope=2.0)

@@ -13,8 +13,7 @@ from gtmbench.channels import unit_of
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import inject
+from gtmbench.faults.fault import Fault, inject
 from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record, check_record

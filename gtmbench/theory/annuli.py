@@ -75,10 +75,10 @@ def on_circle(system: StateSpace, radius: float, poles: ComplexArray | None = No
     They do where a change of A by 1e-12 of its norm (or of the radius) puts an eigenvalue onto the circle at a pole's
     angle, at z: the least singular value of z I - A isn't more. A k-fold pole is then as near as the k-th root of that.
     """
-    found = system.poles if poles is None else poles
-    if not len(found):
+    candidates = system.poles if poles is None else poles
+    if not len(candidates):
         return False
-    nearest = radius * np.exp(1j * np.angle(found))
+    nearest = radius * np.exp(1j * np.angle(candidates))
     shifted = nearest[:, np.newaxis, np.newaxis] * np.eye(system.order) - system.A
     least = np.linalg.svd(shifted, compute_uv=False)[:, -1].min()
     return bool(least <= _TOLERANCE * max(float(np.linalg.norm(system.A, 2)), radius))

@@ -81,11 +81,11 @@ def read_exactly(matrices: Mapping[str, Matrix], shapes: Mapping[str, tuple[int,
 
     flat: list[Any] = []
     for name, given in matrices.items():
-        found = rows(name, given)
-        shape = len(found), len(found[0])
+        entries = rows(name, given)
+        shape = len(entries), len(entries[0])
         if shape != shapes[name]:
             raise InputError(f"{name} has shape {shape}; beside the other matrices it has {shapes[name]}")
-        flat += [exact_entry(name, x) for row in found for x in row]
+        flat += [exact_entry(name, x) for row in entries for x in row]
     operator = Symbol("p")
     field, values = construct_domain(flat, field=True)
     symbols = () if field.is_QQ else getattr(field, "symbols", (None,))
@@ -109,12 +109,12 @@ def rows(name: str, given: Matrix) -> list[list[Any]]:
     """Return a matrix as lists, at least 1 x 1."""
     listed = given.tolist() if hasattr(given, "tolist") and not isinstance(given, np.ndarray) else given
     try:
-        found = [list(row) for row in listed]
+        matrix = [list(row) for row in listed]
     except TypeError as error:
         raise InputError(f"{name} is {shown(given)}; give a matrix, rows of equal length") from error
-    if not found or not found[0] or len({len(row) for row in found}) > 1:
-        raise InputError(f"{name} has rows of lengths {[len(row) for row in found]}; give rows of equal length, not 0")
-    return found
+    if not matrix or not matrix[0] or len({len(row) for row in matrix}) > 1:
+        raise InputError(f"{name} has rows of lengths {[len(row) for row in matrix]}; give rows of equal length, not 0")
+    return matrix
 
 
 def exact_entry(name: str, value: Any) -> Any:
@@ -128,5 +128,5 @@ def exact_entry(name: str, value: Any) -> Any:
     if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
         return Rational(str(value))
     if isinstance(value, Expr) and value.is_finite is not False:
-        return value.xreplace({one: Rational(str(one)) for one in value.atoms(Float)})
+        return value.xreplace({decimal: Rational(str(decimal)) for decimal in value.atoms(Float)})
     raise InputError(f"{name} holds {shown(value)}; give finite numbers or sympy expressions")

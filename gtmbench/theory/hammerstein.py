@@ -58,13 +58,13 @@ def mean(function: Nonlinearity, density: rv_frozen, breaks: tuple[float, ...] =
     """
     with np.errstate(over="ignore", invalid="ignore"):
         coarse, fine = (function(u) * w for u, w in (_nodes(density, breaks, *how) for how in (_COARSE, _FINE)))
-    first, found = float(np.sum(coarse)), float(np.sum(fine))
-    if not abs(found - first) <= _EXACT * np.sum(np.abs(fine)) < np.inf:
+    first, refined = float(np.sum(coarse)), float(np.sum(fine))
+    if not abs(refined - first) <= _EXACT * np.sum(np.abs(fine)) < np.inf:
         raise InputError(
-            f"a mean comes out as {first:.6g} and, with finer steps and farther out, {found:.6g}; assumption 2 asks "
+            f"a mean comes out as {first:.6g} and, with finer steps and farther out, {refined:.6g}; assumption 2 asks "
             "for finite means, so take nonlinearities that grow less, and name in breaks where they jump"
         )
-    return found
+    return refined
 
 
 def centred(function: Nonlinearity, density: rv_frozen, breaks: tuple[float, ...] = _BREAKS) -> Nonlinearity:
@@ -177,12 +177,12 @@ def without_nonlinearities(G1: StateSpace, G2: StateSpace, parameters: int) -> F
     array([1.   , 0.5  , 0.25 , 0.125])
     """
     first, second = _responses(G1, G2)
-    found = np.linalg.solve(toeplitz(_lags(first, first, parameters)), _lags(second, first, parameters))
-    if np.abs(found).max() <= _NIL * np.linalg.norm(second) / np.linalg.norm(first):
+    theta = np.linalg.solve(toeplitz(_lags(first, first, parameters)), _lags(second, first, parameters))
+    if np.abs(theta).max() <= _NIL * np.linalg.norm(second) / np.linalg.norm(first):
         raise InputError(
             f"theta' of {parameters} Markov parameters is 0, against assumption 4; take more, or a G_2 that isn't 0"
         )
-    return found
+    return theta
 
 
 def covariance(pair: Pair, G1: StateSpace, G2: StateSpace, parameters: int) -> FloatArray:
@@ -208,22 +208,23 @@ def covariance(pair: Pair, G1: StateSpace, G2: StateSpace, parameters: int) -> F
 def _responses(*systems: StateSpace) -> list[FloatArray]:
     """Return impulse responses of equal length, until they have died."""
     radius = 0.0
-    for one in systems:
-        largest = float(np.abs(one.poles).max(initial=0.0))
-        if largest >= 1.0 or (one.outputs, one.inputs) != (1, 1) or not (np.any(one.D) or np.any(one.C)):
+    for system in systems:
+        largest = float(np.abs(system.poles).max(initial=0.0))
+        if largest >= 1.0 or (system.outputs, system.inputs) != (1, 1) or not (np.any(system.D) or np.any(system.C)):
             raise InputError(
-                f"{one} with poles up to |z| = {largest:.6g}; assumption 1 asks for stationary outputs, so give G_1 "
+                f"{system} with poles up to |z| = {largest:.6g}; assumption 1 asks for stationary outputs, so give G_1 "
                 "and G_2 that are SISO, stable and not 0"
             )
         radius = max(radius, largest)
-    length = max(one.order for one in systems) + 1 + (int(np.log(_FORGOTTEN) / np.log(radius)) if radius > 0.0 else 0)
-    return [one.markov(length)[:, 0, 0] for one in systems]
+    memory = int(np.log(_FORGOTTEN) / np.log(radius)) if radius > 0.0 else 0
+    length = max(system.order for system in systems) + 1 + memory
+    return [system.markov(length)[:, 0, 0] for system in systems]
 
 
-def _lags(one: FloatArray, other: FloatArray, count: int) -> FloatArray:
-    """Return the sums over k of one(k + i) other(k), arrays of equal length, for i = 0..count-1."""
-    found = correlate(one, other)[len(other) - 1 :][: whole("parameters", count, 1)]
-    return np.pad(found, (0, count - len(found)))
+def _lags(leading: FloatArray, lagging: FloatArray, count: int) -> FloatArray:
+    """Return the sums over k of leading(k + i) lagging(k), arrays of equal length, for i = 0..count-1."""
+    sums = correlate(leading, lagging)[len(lagging) - 1 :][: whole("parameters", count, 1)]
+    return np.pad(sums, (0, count - len(sums)))
 
 
 @lru_cache(maxsize=8)

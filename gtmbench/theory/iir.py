@@ -73,10 +73,10 @@ class IirModel:
         """
         u, y = signals(record, self.channels, self.order, self.order + 1)
         record.check_period(self.sample_period_s, "the model was identified at")
-        found = np.full((len(y), 1), np.nan)
-        found[self.order :, 0] = innovations(self, u, y)
+        errors = np.full((len(y), 1), np.nan)
+        errors[self.order :, 0] = innovations(self, u, y)
         return Residual(
-            values=frozen(found),
+            values=frozen(errors),
             time_s=record.time_s,
             outputs=self.channels[1:],
             look_ahead_s=0.0,
@@ -177,8 +177,8 @@ def solve(columns: FloatArray, target: FloatArray) -> FloatArray:
     if failed or root.diagonal().min() < _TRUSTED:
         root = np.linalg.qr(both, mode="r")
     rounding = len(both) * np.finfo(float).eps
-    found = np.linalg.lstsq(root[:, :-1], root[:, -1], rcond=rounding)[0]
-    return np.asarray(found * (scale[-1] / scale[:-1]))
+    theta = np.linalg.lstsq(root[:, :-1], root[:, -1], rcond=rounding)[0]
+    return np.asarray(theta * (scale[-1] / scale[:-1]))
 
 
 def innovations(model: IirModel, u: FloatArray, y: FloatArray) -> FloatArray:
@@ -207,8 +207,8 @@ def _explained(record: Record, channel: str, instrument: str, reach: int) -> Flo
     """Return what causal lags of the instrument predict of a channel; NaN for the first `reach` samples."""
     if channel == instrument:
         return record[channel]
-    found = identify(record, inputs=[instrument], outputs=[channel], causal_order=reach, noncausal_order=0)
-    return found.predict(record)[:, 0]
+    operator = identify(record, inputs=[instrument], outputs=[channel], causal_order=reach, noncausal_order=0)
+    return operator.predict(record)[:, 0]
 
 
 def _by_instruments(data: FloatArray, order: int) -> FloatArray:

@@ -169,13 +169,15 @@ def _annulus_at(system: StateSpace, radius: float) -> Annulus:
     """Return the maximal annulus that holds a circle, or refuse it for its poles."""
     number("radius", radius, 0.0, above=True)
     every = annuli(system)
-    for one in every:
-        if radius in one and not on_circle(system, radius):
-            return one
-    below = [one for one in every if one.radius < radius][-1:]
-    above = [one for one in every if one.radius > radius][:1]
+    for annulus in every:
+        if radius in annulus and not on_circle(system, radius):
+            return annulus
+    below = [annulus for annulus in every if annulus.radius < radius][-1:]
+    above = [annulus for annulus in every if annulus.radius > radius][:1]
     magnitude = below[0].outer if below else 0.0
-    offers = " or ".join(f"radius={_short(one)} ({one.inner:.6g} < |z| < {one.outer:.6g})" for one in below + above)
+    offers = " or ".join(
+        f"radius={_short(annulus)} ({annulus.inner:.6g} < |z| < {annulus.outer:.6g})" for annulus in below + above
+    )
     raise InputError(
         f"G has poles of magnitude {magnitude:.9g}, on the circle |z| = {radius:.9g} to rounding, and no Laurent "
         f"series there; choose another annulus, equation (3.30): {offers}"
@@ -185,4 +187,4 @@ def _annulus_at(system: StateSpace, radius: float) -> Annulus:
 def _short(annulus: Annulus) -> str:
     """Return a radius in an annulus with as few digits as will do."""
     written = (f"{annulus.radius:.{digits}g}" for digits in range(2, 18))
-    return next(one for one in written if float(one) in annulus)
+    return next(radius for radius in written if float(radius) in annulus)

@@ -41,8 +41,8 @@ def holds_for_free_responses(equation: DifferentialEquation, A: Matrix, Ci: Matr
         return ring.ring.ground_new(polynomial.get((k,), ring.domain.zero))
 
     total = output * ring.zero
-    for k in range(1 + max(one.degree() for one in [denominator, *numerators.to_list_flat()])):
-        total += numerators.applyfunc(lambda one, k=k: power(one, k)) * inputs - output * power(denominator, k)
+    for k in range(1 + max(entry.degree() for entry in [denominator, *numerators.to_list_flat()])):
+        total += numerators.applyfunc(lambda entry, k=k: power(entry, k)) * inputs - output * power(denominator, k)
         inputs, output = inputs * A, output * A
     return bool(total.is_zero_matrix)
 
@@ -55,7 +55,7 @@ def relative_residual(
     y_i = Ci e^(At) x0 and y_o = Co e^(At) x0, derivatives from powers of A, not from differences: where the equation
     holds, what is left is rounding.
     """
-    A, inputs, outputs, x0 = (np.asarray(one, dtype=float) for one in (A, Ci, Co, x0))
+    A, inputs, outputs, x0 = (np.asarray(given, dtype=float) for given in (A, Ci, Co, x0))
     states = np.array([scipy.linalg.expm(A * t) @ x0 for t in np.asarray(time_s, dtype=float)])
     total = size = np.zeros((len(states), len(outputs)))
     for into, out in zip(*_rising(equation), strict=True):
@@ -81,8 +81,8 @@ def with_input(
     ([[-1, 3], [0, 0]], [[2, 3]])
     """
     A, B, Ci, Co, Di, Do, generator, G = (
-        np.array([[exact_entry("a matrix", x) for x in row] for row in rows("a matrix", one)])
-        for one in (A, B, Ci, Co, Di, Do, generator, G)
+        np.array([[exact_entry("a matrix", x) for x in row] for row in rows("a matrix", matrix)])
+        for matrix in (A, B, Ci, Co, Di, Do, generator, G)
     )
     below = np.hstack([np.zeros((len(generator), len(A)), dtype=object), generator])
     return {
@@ -95,10 +95,10 @@ def with_input(
 def _rising(equation: DifferentialEquation) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients by rising powers: shapes (powers, outputs, m) and (powers,)."""
     numerators, denominator = entries(equation.numerators), coefficients(equation.denominator)
-    powers = max(len(one) for one in [denominator, *(one for row in numerators for one in row)])
+    powers = max(len(entry) for entry in [denominator, *(entry for row in numerators for entry in row)])
 
-    def padded(one: Coefficients) -> list[float]:
-        return [float(c) for c in reversed(one)] + [0.0] * (powers - len(one))
+    def padded(entry: Coefficients) -> list[float]:
+        return [float(c) for c in reversed(entry)] + [0.0] * (powers - len(entry))
 
-    found = np.array([[padded(one) for one in row] for row in numerators])
-    return np.moveaxis(found, -1, 0), np.array(padded(denominator))
+    rising = np.array([[padded(entry) for entry in row] for row in numerators])
+    return np.moveaxis(rising, -1, 0), np.array(padded(denominator))

@@ -23,7 +23,7 @@ def nested_operators(healthy: Record, order: int) -> tuple[Transmissibility, ...
     >>> import numpy as np
     >>> u = np.random.default_rng(1).standard_normal((500, 2))
     >>> record = Record(np.column_stack([u, u @ [2.0, 1.0]]), channels=["a", "b", "c"], sample_period_s=1.0)
-    >>> [one.inputs for one in nested_operators(record, 0)]
+    >>> [operator.inputs for operator in nested_operators(record, 0)]
     [('a',), ('a', 'b')]
     """
     *inputs, output = healthy.channels
@@ -53,5 +53,5 @@ def count(record: Record, order: int) -> int:
     >>> count(Record(values, channels=["a", "b", "c"], sample_period_s=1.0), 2)
     1
     """
-    found = count_excitations(record, channels=record.channels, causal_order=order, noncausal_order=order)
-    return found.excitations or len(record.channels)
+    choice = count_excitations(record, channels=record.channels, causal_order=order, noncausal_order=order)
+    return choice.excitations or len(record.channels)

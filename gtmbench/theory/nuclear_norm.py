@@ -101,17 +101,17 @@ def nuclear_norm_path(markov: ArrayLike, gammas: ArrayLike) -> NuclearNormPath:
         raise InputError("all Markov parameters are 0; there is no order to look for")
     problem, data, radius, step = _problem(given.shape)
     data.value = given[1:].ravel() / size
-    found = np.repeat(given[np.newaxis], len(rising), axis=0)
+    path = np.repeat(given[np.newaxis], len(rising), axis=0)
     for at, gamma in enumerate(rising):
         radius.value = gamma / size
         problem.solve(solver="CLARABEL", warm_start=False)  # data updated in place would keep the first scaling
         if step.value is None:
             raise InputError(f"the solver found no optimum at gamma = {gamma:g} ({problem.status}); take another gamma")
-        found[at, 1:] += gamma * step.value.reshape(given[1:].shape)
-    singular = np.array([hankel_singular_values(one) for one in found])
+        path[at, 1:] += gamma * step.value.reshape(given[1:].shape)
+    singular = np.array([hankel_singular_values(parameters) for parameters in path])
     return NuclearNormPath(
         gammas=frozen(rising),
-        markov=frozen(found),
+        markov=frozen(path),
         singular_values=frozen(singular),
         floor=_FLOOR * float(hankel_singular_values(given)[0]),
     )

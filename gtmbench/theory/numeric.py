@@ -35,8 +35,8 @@ class NumericOperator:
 
     Examples
     --------
-    >>> one = StateSpace([[0.0, 1.0], [-2.0, -0.5]], [[0.0], [1.0]], np.eye(2), np.zeros((2, 1)))
-    >>> T = NumericOperator(model=one)  # from position to velocity: p
+    >>> model = StateSpace([[0.0, 1.0], [-2.0, -0.5]], [[0.0], [1.0]], np.eye(2), np.zeros((2, 1)))
+    >>> T = NumericOperator(model=model)  # from position to velocity: p
     >>> T.at(2j), T.poles, T.zeros()
     (array([[0.+2.j]]), array([], dtype=complex128), array([0.+0.j]))
     """
@@ -66,10 +66,10 @@ class NumericOperator:
         They are the poles of T together with what cancels when `RationalOperator.system_equation` is reduced.
         """
         m = self.model.inputs
-        found = invariant_zeros(self.model.A, self.model.B, self.model.C[:m], self.model.D[:m])
-        if found is None:
+        poles = invariant_zeros(self.model.A, self.model.B, self.model.C[:m], self.model.D[:m])
+        if poles is None:
             raise InputError("the pseudo inputs don't tell the inputs apart (Definition 1); choose others")
-        return found
+        return poles
 
     def zeros(self, output: int = 0, pseudo_input: int = 0) -> ComplexArray:
         """Return the roots of the numerator over det S(p) of one entry, by rising magnitude.
@@ -81,10 +81,10 @@ class NumericOperator:
         replaced[whole("pseudo_input", pseudo_input, 0, m - 1)] = m + whole(
             "output", output, 0, self.model.outputs - m - 1
         )
-        found = invariant_zeros(self.model.A, self.model.B, self.model.C[replaced], self.model.D[replaced])
-        if found is None:
+        zeros = invariant_zeros(self.model.A, self.model.B, self.model.C[replaced], self.model.D[replaced])
+        if zeros is None:
             raise InputError("that entry of the operator is zero, and zero has no roots")
-        return found
+        return zeros
 
 
 def invariant_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> ComplexArray | None:
@@ -102,19 +102,19 @@ def invariant_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) 
         if rank == len(D):
             break
         _, singular, turned = np.linalg.svd(C[rank:])
-        seen = int(np.sum(singular > tolerance))  # states that the outputs without feedthrough tell, so are at rest
-        if seen < len(C) - rank:
+        told = int(np.sum(singular > tolerance))  # states that the outputs without feedthrough tell, so are at rest
+        if told < len(C) - rank:
             return None
-        turned = np.roll(turned, -seen, axis=0)
-        A, B, C, left = turned @ A @ turned.T, turned @ B, C[:rank] @ turned.T, len(A) - seen
+        turned = np.roll(turned, -told, axis=0)
+        A, B, C, left = turned @ A @ turned.T, turned @ B, C[:rank] @ turned.T, len(A) - told
         A, B, C, D = (
             A[:left, :left],
             B[:left],
             np.vstack([C[:, :left], A[left:, :left]]),
             np.vstack([D[:rank], B[left:]]),
         )
-    found = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(complex)
-    return np.asarray(found[np.lexsort((found.imag, found.real, np.abs(found)))])
+    zeros = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(complex)
+    return np.asarray(zeros[np.lexsort((zeros.imag, zeros.real, np.abs(zeros)))])
 
 
 def _scaled(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> tuple[FloatArray, ...]:

@@ -45,9 +45,9 @@ def pem(record: Record, *, order: int, channels: Channels = ("u", "y"), most_ite
     least = model_of(solve(regressor(u, y, order), y[order:]), record, channels)
     started = [_searched(start, u, y, _FEW) for start in (least, _two_stage(least, u, y))]
     best = min(started, key=lambda model: _squares(model, u, y))
-    found = best if best.converged else _searched(best, u, y, most_iterations)
-    offset = found.offset + float(found.denominator.sum() * means[1] - found.numerator.sum() * means[0])
-    return replace(found, offset=offset)
+    fitted = best if best.converged else _searched(best, u, y, most_iterations)
+    offset = fitted.offset + float(fitted.denominator.sum() * means[1] - fitted.numerator.sum() * means[0])
+    return replace(fitted, offset=offset)
 
 
 def _searched(model: IirModel, u: FloatArray, y: FloatArray, most_iterations: int) -> IirModel:

@@ -68,8 +68,8 @@ class Plate:
 
     def modes(self, *, forces: ArrayLike, sensors: ArrayLike, damping: float) -> Modes:
         """Return the plate's nine modes, forces and displacements standing at places (x, y)."""
-        pushed, seen = self.deflection(forces).T, self.deflection(sensors)
-        return modes_of(self.mass(), self.stiffness(), forces=pushed, sensors=seen, damping=damping)
+        pushed, sensed = self.deflection(forces).T, self.deflection(sensors)
+        return modes_of(self.mass(), self.stiffness(), forces=pushed, sensors=sensed, damping=damping)
 
     def _integral(self, left: tuple[int, int], right: tuple[int, int]) -> FloatArray:
         """Return integrals over the plate of products of the polynomials' derivatives, shape (9, 9)."""

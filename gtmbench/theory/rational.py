@@ -89,12 +89,12 @@ class RationalOperator:
     @cached_property
     def reduced(self) -> DifferentialEquation:
         """Without any factor that all numerators and the denominator share; the denominator is monic."""
-        found = self.system_equation
-        factor = found.denominator
-        for row in found.numerators.to_list():
+        equation = self.system_equation
+        factor = equation.denominator
+        for row in equation.numerators.to_list():
             for numerator in row:
                 factor = factor.gcd(numerator)
-        return _divided(found, factor * (found.denominator.LC / factor.LC))
+        return _divided(equation, factor * (equation.denominator.LC / factor.LC))
 
     def entry(self, output: int, pseudo_input: int) -> tuple[Coefficients, Coefficients]:
         """Return the coprime numerator and monic denominator of one entry, coefficients by falling powers."""
@@ -123,11 +123,11 @@ class RationalOperator:
     @cached_property
     def relative_degree(self) -> FloatArray:
         """Degree of the denominator less that of the numerator, entry by entry; infinite for an entry that is zero."""
-        found = np.full(self.gamma_o.shape, np.inf)
-        for o, i in np.ndindex(found.shape):
+        degrees = np.full(self.gamma_o.shape, np.inf)
+        for o, i in np.ndindex(degrees.shape):
             numerator, denominator = self._entry(o, i)
-            found[o, i] = denominator.degree() - numerator.degree() if numerator else np.inf
-        return found
+            degrees[o, i] = denominator.degree() - numerator.degree() if numerator else np.inf
+        return degrees
 
     @property
     def properness(self) -> Properness:
@@ -138,16 +138,16 @@ class RationalOperator:
     def at(self, p: ArrayLike) -> ComplexArray:
         """Return T at some points, shape (*p.shape, outputs, inputs), from the coprime entries in floating point."""
         points = np.asarray(p, dtype=complex)
-        found = np.empty((*points.shape, *self.gamma_o.shape), dtype=complex)
+        values = np.empty((*points.shape, *self.gamma_o.shape), dtype=complex)
         for o, i in np.ndindex(self.gamma_o.shape):
             numerator, denominator = self.floats(o, i)
-            found[..., o, i] = np.polyval(numerator, points) / np.polyval(denominator, points)
-        return found
+            values[..., o, i] = np.polyval(numerator, points) / np.polyval(denominator, points)
+        return values
 
     def equals(self, other: RationalOperator) -> bool:
         """Tell whether two operators are the same rational functions, crosswise as in (5.133), exactly."""
-        one, two = self.theorem_1, other.theorem_1
-        left, right = (one.numerators * two.denominator).unify(two.numerators * one.denominator)
+        own, theirs = self.theorem_1, other.theorem_1
+        left, right = (own.numerators * theirs.denominator).unify(theirs.numerators * own.denominator)
         return bool(left == right)
 
     def _entry(self, output: int, pseudo_input: int) -> tuple[Polynomial, Polynomial]:
@@ -162,11 +162,11 @@ def adjugate_times(matrix: PolynomialMatrix, right: PolynomialMatrix) -> tuple[P
 
     `DomainMatrix.adj_det` of sympy 1.14 fails where a coefficient of the characteristic polynomial is zero.
     """
-    found, sign = right * matrix.domain.zero, matrix.domain((-1) ** matrix.shape[0])
+    product, sign = right * matrix.domain.zero, matrix.domain((-1) ** matrix.shape[0])
     *upper, last = matrix.charpoly()
     for coefficient in upper:
-        found = matrix * found + right * coefficient
-    return found * -sign, last * sign
+        product = matrix * product + right * coefficient
+    return product * -sign, last * sign
 
 
 def coefficients(polynomial: Polynomial) -> Coefficients:
@@ -196,10 +196,10 @@ def roots(polynomial: Polynomial) -> ComplexArray:
     _refuse_symbols(polynomial)
     if not polynomial:
         raise InputError("zero has no roots; that entry of the operator is zero")
-    found: list[complex] = []
+    unordered: list[complex] = []
     for factor, times in Poly(polynomial.to_dense(), Symbol("p"), domain=QQ).sqf_list()[1]:
-        found += [complex(root) for root in factor.nroots(n=_DIGITS, maxsteps=1000)] * times
-    return np.array(sorted(found, key=lambda root: (abs(root), root.real, root.imag)), dtype=complex)
+        unordered += [complex(root) for root in factor.nroots(n=_DIGITS, maxsteps=1000)] * times
+    return np.array(sorted(unordered, key=lambda root: (abs(root), root.real, root.imag)), dtype=complex)
 
 
 def _floats(polynomial: Polynomial) -> FloatArray:

@@ -22,13 +22,13 @@ def markov_parameters(given: ArrayLike) -> FloatArray:
     InputError
         Where there are none, or one isn't finite.
     """
-    found = np.asarray(given, dtype=np.float64)
-    found = found[:, np.newaxis, np.newaxis] if found.ndim == 1 else found
-    if found.ndim != 3 or not found.size or not np.all(np.isfinite(found)):
+    markov = np.asarray(given, dtype=np.float64)
+    markov = markov[:, np.newaxis, np.newaxis] if markov.ndim == 1 else markov
+    if markov.ndim != 3 or not markov.size or not np.all(np.isfinite(markov)):
         raise InputError(
             f"Markov parameters have shape {np.shape(given)}; give finite ones of shape (count, outputs, inputs)"
         )
-    return found
+    return markov
 
 
 def block_hankel(markov: ArrayLike) -> FloatArray:
@@ -148,11 +148,11 @@ def realise(coefficients: ArrayLike, *, noncausal_order: int, stable_order: int,
 
 
 def _part(side: str, markov: FloatArray, order: int) -> StateSpace:
-    found = era(markov, order)
-    growth = float(np.abs(found.poles).max(initial=0.0))
+    part = era(markov, order)
+    growth = float(np.abs(part.poles).max(initial=0.0))
     if growth >= 1.0:
         raise InputError(
             f"the {side} coefficients, with order {order}, grow by {growth:.4g} a lag, so they aren't those of a "
             "series about the unit circle; lower that order"
         )
-    return found
+    return part

@@ -48,11 +48,9 @@ class StateSpace:
             object.__setattr__(self, name, _matrix(name, given))
         n, (outputs, inputs) = len(self.A), self.D.shape
         for name, shape in (("A", (n, n)), ("B", (n, inputs)), ("C", (outputs, n))):
-            found = getattr(self, name).shape
-            if found != shape:
-                raise InputError(
-                    f"{name} has shape {found}; with {n} rows of A and a D of {self.D.shape} it has {shape}"
-                )
+            own = getattr(self, name).shape
+            if own != shape:
+                raise InputError(f"{name} has shape {own}; with {n} rows of A and a D of {self.D.shape} it has {shape}")
 
     def __repr__(self) -> str:
         states = "1 state" if self.order == 1 else f"{self.order} states"
@@ -76,8 +74,8 @@ class StateSpace:
     @cached_property
     def poles(self) -> ComplexArray:
         """Eigenvalues of A, by rising magnitude."""
-        found = np.linalg.eigvals(self.A).astype(complex)
-        return found[np.argsort(np.abs(found), kind="stable")]
+        poles = np.linalg.eigvals(self.A).astype(complex)
+        return poles[np.argsort(np.abs(poles), kind="stable")]
 
     def at(self, z: ArrayLike) -> ComplexArray:
         """Return G(z) = C (z I - A)^-1 B + D at some points, shape (*z.shape, outputs, inputs)."""
@@ -86,12 +84,12 @@ class StateSpace:
 
     def markov(self, count: int) -> FloatArray:
         """Return the Markov parameters H_0 = D, H_i = C A^(i-1) B, equation (3.12), shape (count, outputs, inputs)."""
-        found = np.empty((count, self.outputs, self.inputs))
+        parameters = np.empty((count, self.outputs, self.inputs))
         power = self.B
         for i in range(count):
-            found[i] = self.D if i == 0 else self.C @ power
+            parameters[i] = self.D if i == 0 else self.C @ power
             power = self.A @ power if i else power
-        return found
+        return parameters
 
     def simulate(self, u: ArrayLike, x0: ArrayLike | None = None) -> FloatArray:
         """Return y for inputs of shape (..., samples, inputs), every run from x0 (..., n), or from rest.
@@ -148,9 +146,9 @@ def lqr(plant: StateSpace, state_weight: ArrayLike, input_weight: ArrayLike) -> 
 
 def _matrix(name: str, given: ArrayLike) -> FloatArray:
     try:
-        found = frozen(given)
+        matrix = frozen(given)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} isn't a matrix of numbers; give rows of equal length") from error
-    if found.ndim != 2 or not np.all(np.isfinite(found)):
-        raise InputError(f"{name} has shape {found.shape}; it must be a matrix of finite numbers")
-    return found
+    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
+        raise InputError(f"{name} has shape {matrix.shape}; it must be a matrix of finite numbers")
+    return matrix

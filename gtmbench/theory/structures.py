@@ -33,9 +33,9 @@ class Structure:
         for name in ("M", "K"):
             object.__setattr__(self, name, tuple(tuple(row) for row in rows(name, getattr(self, name))))
         n = len(self.M)
-        for name, found in (("M", self.M), ("K", self.K)):
-            if (len(found), len(found[0])) != (n, n):
-                raise InputError(f"{name} has shape ({len(found)}, {len(found[0])}); M and K are both {n} x {n}")
+        for name, matrix in (("M", self.M), ("K", self.K)):
+            if (len(matrix), len(matrix[0])) != (n, n):
+                raise InputError(f"{name} has shape ({len(matrix)}, {len(matrix[0])}); M and K are both {n} x {n}")
 
     def __repr__(self) -> str:
         return f"Structure({len(self.M)} masses)"

@@ -96,10 +96,13 @@ def minimal(system: StateSpace) -> StateSpace:
 def _rows(what: str, given: Any) -> list[list[FloatArray]]:
     """Return rows of polynomials without leading zeros."""
     try:
-        rows = [[np.trim_zeros(np.atleast_1d(np.asarray(one, dtype=np.float64)), "f") for one in row] for row in given]
+        rows = [
+            [np.trim_zeros(np.atleast_1d(np.asarray(entry, dtype=np.float64)), "f") for entry in row] for row in given
+        ]
     except (TypeError, ValueError):
         rows = []
-    if not rows or not rows[0] or any(len(row) != len(rows[0]) or any(one.ndim != 1 for one in row) for row in rows):
+    lengths = {len(row) for row in rows}
+    if len(lengths) != 1 or 0 in lengths or any(entry.ndim != 1 for row in rows for entry in row):
         raise InputError(f"{what} aren't rows of polynomials; a single entry is [[[1.0, -0.5]]], for z - 0.5")
     return rows
 
@@ -131,8 +134,8 @@ def _reachable(A: FloatArray, B: FloatArray, C: FloatArray) -> tuple[FloatArray,
     while block.shape[1] and basis.shape[1] < len(A):
         for _ in range(2):  # the second time takes away what rounding left
             block = block - basis @ (basis.T @ block)
-        found, singular, _ = np.linalg.svd(block, full_matrices=False)
-        new = found[:, singular > _TOLERANCE * scale]
+        directions, singular, _ = np.linalg.svd(block, full_matrices=False)
+        new = directions[:, singular > _TOLERANCE * scale]
         basis = np.hstack([basis, new])
         block, scale = A @ new, np.linalg.norm(A)
     return basis.T @ A @ basis, basis.T @ B, C @ basis

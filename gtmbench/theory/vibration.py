@@ -145,8 +145,8 @@ def simulate(
 
     Examples
     --------
-    >>> one = modes_of([[1.0]], [[4.0 * np.pi**2]], forces=[[1.0]], sensors=[[4.0 * np.pi**2]], damping=0.0)
-    >>> simulate(one, Held(values=np.ones((3, 1))), sample_period_s=0.5)["y1"].round(9) + 0.0
+    >>> mode = modes_of([[1.0]], [[4.0 * np.pi**2]], forces=[[1.0]], sensors=[[4.0 * np.pi**2]], damping=0.0)
+    >>> simulate(mode, Held(values=np.ones((3, 1))), sample_period_s=0.5)["y1"].round(9) + 0.0
     array([0., 2., 0.])
     """
     period = number("sample_period_s", sample_period_s, 0.0, above=True)
@@ -175,10 +175,10 @@ def unforced(modes: Modes, excitation: Sinusoids, *, sample_period_s: float) -> 
 
     Examples
     --------
-    >>> one = modes_of([[1.0]], [[9.0]], forces=[[1.0]], sensors=[[1.0]], damping=0.1)
+    >>> mode = modes_of([[1.0]], [[9.0]], forces=[[1.0]], sensors=[[1.0]], damping=0.1)
     >>> wave = Sinusoids(amplitude=np.ones(1), omega=np.ones(1), samples=50)
-    >>> system, start = unforced(one, wave, sample_period_s=0.1)
-    >>> expected = simulate(one, wave, sample_period_s=0.1).values
+    >>> system, start = unforced(mode, wave, sample_period_s=0.1)
+    >>> expected = simulate(mode, wave, sample_period_s=0.1).values
     >>> system, np.allclose(system.simulate(np.zeros((50, 0)), start), expected)
     (StateSpace(4 states, 1 x 0), True)
     """

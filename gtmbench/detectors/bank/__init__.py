@@ -1,1 +1,1 @@
-"""Banks of operators: alarms that are calibrated, and which sensor failed, how and since when."""
+"""Banks of operators: what they are, how healthy records calibrate them, which faults they can tell."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import keys, number, shown, table_of, text
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
@@ -52,7 +53,7 @@ class Bank:
         Length of the whitening filters.
     attitude_from_gyros : bool
         Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
-        so that after one finding no residual that uses it can be trusted, and no fault's kind fits for long.
+        so that after an alarm no residual that uses it can be trusted, and no fault's kind fits for long.
     """
 
     name: str
@@ -81,6 +82,8 @@ class Bank:
     def check_channels(self, channels: Iterable[str]) -> None:
         """Refuse a record that lacks a channel, and say what could be used instead."""
         check_channels(f"bank {self.name}", self.channels, channels)
+
+    disturbs = renamed("Bank.disturbs", "affects")
 
 
 def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) -> None:

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
+from gtmbench.deprecation import renamed
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.statistics.spread import Spread
-from gtmbench.detectors.statistics.statistic import Tolerance
+from gtmbench.detectors.statistics.statistic import Spread, Tolerance
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record, check_record, frozen
 
-Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a series (by label)
+Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a score (by label)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class CalibratedBank:
     operators : mapping of output to Transmissibility
     whiteners : mapping of output to Whitener
     tolerances : mapping of output to Tolerance
-    thresholds : mapping of output to mapping of series to float
+    thresholds : mapping of output to mapping of label to float
     sample_period_s : float
     provenance : mapping
         Where it comes from: records, hours, the false-alarm rate asked for and the bound shown.
@@ -61,6 +61,8 @@ class CalibratedBank:
     def history_of(self, output: str) -> float:
         """How long before a sample its whitened residual looks back."""
         return round((self.operators[output].causal_order + self.whiteners[output].order + 1) * self.sample_period_s, 9)
+
+    doubts = renamed("BankMonitor.doubts", "uncertainties")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +96,7 @@ def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[st
     check_record(record)
     record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
     monitor.bank.check_channels(record.channels)
-    found = residuals_of(monitor.bank, record, monitor.operators, outputs)
+    residuals = residuals_of(monitor.bank, record, monitor.operators, outputs)
     spread = {
         output: monitor.uncertainties[output].spread(
             monitor.operators[output],
@@ -102,10 +104,10 @@ def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[st
             monitor.whiteners[output].coefficients,
             monitor.bank.statistic,
         )
-        for output in found.raw
+        for output in residuals.raw
         if output in monitor.uncertainties
     }
-    return replace(found, spread=MappingProxyType(spread))
+    return replace(residuals, spread=MappingProxyType(spread))
 
 
 def residuals_of(

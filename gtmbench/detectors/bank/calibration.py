@@ -1,9 +1,15 @@
-"""Calibration: healthy records in, a monitor out - operators, whitening filters, thresholds for a false-alarm rate."""
+"""Calibration: healthy records in, a monitor out - operators, whitening filters, thresholds for a false-alarm rate.
+
+A plan says which stretches identify and which are judged. Of much flight some identifies and the rest is judged. Of
+little every sample counts: each stretch is judged by operators that haven't seen it, and the monitor's own stand on all
+of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,11 +18,8 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
-from gtmbench.detectors.bank.plan import Plan, divided, left_out
-from gtmbench.detectors.statistics.spread import Spread
-from gtmbench.detectors.statistics.statistic import Tolerance, tolerance_of
-from gtmbench.detectors.statistics.tails import rate_bound
-from gtmbench.detectors.statistics.thresholds import Residual, thresholds_of
+from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.thresholds import Residual, rate_bound, thresholds_of
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
@@ -31,6 +34,20 @@ _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
 _LEAST_THERE = 0.5  # of the residual
+_FIRST = 0.4  # of one record: identifies
+_SHORTEST = 20  # samples
+_FOLDS = 5  # stretches of one or two records; of more, each record is one
+_MOST_FOLDS = 10
+_NOISE_DEVIATIONS = 4.0  # of a window's mean square: chance
+_NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
+_MARGIN = 2.0  # on thresholds of energies: mostly the model's error, which other motion may well double
+_BASELINES = 5.0  # in the shortest record
+_SHORTEST_S = 5.0
+_LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
+_A_COEFFICIENT = 50  # samples that one of a whitening filter stands on
+
+Rows = tuple[int, slice]  # of a judged record, by its number
+Fold = tuple[Sequence[Record], Sequence[Rows]]  # to identify on, and what these operators judge
 
 
 def calibrate_bank(
@@ -47,62 +64,43 @@ def calibrate_bank(
     Least squares take much flight: of several records every third identifies and the rest set thresholds; one record is
     cut in two (the first 40 % identify). A Bayesian estimator takes little: every stretch sets thresholds by operators
     that stand on the others, the monitor's own stand on all of them, and what the records leave open is carried along
-    as their parameter uncertainty, so that another manoeuvre doesn't alarm for being another (`left_out` says what else
-    is allowed for). The rate asked for is shared evenly by all series of all residuals.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Healthy measurements with the bank's channels, all of one sample period.
-    bank : Bank
-    false_alarms_per_hour : float
-        Wanted of the whole monitor; far below 1 over the hours given, it stands on extrapolated tails.
-    estimator : Estimator, optional
-        `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
-    provenance : mapping, optional
-        Kept with the monitor: where the records come from.
-    progress : callable
-        Told the step, how many are done, and of how many.
-
-    Raises
-    ------
-    InputError
-        Where channels are missing or constant, or the records too short.
+    as their parameter uncertainty, so that another manoeuvre doesn't alarm for being another (`_left_out` says what
+    else is allowed for). The rate asked for is shared evenly by all scores of all residuals. Parameters and errors are
+    those of `bank_detector.calibrate`.
     """
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
     for record in records:
         bank.check_channels(record.channels)
-    found = tuple(
-        record.select(bank.channels) for record in records
-    )  # what else is there may have a pseudo input's name
-    period_s = found[0].sample_period_s
+    # what else is there may have a pseudo input's name
+    healthy = tuple(record.select(bank.channels) for record in records)
+    period_s = healthy[0].sample_period_s
     if estimator is None:
-        estimator = Bayesian() if sum(map(len, found)) * period_s < _LITTLE_S else LeastSquares()
-    plan = left_out(found, bank) if isinstance(estimator, Bayesian) else divided(found, bank)
+        estimator = Bayesian() if sum(map(len, healthy)) * period_s < _LITTLE_S else LeastSquares()
+    plan = _left_out(healthy, bank) if isinstance(estimator, Bayesian) else _divided(healthy, bank)
     bank, learnt, total = plan.bank, {}, len(bank.residuals) + 1
     for done, spec in enumerate(bank.residuals):
         progress(f"identify {spec.output}", done, total)
         learnt[spec.output] = _learn(plan, spec, estimator)
     progress("thresholds", total - 1, total)
-    seen = {output: one.seen for output, one in learnt.items()}
-    tolerances = {output: _tolerance(plan, residuals, period_s) for output, residuals in seen.items()}
-    thresholds, block_s = thresholds_of(bank.statistic, seen, tolerances, period_s, rate)
+    judged = {output: each.judged for output, each in learnt.items()}
+    tolerances = {output: _tolerance(plan, residuals, period_s) for output, residuals in judged.items()}
+    thresholds, block_s = thresholds_of(bank.statistic, judged, tolerances, period_s, rate)
     hours = sum(map(len, plan.judged)) * period_s / 3600.0
     progress("done", total, total)
     return CalibratedBank(
         bank=bank,
-        operators={output: one.operator for output, one in learnt.items()},
-        whiteners={output: one.whitener for output, one in learnt.items()},
+        operators={output: each.operator for output, each in learnt.items()},
+        whiteners={output: each.whitener for output, each in learnt.items()},
         tolerances=tolerances,
         thresholds={
             output: {label: plan.margin * threshold for label, threshold in own.items()}
             for output, own in thresholds.items()
         },
-        uncertainties={output: one.uncertainty for output, one in learnt.items() if one.uncertainty is not None},
+        uncertainties={output: each.uncertainty for output, each in learnt.items() if each.uncertainty is not None},
         sample_period_s=period_s,
         provenance={
             **(provenance or {}),
-            "records": len(found),
+            "records": len(healthy),
             "identification_hours": sum(map(len, plan.learn)) * period_s / 3600.0,
             "threshold_hours": hours,
             "block_s": block_s,
@@ -114,12 +112,12 @@ def calibrate_bank(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Learnt:
-    """One residual; `seen`: raw, whitened and their spread, by operators that hadn't seen them, one a record."""
+    """One residual; `judged`: raw, whitened and their spread, by operators that hadn't seen them, one a record."""
 
     operator: Transmissibility
     whitener: Whitener
     uncertainty: ParameterUncertainty | None = None
-    seen: Sequence[Residual] = field(repr=False)
+    judged: Sequence[Residual] = field(repr=False)
 
 
 def _learn(plan: Plan, spec: ResidualSpec, estimator: Estimator) -> _Learnt:
@@ -132,7 +130,7 @@ def _learn(plan: Plan, spec: ResidualSpec, estimator: Estimator) -> _Learnt:
         part = operator if records is plan.learn else identified(records, spec, estimator, scale=scale)[0]
         for i, rows in held:
             parts[i].append(_judged(plan.bank, plan.judged[i], rows, part, whitener, uncertain=uncertain))
-    learnt = _Learnt(operator=operator, whitener=whitener, seen=[_joined(pieces) for pieces in parts])
+    learnt = _Learnt(operator=operator, whitener=whitener, judged=[_joined(pieces) for pieces in parts])
     return _weighed(learnt, float(np.nanmean(np.square(np.concatenate(residuals))))) if uncertain else learnt
 
 
@@ -175,9 +173,9 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
         The residual's mean square on the records that were identified on.
     """
     operator, whitener = learnt.operator, learnt.whitener
-    seen = [(raw, white, alone) for raw, white, alone in learnt.seen if alone is not None]
-    raw, white = (np.concatenate([one[i] for one in seen]) for i in (0, 1))
-    spread = Spread.joined([alone for *_, alone in seen])
+    judged = [(raw, white, alone) for raw, white, alone in learnt.judged if alone is not None]
+    raw, white = (np.concatenate([residual[i] for residual in judged]) for i in (0, 1))
+    spread = Spread.joined([alone for *_, alone in judged])
     _check_there(white, *operator.outputs)
     variance = float(np.asarray(operator.noise_variance)[0])
     raw_factor, _ = _factor(raw, (spread.raw**2 - 1.0) / variance, noise)
@@ -191,14 +189,14 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
         operator=replace(operator, rms_residual=frozen([np.sqrt(noise)])),
         whitener=replace(whitener, deviation=whitener.deviation * scale),
         uncertainty=uncertainty,
-        seen=[(raw, white / scale, uncertainty.weighed(alone)) for raw, white, alone in seen],
+        judged=[(raw, white / scale, uncertainty.weighed(alone)) for raw, white, alone in judged],
     )
 
 
-def _tolerance(plan: Plan, seen: Sequence[Residual], sample_period_s: float) -> Tolerance:
-    whites = [white if spread is None else white / spread.white for _, white, spread in seen]
-    found = tolerance_of(whites, plan.bank.statistic, sample_period_s, noise=plan.deviations)
-    return replace(found, high=max(found.high, plan.power))
+def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> Tolerance:
+    whites = [white if spread is None else white / spread.white for _, white, spread in judged]
+    tolerance = tolerance_of(whites, plan.bank.statistic, sample_period_s, noise=plan.deviations)
+    return replace(tolerance, high=max(tolerance.high, plan.power))
 
 
 def _check_there(white: FloatArray, output: str) -> None:
@@ -223,7 +221,110 @@ def _factor(values: FloatArray, share: FloatArray, least: float) -> tuple[float,
     best = (np.inf, 1.0, 1.0)
     for factor in _FACTORS.tolist():
         power = 1.0 + factor * share[there]
-        level = max(float(np.mean(squares / power)), least)
-        cost = float(np.sum(np.log(level * power) + squares / (level * power)))
-        best = min(best, (cost, factor, np.sqrt(level)))
+        variance = max(float(np.mean(squares / power)), least)
+        cost = float(np.sum(np.log(variance * power) + squares / (variance * power)))
+        best = min(best, (cost, factor, np.sqrt(variance)))
     return best[1], float(best[2])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Which healthy stretches identify, which are judged, and what is allowed for beyond them.
+
+    Attributes
+    ----------
+    bank : Bank
+        With the statistic that its thresholds are set for.
+    learn : sequence of Record
+        That the monitor's operators and whitening filters stand on.
+    judged : sequence of Record
+        That its thresholds stand on.
+    folds : sequence of Fold
+        Which operators judge which rows; those of `learn` itself are the monitor's own.
+    order : int
+        Of the whitening filters.
+    deviations, power, margin : float
+        What isn't held against a healthy residual: so many deviations of a window's mean square; so much of it; and a
+        factor on thresholds.
+    """
+
+    bank: Bank
+    learn: Sequence[Record] = field(repr=False)
+    judged: Sequence[Record] = field(repr=False)
+    folds: Sequence[Fold] = field(repr=False)
+    order: int
+    deviations: float = 0.0
+    power: float = 1.0
+    margin: float = 1.0
+
+
+def _divided(records: Sequence[Record], bank: Bank) -> Plan:
+    """Return a plan for much flight: every third record identifies, or the first 40 % of one; the rest is judged."""
+    if len(records) == 1:
+        only = records[0]
+        if len(only) < _SHORTEST:
+            raise InputError(f"a record of {len(only)} samples is too short to calibrate on; give minutes")
+        cut_s = only.start_s + _FIRST * (only.end_s - only.start_s)
+        learn, judged = [only.between(only.start_s, cut_s)], [only.between(cut_s, only.end_s)]
+    else:
+        learn, judged = list(records[::3]), [record for i, record in enumerate(records) if i % 3]
+    everything = [(i, slice(len(record))) for i, record in enumerate(judged)]
+    order = round(bank.whitening_s / records[0].sample_period_s)
+    return Plan(bank=bank, learn=learn, judged=judged, folds=[(learn, everything)], order=order)
+
+
+def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
+    """Return a plan for little flight: every stretch is left out in turn.
+
+    Too little energy doesn't alarm, means are compared with those of the last fifth of a record, and the noise may be
+    twice as strong as seen: a short record doesn't tell how steady it is.
+
+    Raises
+    ------
+    InputError
+        Where the records are too short.
+    """
+    period_s, samples = records[0].sample_period_s, sum(map(len, records))
+    shortest_s = min(map(len, records)) * period_s
+    if shortest_s < _SHORTEST_S:
+        raise InputError(
+            f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
+            "better minutes"
+        )
+    _check_length(bank, samples * period_s)
+    baseline_s = min(bank.statistic.baseline_s, shortest_s / _BASELINES)
+    return Plan(
+        bank=replace(bank, statistic=replace(bank.statistic, baseline_s=baseline_s, two_sided=False)),
+        learn=records,
+        judged=records,
+        folds=list(_folds(records)),
+        order=min(round(bank.whitening_s / period_s), samples // _A_COEFFICIENT),
+        deviations=_NOISE_DEVIATIONS,
+        power=_NOISE_POWER,
+        margin=_MARGIN if bank.statistic.name == "energy" else 1.0,
+    )
+
+
+def _folds(records: Sequence[Record]) -> Iterator[Fold]:
+    pieces: list[Rows] = []
+    for i, record in enumerate(records):
+        edges = np.linspace(0, len(record), (1 if len(records) > 2 else _FOLDS) + 1).astype(int).tolist()
+        pieces += [(i, slice(first, stop)) for first, stop in pairwise(edges)]
+    for first in range(min(len(pieces), _MOST_FOLDS)):
+        held = pieces[first::_MOST_FOLDS]
+        yield [_part(records[i], rows) for i, rows in pieces if (i, rows) not in held], held
+
+
+def _part(record: Record, rows: slice) -> Record:
+    return record.between(record.time_s[rows.start], record.time_s[rows.stop - 1])
+
+
+def _check_length(bank: Bank, total_s: float) -> None:
+    """Refuse to identify operators that look over much of what there is: they would fit it, and nothing else."""
+    for spec in bank.residuals:
+        least_s = _LOOKS * (spec.look_back_s + spec.look_ahead_s)
+        if total_s < least_s:
+            raise InputError(
+                f"{total_s:.3g} s of healthy records are too few for the residual of {spec.output}, which looks over "
+                f"{spec.look_back_s + spec.look_ahead_s:g} s; give at least {least_s:g} s, or look back and ahead less"
+            )

@@ -77,12 +77,11 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
     period_s = number("sample_period_s", document["sample_period_s"], *PERIODS_S)
     wanted = tuple(spec.output for spec in bank.residuals)
     parts = keys("residuals", document["residuals"], wanted)
-    for output in wanted:
-        keys(f"residuals.{output}", parts[output], _PARTS)
+    tables = {output: keys(f"residuals.{output}", _renamed(parts[output]), _PARTS) for output in wanted}
 
     def each(part: str, read: Callable[[str, Any, ResidualSpec], Any]) -> dict[str, Any]:
         return {
-            spec.output: read(f"residuals.{spec.output}.{part}", parts[spec.output][part], spec)
+            spec.output: read(f"residuals.{spec.output}.{part}", tables[spec.output][part], spec)
             for spec in bank.residuals
         }
 
@@ -110,50 +109,57 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
     )
 
 
+def _renamed(table: Any) -> Any:
+    """Return a residual's table with the keys of now; it said ``doubt`` before."""
+    if not isinstance(table, dict) or "doubt" not in table or "uncertainty" in table:
+        return table
+    return {"uncertainty" if key == "doubt" else key: value for key, value in table.items()}
+
+
 def _operator(where: str, table: Any, spec: ResidualSpec, period_s: float) -> Transmissibility:
     return operator_of(where, table, spec.inputs, (spec.output,), period_s, "the bank")
 
 
 def _whitener(where: str, table: Any, _: ResidualSpec) -> Whitener:
-    found = keys(where, table, ("coefficients", "mean", "deviation"))
-    given = found["coefficients"]
+    table = keys(where, table, ("coefficients", "mean", "deviation"))
+    given = table["coefficients"]
     if not isinstance(given, list) or not 0 < len(given) <= _LONGEST_WHITENER:
         raise InputError(f"{where}.coefficients is {shown(given)}; it must be a list of 1 to {_LONGEST_WHITENER}")
     return Whitener(
         coefficients=array_of(f"{where}.coefficients", given, (len(given),)),
-        mean=number(f"{where}.mean", found["mean"]),
-        deviation=number(f"{where}.deviation", found["deviation"], 0.0, above=True),
+        mean=number(f"{where}.mean", table["mean"]),
+        deviation=number(f"{where}.deviation", table["deviation"], 0.0, above=True),
     )
 
 
 def _tolerance(where: str, table: Any, _: ResidualSpec) -> Tolerance:
-    found = keys(where, table, ("mean", "low", "high"))
+    table = keys(where, table, ("mean", "low", "high"))
     return Tolerance(
-        mean=number(f"{where}.mean", found["mean"], 0.0),
-        low=number(f"{where}.low", found["low"], 0.0, 1.0, above=True),
-        high=number(f"{where}.high", found["high"], 1.0),
+        mean=number(f"{where}.mean", table["mean"], 0.0),
+        low=number(f"{where}.low", table["low"], 0.0, 1.0, above=True),
+        high=number(f"{where}.high", table["high"], 1.0),
     )
 
 
 def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str, float]:
     nothing = np.zeros(0)
-    labels = [series.label for series in bank.statistic.series(nothing, nothing, period_s, Tolerance())]
-    found = keys(where, table, tuple(dict.fromkeys(labels)))
+    labels = [score.label for score in bank.statistic.scores(nothing, nothing, period_s, Tolerance())]
+    table = keys(where, table, tuple(dict.fromkeys(labels)))
     return {
-        label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in found.items()
+        label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in table.items()
     }
 
 
 def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncertainty | None:
     if table is None:
         return None
-    found = keys(where, table, ("raw", "white", "root"))
-    given = found["root"]
+    table = keys(where, table, ("raw", "white", "root"))
+    given = table["root"]
     size = len(given) if isinstance(given, list) else 0
     if not 0 < size <= MOST_LAGS or size % len(spec.inputs):
         raise InputError(f"{where}.root is {shown(given)}; it must be a square table, {len(spec.inputs)} rows a lag")
     return ParameterUncertainty(
         root=array_of(f"{where}.root", given, (size, size)),
-        raw=number(f"{where}.raw", found["raw"], 0.0),
-        white=number(f"{where}.white", found["white"], 0.0),
+        raw=number(f"{where}.raw", table["raw"], 0.0),
+        white=number(f"{where}.white", table["white"], 0.0),
     )

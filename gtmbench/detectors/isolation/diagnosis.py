@@ -11,14 +11,14 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.isolation.fits import (
     Case,
-    Explanation,
+    FittedHypothesis,
     corrected,
     corrected_residuals,
     standard_errors,
     stretch_of,
     virtual_sensor,
 )
-from gtmbench.detectors.isolation.hypotheses import KINDS
+from gtmbench.detectors.isolation.hypotheses import HYPOTHESES
 from gtmbench.detectors.virtual import ANGLES, integrable
 
 DECISIVE = 20.0  # of BIC: odds of e^10
@@ -54,33 +54,33 @@ def end_s(case: Case) -> float:
     return round(float(case.record.time_s[case.stop - 1]), 9)
 
 
-def judge(case: Case, ranking: list[Explanation], first: Judgement) -> Judgement:
-    """Weigh the explanations: decided where one suspect's is decisively better than all others'.
+def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
+    """Weigh the hypotheses: decided where one suspect's is decisively better than all others'.
 
     Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one
-    suspect only, explanations tell no more than the kind of its fault.
+    suspect only, hypotheses tell no more than the kind of its fault.
     """
     time_s = end_s(case)
     if first.sensor is not None:
-        ranking = [one for one in ranking if one.channel == first.sensor]
+        ranking = [fit for fit in ranking if fit.channel == first.sensor]
     healthy, _ = case.energy(dict(case.residuals.raw))
-    good = [one for one in ranking if one.score < healthy - DECISIVE]
+    good = [fit for fit in ranking if fit.bic < healthy - DECISIVE]
     if not good:
         return replace(first, time_s=time_s, candidates=_unexplained(case, first))
     best, untestable = good[0], _untestable(case)
-    explained = _explained(case, best)
-    order = tuple(dict.fromkeys(one.channel for one in good if not explained or one.score < best.score + DECISIVE))
+    explains = _explains(case, best)
+    order = tuple(dict.fromkeys(fit.channel for fit in good if not explains or fit.bic < best.bic + DECISIVE))
     alone = order == (best.channel,) and not untestable
     sensor = first.sensor or (best.channel if alone else None)
-    kinds = [one.score for one in ranking if one.channel == best.channel and one.kind != best.kind]
+    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind != best.kind]
     return Judgement(
         time_s=time_s,
         sensor=sensor,
         candidates=(sensor,) if sensor else (*order, *(name for name in untestable if name not in order)),
-        kind=best.kind if explained else None,
-        parameters=best.parameters if explained else {},
-        errors=standard_errors(case, best) if explained else {},
-        kind_margin=min(kinds, default=float("inf")) - best.score if explained else 0.0,
+        kind=best.kind if explains else None,
+        parameters=best.parameters if explains else {},
+        errors=standard_errors(case, best) if explains else {},
+        kind_margin=min(others, default=float("inf")) - best.bic if explains else 0.0,
     )
 
 
@@ -93,13 +93,13 @@ def _unexplained(case: Case, first: Judgement) -> tuple[str, ...]:
 
 def _untestable(case: Case) -> list[str]:
     """Return the suspects that nothing predicts and nothing clears: the residuals they don't enter are healthy."""
-    bank, found = case.monitor.bank, []
+    bank, untestable = case.monitor.bank, []
     for name in suspects_of(bank, tuple(case.residuals.raw)):
         if name not in case.residuals.raw and not integrable(name, bank.channels):
             spared = [output for output in case.residuals.raw if output not in bank.affects(name)]
             if not spared or _excess(case, spared) <= 0.0:
-                found.append(name)
-    return found
+                untestable.append(name)
+    return untestable
 
 
 def _excess(case: Case, outputs: list[str]) -> float:
@@ -108,15 +108,15 @@ def _excess(case: Case, outputs: list[str]) -> float:
     return float(energy - count - 6.0 * np.sqrt(2.0 * max(count, 1)))
 
 
-def _explained(case: Case, best: Explanation) -> bool:
-    """Tell whether the best explanation leaves its residuals healthy, or takes most of what was wrong with them."""
+def _explains(case: Case, best: FittedHypothesis) -> bool:
+    """Tell whether the best hypothesis leaves its residuals healthy, or takes most of what was wrong with them."""
     own = list(case.monitor.bank.affects(best.channel))
     energy, count = case.energy({name: case.residuals.raw[name] for name in own})
     over = (best.left - 1.0) * count
     return bool(over <= max(0.5 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
 
 
-def ended_s(case: Case, best: Explanation, rival: float) -> float | None:
+def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
 
     Since then the residuals as they are must look healthy, and explain the record decisively better than with the
@@ -126,7 +126,7 @@ def ended_s(case: Case, best: Explanation, rival: float) -> float | None:
     virtual = virtual_sensor(case, best.channel)
     if virtual is None or best.channel in ANGLES:
         return None
-    reads = KINDS[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
+    reads = HYPOTHESES[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
     undone = corrected_residuals(case, best.channel, corrected(case, best.channel, virtual, reads))
     gain = np.zeros(case.stop - case.sure)  # of leaving the record as it is, in nats
     over = np.zeros(len(gain))  # what the residuals as they are have over what is tolerated

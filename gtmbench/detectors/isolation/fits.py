@@ -1,19 +1,19 @@
-"""Explanations of an alarm: the suspect and the kind of fault whose undoing makes all residuals healthy again.
+"""Fits of fault hypotheses: the suspect and the kind of fault whose undoing makes all residuals healthy again.
 
 A suspect's record is corrected as if it had that fault: y - (F(v) - v), v its virtual sensor. The residuals of the
-corrected record, whitened, are healthy noise if the explanation is right, so their sum of squares is its -2 log
-likelihood to a constant; explanations compete by the BIC.
+corrected record, whitened, are healthy noise if the hypothesis is right, so their sum of squares is its -2 log
+likelihood to a constant; hypotheses compete by the BIC.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.isolation.hypotheses import KINDS, Fit, Stretch
+from gtmbench.detectors.isolation.hypotheses import HYPOTHESES, Deviance, Fit, Parameters, Stretch
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.record import FloatArray, Record
 
@@ -23,27 +23,28 @@ _HOPELESS = 200.0  # of -2 log likelihood
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explanation(Fit):
-    """A fit of one suspect, its score the BIC: log(samples) a parameter added, residuals that it leaves alone included.
+class FittedHypothesis(Fit):
+    """The fit of a suspect, and its BIC: log(samples) a parameter added, residuals that it leaves alone included.
 
     `left` is the mean square of the suspect's own residuals, whitened, once corrected: about 1 if that explains them.
     """
 
     channel: str
+    bic: float
     left: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """Rows of a record that an alarm is judged on, and everything that explanations share.
+    """Rows of a record that an alarm is judged on, and everything that hypotheses share.
 
     Attributes
     ----------
     record : Record
         From before the onset to the end of the horizon.
-    start, sure, stop : int
+    start, sure : int
         Rows of it: the suspect isn't believed from `start` on, the fault is surely there from `sure` on, and
-        residuals are judged from there to `stop`, as far as they are known.
+        residuals are judged from there to the end, as far as they are known.
     shift : dict
         Means of the residuals before the fault (biases), in the outputs' units.
     """
@@ -53,8 +54,12 @@ class Case:
     residuals: BankResiduals = field(repr=False)
     start: int
     sure: int
-    stop: int
     shift: dict[str, float]
+
+    @property
+    def stop(self) -> int:
+        """One past the last row."""
+        return len(self.record)
 
     def energy(self, raw: dict[str, FloatArray]) -> tuple[float, int]:
         """Return the sum of squares of some residuals, whitened, over the rows judged, and how many they are."""
@@ -80,65 +85,43 @@ class Case:
         return np.asarray(np.square(np.clip(white, -_MOST, _MOST)))
 
 
-def open_case(
-    monitor: CalibratedBank,
-    record: Record,
-    residuals: BankResiduals,
-    *,
-    shift: dict[str, float],
-    start_row: int,
-    sure_row: int,
-) -> Case:
-    """Judge a record to its end: the suspect isn't believed from `start_row` on, the fault is there from `sure_row`."""
-    return Case(
-        monitor=monitor,
-        record=record,
-        residuals=residuals,
-        start=start_row,
-        sure=max(sure_row, start_row + 1),
-        stop=len(record),
-        shift=shift,
-    )
-
-
 def shift_of(monitor: CalibratedBank, output: str, before: FloatArray) -> float:
     """Return the mean of a residual before a fault, about that of its identification."""
     there = before[np.isfinite(before)]
     return float(there.mean()) - monitor.whiteners[output].mean if len(there) else 0.0
 
 
-def explanations(case: Case, suspects: tuple[str, ...]) -> list[Explanation]:
-    """Return the kinds of faults of the suspects that have a virtual sensor, best first.
+def ranked_hypotheses(case: Case, channels: tuple[str, ...]) -> list[FittedHypothesis]:
+    """Return every kind of fault of the suspects that have a virtual sensor, best first.
 
-    A suspect whose channel leaves far more than the best explanation so far, as it is and all replaced by the virtual
+    A suspect whose channel leaves far more than the best hypothesis so far, as it is and all replaced by the virtual
     sensor, isn't tried further.
     """
     healthy, count = case.energy(dict(case.residuals.raw))
     penalty = float(np.log(max(count, 2)))
-    tried = [_Suspect.of(case, channel, healthy) for channel in suspects]
-    found: list[Explanation] = []
-    for suspect in sorted((one for one in tried if one is not None), key=lambda one: one.bound):
-        if found and suspect.bound > min(one.score for one in found) + _HOPELESS:
+    suspects = [_Suspect.of(case, channel, healthy) for channel in channels]
+    ranking: list[FittedHypothesis] = []
+    for suspect in sorted((each for each in suspects if each is not None), key=lambda suspect: suspect.bound):
+        if ranking and suspect.bound > min(fit.bic for fit in ranking) + _HOPELESS:
             continue
-        for kind in KINDS.values():
-            fit = kind.fit(suspect.stretch, suspect.score)
+        for hypothesis in HYPOTHESES.values():
+            fit = hypothesis.fit(suspect.stretch, suspect.deviance)
             if fit is not None:
-                cost = len(fit.parameters) * penalty + suspect.others
-                left = fit.score / max(suspect.count, 1)
-                figures = {**vars(fit), "score": fit.score + cost}
-                found.append(Explanation(**figures, channel=suspect.channel, left=left))
-    return sorted(found, key=lambda one: one.score)
+                bic = fit.deviance + (len(fit.parameters) * penalty + suspect.others)
+                left = fit.deviance / max(suspect.count, 1)
+                ranking.append(FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, left=left))
+    return sorted(ranking, key=lambda fit: fit.bic)
 
 
-def within_reach(ranking: Sequence[Explanation]) -> tuple[str, ...]:
+def within_reach(ranking: Sequence[FittedHypothesis]) -> tuple[str, ...]:
     """Return the suspects that more data may still prove right."""
-    return tuple(dict.fromkeys(one.channel for one in ranking if one.score <= ranking[0].score + _HOPELESS))
+    return tuple(dict.fromkeys(fit.channel for fit in ranking if fit.bic <= ranking[0].bic + _HOPELESS))
 
 
-def standard_errors(case: Case, best: Explanation) -> dict[str, float]:
-    """Return standard errors of an explanation's parameters."""
+def standard_errors(case: Case, best: FittedHypothesis) -> Parameters:
+    """Return standard errors of a hypothesis' parameters."""
     suspect = _Suspect.of(case, best.channel, 0.0)
-    return {} if suspect is None else KINDS[best.kind].errors(suspect.stretch, suspect.score, best)
+    return {} if suspect is None else HYPOTHESES[best.kind].errors(suspect.stretch, suspect.deviance, best)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,7 +130,7 @@ class _Suspect:
 
     channel: str
     stretch: Stretch
-    score: Callable[[FloatArray], float]
+    deviance: Deviance
     others: float
     count: int
     bound: float
@@ -158,14 +141,18 @@ class _Suspect:
         virtual = virtual_sensor(case, channel)
         if virtual is None:
             return None
-        disturbed = case.monitor.bank.affects(channel)
-        own, count = case.energy({name: case.residuals.raw[name] for name in disturbed})
+        affected = case.monitor.bank.affects(channel)
+        own, count = case.energy({name: case.residuals.raw[name] for name in affected})
         stretch = stretch_of(case, channel, virtual)
-        score = _scorer(case, channel, virtual)
+
+        def deviance(reads: FloatArray) -> float:
+            values = corrected(case, channel, virtual, reads)
+            return case.energy(corrected_residuals(case, channel, values))[0]
+
         others = healthy - own
         # the two ends: all that was measured is the fault (what is left is the virtual sensor), or nothing is
-        bound = min(score(stretch.measured), own) + others
-        return cls(channel=channel, stretch=stretch, score=score, others=others, count=count, bound=bound)
+        bound = min(deviance(stretch.measured), own) + others
+        return cls(channel=channel, stretch=stretch, deviance=deviance, others=others, count=count, bound=bound)
 
 
 def stretch_of(case: Case, channel: str, virtual: FloatArray) -> Stretch:
@@ -173,6 +160,7 @@ def stretch_of(case: Case, channel: str, virtual: FloatArray) -> Stretch:
     rows = slice(case.sure, case.stop)
     time_s = case.record.time_s
     return Stretch(
+        channel=channel,
         measured=case.record[channel][rows],
         virtual=virtual[rows],
         before=float(case.record[channel][case.sure - 1]),
@@ -205,17 +193,9 @@ def corrected_residuals(case: Case, channel: str, values: FloatArray) -> dict[st
     """Return the residuals that a suspect enters, with its channel replaced."""
     bank = case.monitor.bank
     feeds = [spec.output for spec in bank.residuals if channel in bank.sources(spec)]
-    found = {}
+    residuals = {}
     if feeds:
-        found = dict(residuals_of(bank, case.record.replace(channel, values), case.monitor.operators, feeds).raw)
+        residuals = dict(residuals_of(bank, case.record.replace(channel, values), case.monitor.operators, feeds).raw)
     if channel in case.residuals.raw:
-        found[channel] = case.residuals.raw[channel] + (values - case.record[channel])
-    return found
-
-
-def _scorer(case: Case, channel: str, virtual: FloatArray) -> Callable[[FloatArray], float]:
-    def score(reads: FloatArray) -> float:
-        values = corrected(case, channel, virtual, reads)
-        return case.energy(corrected_residuals(case, channel, values))[0]
-
-    return score
+        residuals[channel] = case.residuals.raw[channel] + (values - case.record[channel])
+    return residuals

@@ -1,19 +1,26 @@
-"""Kinds of faults as a diagnosis knows them: what a broken sensor would read, given what it should have read."""
+"""Fault hypotheses: that a sensor has a kind of fault, and how the fault's parameters are searched.
+
+What a broken sensor would read, given what it should have read, the fault's own class says (`gtmbench.faults`). A new
+hypothesis is an entry in `HYPOTHESES`; a kind that is searched in another way is one class more.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from gtmbench.faults.distortions import deadzone, rate_saturation, saturation
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
 from gtmbench.record import FloatArray
 
 _GRID = 14  # trial values of a parameter, evenly spaced in its logarithm
 _TURNS = 12
 
-Score = Callable[[FloatArray], float]  # of what the broken sensor reads: -2 log likelihood, to a constant
+Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
+Deviance = Callable[[FloatArray], float]  # of what the broken sensor reads: -2 log likelihood, to a constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,8 +29,10 @@ class Stretch:
 
     Attributes
     ----------
+    channel : str
+        The suspect.
     measured, virtual : shape (rows,)
-        What the suspect read, and what it should have read.
+        What it read, and what it should have read.
     before : float
         Its last reading before these rows.
     time_s : shape (rows,)
@@ -32,22 +41,13 @@ class Stretch:
     sample_period_s : float
     """
 
+    channel: str
     measured: FloatArray = field(repr=False)
     virtual: FloatArray = field(repr=False)
     before: float
     time_s: FloatArray = field(repr=False)
     earliest_s: float
     sample_period_s: float
-
-    @property
-    def reach(self) -> float:
-        """The greatest magnitude that the sensor should have read."""
-        return float(np.nanmax(np.abs(self.virtual), initial=0.0))
-
-    @property
-    def slew(self) -> float:
-        """The greatest slope that it should have read, per second."""
-        return float(np.nanmax(np.abs(np.diff(self.virtual)), initial=0.0)) / self.sample_period_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,51 +57,59 @@ class Fit:
     Attributes
     ----------
     kind : str
-    score : float
-        -2 log likelihood to a constant.
+    deviance : float
     parameters : dict
-        By name, in the channel's unit (per second for slopes; times in seconds).
     """
 
     kind: str
-    score: float
-    parameters: dict[str, float]
+    deviance: float
+    parameters: Parameters
 
 
-class Kind:
-    """A kind of fault: what it makes of a signal, and how its parameters are found.
+class Hypothesis:
+    """That a sensor has a kind of fault: what it would read, and how the fault's parameters are found.
 
-    A new one: `name`, `reads` and `fit`, and its place in `KINDS`.
+    Parameters
+    ----------
+    fault : type of Fault
+        Its severities are parameters. An onset is one where it is searched; what the fault carries over from the
+        sample before it is where `carried` says so.
     """
 
-    name: str
+    def __init__(self, fault: type[Fault]) -> None:
+        self._fault = fault
+        self.kind = fault.kind
+        self._severities = tuple(each.name for each in fault.parameters() if each.is_severity)
 
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
+    def reads(self, stretch: Stretch, parameters: Parameters) -> FloatArray:
         """Return what a sensor with this fault reads over a stretch."""
-        raise NotImplementedError
+        onset_s = parameters.get("onset_s", stretch.earliest_s)
+        severities: dict[str, Any] = {name: parameters[name] for name in self._severities}
+        fault = self._fault(channel=stretch.channel, onset_s=onset_s, **severities)
+        readings, elapsed_s = stretch.virtual[:, np.newaxis], stretch.time_s - onset_s
+        carried = self.carried(fault, stretch, parameters)
+        return fault.distort(readings, elapsed_s, stretch.sample_period_s, carried)[0]
 
-    def fit(self, stretch: Stretch, score: Score) -> Fit | None:
+    def carried(self, fault: Fault, stretch: Stretch, parameters: Parameters) -> Any:
+        """Return what the fault carries into a stretch."""
+        return fault.begin(np.array([stretch.before]))
+
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Return the best parameters, or None where the stretch allows none."""
         raise NotImplementedError
 
-    def errors(self, stretch: Stretch, score: Score, fit: Fit) -> dict[str, float]:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Return standard errors of the parameters: how far each may go until -2 log likelihood has risen by 1."""
         raise NotImplementedError
 
-    def _fitted(self, stretch: Stretch, score: Score, parameters: dict[str, float]) -> Fit:
-        return Fit(kind=self.name, score=score(self.reads(stretch, parameters)), parameters=parameters)
+    def _fitted(self, stretch: Stretch, deviance: Deviance, parameters: Parameters) -> Fit:
+        return Fit(kind=self.kind, deviance=deviance(self.reads(stretch, parameters)), parameters=parameters)
 
 
-class DriftKind(Kind):
-    """y + slope (t - onset), the onset not after the stretch begins."""
+class Ramp(Hypothesis):
+    """A fault that adds a slope, its onset not after the stretch begins."""
 
-    name = "drift"
-
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
-        """Add the ramp."""
-        return np.asarray(stretch.virtual + parameters["slope"] * (stretch.time_s - parameters["onset_s"]))
-
-    def fit(self, stretch: Stretch, score: Score) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Fit a line; its onset is held to its range."""
         added = stretch.measured - stretch.virtual
         there = np.isfinite(added)
@@ -116,10 +124,10 @@ class DriftKind(Kind):
             return float(np.clip(wanted, stretch.earliest_s, begin_s))
 
         def tried(line: FloatArray) -> float:
-            return score(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
+            return deviance(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
 
-        found = self._searched(tried, np.array([offset, slope * span]))
-        return self._fitted(stretch, score, {"slope": float(found[1] / span), "onset_s": onset_s(found)})
+        line = self._searched(tried, np.array([offset, slope * span]))
+        return self._fitted(stretch, deviance, {"slope": float(line[1] / span), "onset_s": onset_s(line)})
 
     def _searched(self, tried: Callable[[FloatArray], float], line: FloatArray) -> FloatArray:
         """Return the best line, as its middle and its rise: least squares begins, the likelihood decides.
@@ -133,58 +141,62 @@ class DriftKind(Kind):
         options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3 * size, "fatol": 0.05}
         return np.asarray(minimize(tried, line, method="Nelder-Mead", options=options).x)
 
-    def errors(self, stretch: Stretch, score: Score, fit: Fit) -> dict[str, float]:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Turn the line about its middle, so that the onset moves along."""
         slope, onset_s = fit.parameters["slope"], fit.parameters["onset_s"]
         middle = float(stretch.time_s.mean())
 
         def tried(trial: float) -> float:
             begun_s = middle - (middle - onset_s) * slope / trial if trial else middle
-            return score(self.reads(stretch, {"slope": trial, "onset_s": begun_s}))
+            return deviance(self.reads(stretch, {"slope": trial, "onset_s": begun_s}))
 
         error = _standard_error(tried, slope)
         return {"slope": error, "onset_s": abs(error / slope) * (middle - onset_s) if slope else float("nan")}
 
 
-class JamKind(Kind):
-    """A constant."""
+class Constant(Hypothesis):
+    """A fault that repeats a value which it carries over."""
 
-    name = "jam"
+    def carried(self, fault: Fault, stretch: Stretch, parameters: Parameters) -> Any:
+        """Return the value: it is searched, for the last reading before the stretch may be another."""
+        return parameters["value"]
 
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
-        """Repeat it."""
-        return np.full(len(stretch.measured), parameters["value"])
-
-    def fit(self, stretch: Stretch, score: Score) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Take the median."""
-        seen = stretch.measured[np.isfinite(stretch.measured)]
-        return self._fitted(stretch, score, {"value": float(np.median(seen))}) if len(seen) else None
+        there = stretch.measured[np.isfinite(stretch.measured)]
+        return self._fitted(stretch, deviance, {"value": float(np.median(there))}) if len(there) else None
 
-    def errors(self, stretch: Stretch, score: Score, fit: Fit) -> dict[str, float]:
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
         """Return the error of the mean reading: 0 where the sensor reads the same all the time."""
-        seen = stretch.measured[np.isfinite(stretch.measured)]
-        return {"value": float(np.std(seen) / np.sqrt(len(seen)))}
+        there = stretch.measured[np.isfinite(stretch.measured)]
+        return {"value": float(np.std(there) / np.sqrt(len(there)))}
 
 
-class ScaleKind(Kind):
-    """A kind with one positive parameter."""
+class Scale(Hypothesis):
+    """A fault with one positive severity.
 
-    parameter: str
+    Parameters
+    ----------
+    fault : type of Fault
+    largest : callable
+        From a stretch to the greatest value worth trying.
+    """
 
-    def largest(self, stretch: Stretch) -> float:
-        """Return the greatest value worth trying."""
-        return stretch.reach
+    def __init__(self, fault: type[Fault], largest: Callable[[Stretch], float]) -> None:
+        super().__init__(fault)
+        (self._severity,) = self._severities
+        self._largest = largest
 
-    def fit(self, stretch: Stretch, score: Score) -> Fit | None:
+    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
         """Try a grid down to a hundredth of the largest, then refine the best neighbourhood."""
         from scipy.optimize import minimize_scalar
 
-        largest = self.largest(stretch)
+        largest = self._largest(stretch)
         if not largest > 0.0:
             return None
 
         def tried(value: float) -> float:
-            return score(self.reads(stretch, {self.parameter: value}))
+            return deviance(self.reads(stretch, {self._severity: value}))
 
         grid = np.geomspace(largest / 100.0, largest, _GRID)
         scores = [tried(value) for value in grid.tolist()]
@@ -194,58 +206,36 @@ class ScaleKind(Kind):
             bounds = (float(grid[best - 1]), float(grid[best + 1]))
             refined = minimize_scalar(tried, bounds=bounds, method="bounded", options={"maxiter": _TURNS})
             value = float(refined.x) if refined.fun < scores[best] else value
-        return self._fitted(stretch, score, {self.parameter: value})
+        return self._fitted(stretch, deviance, {self._severity: value})
 
-    def errors(self, stretch: Stretch, score: Score, fit: Fit) -> dict[str, float]:
-        """Move the parameter to both sides."""
-        value = fit.parameters[self.parameter]
+    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
+        """Move the severity to both sides."""
 
         def tried(trial: float) -> float:
-            return score(self.reads(stretch, {self.parameter: trial}))
+            return deviance(self.reads(stretch, {self._severity: trial}))
 
-        return {self.parameter: _standard_error(tried, value, low=0.0)}
-
-
-class DeadzoneKind(ScaleKind):
-    """sign(y) max(|y| - half_width, 0)."""
-
-    name = "deadzone"
-    parameter = "half_width"
-
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
-        """Shrink towards zero."""
-        return deadzone(stretch.virtual, parameters["half_width"])
+        return {self._severity: _standard_error(tried, fit.parameters[self._severity], low=0.0)}
 
 
-class SaturationKind(ScaleKind):
-    """Y held within +-limit."""
-
-    name = "saturation"
-    parameter = "limit"
-
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
-        """Clip."""
-        return saturation(stretch.virtual, parameters["limit"])
+def _reach(stretch: Stretch) -> float:
+    """Return the greatest magnitude that the sensor should have read."""
+    return float(np.nanmax(np.abs(stretch.virtual), initial=0.0))
 
 
-class RateSaturationKind(ScaleKind):
-    """Y followed no faster than rate_limit."""
-
-    name = "rate_saturation"
-    parameter = "rate_limit"
-
-    def largest(self, stretch: Stretch) -> float:
-        """Return twice the greatest slope of the virtual sensor, which is smoother than the real one."""
-        return 2.0 * stretch.slew
-
-    def reads(self, stretch: Stretch, parameters: dict[str, float]) -> FloatArray:
-        """Follow the signal from the last reading on."""
-        step = parameters["rate_limit"] * stretch.sample_period_s
-        return rate_saturation(stretch.virtual, step, stretch.before)
+def _slew(stretch: Stretch) -> float:
+    """Return twice the greatest slope of the virtual sensor, which is smoother than the real one; per second."""
+    return 2.0 * float(np.nanmax(np.abs(np.diff(stretch.virtual)), initial=0.0)) / stretch.sample_period_s
 
 
-KINDS: dict[str, Kind] = {
-    kind.name: kind for kind in (DriftKind(), DeadzoneKind(), SaturationKind(), RateSaturationKind(), JamKind())
+HYPOTHESES: dict[str, Hypothesis] = {
+    hypothesis.kind: hypothesis
+    for hypothesis in (
+        Ramp(Drift),
+        Scale(Deadzone, _reach),
+        Scale(Saturation, _reach),
+        Scale(RateSaturation, _slew),
+        Constant(Jam),
+    )
 }
 
 

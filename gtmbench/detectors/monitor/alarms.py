@@ -1,10 +1,11 @@
-"""The engine behind a bank's alarms: what is armed, which faults are open, and when each is looked at again.
+"""Where a bank's alarms are raised: what is armed, which faults are open, and when each is looked at again.
 
 It goes through the rows of a record in time, whether they are all there or just came in. Nothing that it says at a row
 stands on a later one:
 
-- A residual is armed once its level has been known at or below 1 since watching it began. A rise above 1 of an armed
-  residual is an alarm, whatever comes after it; nothing takes an alarm back.
+- The arming rule is that of `method.alarms` (`came_down`, `rising`), row by row: a residual is armed once its score has
+  been known at or below 1 since watching it began. A rise above 1 of an armed residual is an alarm, whatever comes
+  after it; nothing takes an alarm back.
 - With its alarm a residual is disarmed, so that the chatter of one fault isn't ten alarms. Judgements follow at fixed
   horizons. From a judgement on, the residuals that a candidate's fault enters are disarmed, for they can't tell of
   another fault, and no others: who has been cleared of suspicion is armed again. If such a residual rose while it was
@@ -33,7 +34,13 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, by_signature, end_s, ended_s, entered, judge, suspects_of
-from gtmbench.detectors.isolation.fits import Case, Explanation, explanations, open_case, shift_of, within_reach
+from gtmbench.detectors.isolation.fits import (
+    Case,
+    FittedHypothesis,
+    ranked_hypotheses,
+    shift_of,
+    within_reach,
+)
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import Crossing, Track
 
@@ -56,7 +63,7 @@ class Arming:
     came_down : bool
         Whether it has been known at or below 1 since watching it began.
     low : bool
-        Whether it was when last seen, or since it was disarmed: a rise is news.
+        Whether it was when last known, or since it was disarmed: a rise is news.
     disarmed_row : int or None
         Since when it is disarmed.
     changes : list of (row, bool)
@@ -75,14 +82,14 @@ class Arming:
         """Whether its next row could raise an alarm."""
         return self.came_down and self.disarmed_row is None
 
-    def see(self, level: float, row: int) -> bool:
-        """Take the level that is known with a row; return whether it is an alarm. A missing one is passed over."""
-        if level <= 1.0:
+    def take(self, score: float, row: int) -> bool:
+        """Take the score that is known with a row; return whether it is an alarm. A missing one is passed over."""
+        if score <= 1.0:
             self.low = True
             if not self.came_down:
                 self.came_down = True
                 self._note(row)
-        elif level > 1.0 and self.disarmed_row is None:
+        elif score > 1.0 and self.disarmed_row is None:
             rose, self.low = self.low, False
             return rose
         return False
@@ -110,7 +117,7 @@ class Arming:
 
 
 @dataclass(kw_only=True, eq=False)
-class Fault:
+class OpenFault:
     """An alarm, and where its diagnosis stands."""
 
     alarm: Alarm
@@ -123,10 +130,10 @@ class Fault:
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
-    held: Explanation | None = None  # the last that was decisive
+    held: FittedHypothesis | None = None  # the last that was decisive
 
 
-class Engine:
+class AlarmLogic:
     """A bank's alarms on rows as they come; see the module's text.
 
     Parameters
@@ -151,7 +158,7 @@ class Engine:
         self.alarms: list[Alarm] = []
         self.due = _NEVER  # when a judgement is
         self.row = 0  # the next
-        self._open: list[Fault] = []
+        self._open: list[OpenFault] = []
         self._diagnosed: list[int] = []  # rows
         self._told: dict[int, Alarm] = {}
 
@@ -164,46 +171,48 @@ class Engine:
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
 
-    def is_quiet(self, levels: Iterable[float]) -> bool:
-        """Tell whether levels that the next row makes known raise no alarm, and no judgement is due with it."""
+    def is_quiet(self, scores: Iterable[float]) -> bool:
+        """Tell whether scores that the next row makes known raise no alarm, and no judgement is due with it."""
         return self.row < self.due and not any(
-            level > 1.0 and one.low and one.disarmed_row is None for one, level in zip(self.arming, levels, strict=True)
+            score > 1.0 and arming.low and arming.disarmed_row is None
+            for arming, score in zip(self.arming, scores, strict=True)
         )
 
-    def see(self, levels: Iterable[float]) -> bool:
-        """Take the levels that the next row makes known, where no judgement is due; return whether one is an alarm."""
+    def take(self, scores: Iterable[float]) -> bool:
+        """Take the scores that the next row makes known, where no judgement is due; return whether one is an alarm."""
         row = self.row
-        risen = [one for one, level in zip(self.arming, levels, strict=True) if one.see(level, row)]
+        risen = [arming for arming, score in zip(self.arming, scores, strict=True) if arming.take(score, row)]
         self.row += 1
-        for one in risen:
-            self._raise(one, row)
+        for arming in risen:
+            self._raise(arming, row)
         return bool(risen)
 
     def _watch(self, stop: int) -> None:
         """Go on to a row, or to the first alarm, if that comes before: it may bring a judgement that is due sooner."""
-        levels = [one.track.known(self.row, stop) for one in self.arming]
-        if all(one.low for one in self.arming) and not any((of > 1.0).any() for of in levels):
+        scores = [arming.track.known(self.row, stop) for arming in self.arming]
+        if all(arming.low for arming in self.arming) and not any((values > 1.0).any() for values in scores):
             self.row = stop  # so it is nearly always
             return
-        for row in zip(*(of.tolist() for of in levels), strict=True):
-            if self.see(row):
+        for row in zip(*(values.tolist() for values in scores), strict=True):
+            if self.take(row):
                 return
 
     # ---- alarms ----
 
-    def _raise(self, one: Arming, row: int) -> None:
+    def _raise(self, arming: Arming, row: int) -> None:
         """Raise an alarm with a row."""
-        level_row = row - one.track.ahead
-        time_s = float(np.round(self._memory.time_s(level_row) + one.track.ahead * self._memory.period_s, 9))
-        crossing = one.track.crossing(one.output, level_row, time_s)
+        output, track = arming.output, arming.track
+        scored_row = row - track.ahead
+        time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
+        crossing = track.crossing(output, scored_row, time_s)
         start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
-        fault = Fault(
+        fault = OpenFault(
             alarm=Alarm(
                 number=len(self.alarms),
                 time_s=time_s,
                 onset_s=self._memory.time_s(crossing.onset_row),
-                source=one.output,
-                test=crossing.series,
+                source=output,
+                test=crossing.test,
             ),
             crossing=crossing,
             row=row,
@@ -221,12 +230,12 @@ class Engine:
         self.alarms.append(fault.alarm)
         leader = self._leader(fault)
         if leader is None:
-            signature = by_signature(self._bank, self._trusted(fault), one.output, time_s)
+            signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
-        one.disarm(row + 1, row)
+        arming.disarm(row + 1, row)
         self.due = min(self.due, fault.due)
 
     def _may_diagnose(self, row: int) -> bool:
@@ -237,32 +246,31 @@ class Engine:
     def _shift(self, start: int) -> dict[str, float]:
         """Return the residuals' means before a fault (biases), in the outputs' units."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        raw = self._memory.residuals(rows, tuple(one.output for one in self.arming)).raw
+        raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
         return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
 
-    def _tell(self, of: Fault, /, **changes: Any) -> None:
+    def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
-        of.alarm = replace(of.alarm, **changes)
-        self.alarms[of.alarm.number] = of.alarm
-        self._told[of.alarm.number] = of.alarm
+        alarm = open_fault.alarm = replace(open_fault.alarm, **changes)
+        self.alarms[alarm.number] = self._told[alarm.number] = alarm
 
     # ---- who counts to whom ----
 
-    def _earlier(self, fault: Fault) -> list[Fault]:
+    def _earlier(self, fault: OpenFault) -> list[OpenFault]:
         """Return the open faults that were told of before one."""
         return [each for each in self._open if each.alarm.is_first and each.alarm.number < fault.alarm.number]
 
-    def _leader(self, fault: Fault) -> Fault | None:
+    def _leader(self, fault: OpenFault) -> OpenFault | None:
         """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose."""
         for each in self._earlier(fault):
-            told = each.alarm.last
-            if told is None or (fault.is_judged and told.sensor is None):
+            last = each.alarm.last
+            if last is None or (fault.is_judged and last.sensor is None):
                 continue
-            if fault.alarm.source in entered(self._bank, told.candidates):
+            if fault.alarm.source in entered(self._bank, last.candidates):
                 return each
         return None
 
-    def _trusted(self, fault: Fault) -> tuple[str, ...]:
+    def _trusted(self, fault: OpenFault) -> tuple[str, ...]:
         """Return the residuals that tell of a fault: its own, and those that no earlier one enters."""
         others = {
             output
@@ -281,19 +289,19 @@ class Engine:
         for fault in list(self._open):
             if fault in self._open and fault.due <= self.row:
                 self._look_at(fault)
-        for one in self.arming:
-            if any(one.output in self._disarmed_by(fault) for fault in self._open):
-                one.disarm(self.row, self.row)
+        for arming in self.arming:
+            if any(arming.output in self._disarmed_by(fault) for fault in self._open):
+                arming.disarm(self.row, self.row)
             else:
-                one.rearm(self.row)
+                arming.rearm(self.row)
         self.due = min((fault.due for fault in self._open), default=_NEVER)
 
-    def _disarmed_by(self, fault: Fault) -> set[str]:
+    def _disarmed_by(self, fault: OpenFault) -> set[str]:
         if fault.is_judged and fault.alarm.is_first and fault.alarm.last is not None:
             return entered(self._bank, fault.alarm.last.candidates)
         return {fault.alarm.source}
 
-    def _look_at(self, fault: Fault) -> None:
+    def _look_at(self, fault: OpenFault) -> None:
         """Look at a fault anew."""
         is_late = not fault.horizons and fault.due > fault.row + self._rows_of(HORIZONS_S[-1])
         fault.due = fault.horizons.pop(0) if fault.horizons else fault.due + self._rows_of(_LOOK_S)
@@ -307,15 +315,15 @@ class Engine:
         if leader is None and not (is_late and fault.held is None):
             self._judge(fault, is_late=is_late)
 
-    def _judge(self, fault: Fault, *, is_late: bool) -> None:
+    def _judge(self, fault: OpenFault, *, is_late: bool) -> None:
         trusted = self._trusted(fault)
         case = self._case(fault, trusted, is_late=is_late)
         if case.stop - case.sure < 10:  # too few rows yet
             return
         suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
-        ranking = [] if is_late else explanations(case, suspects)
+        ranking = [] if is_late else ranked_hypotheses(case, suspects)
         if fault.held is not None:
-            ended = ended_s(case, fault.held, ranking[0].score if ranking else float("inf"))
+            ended = ended_s(case, fault.held, ranking[0].bic if ranking else float("inf"))
             if ended is not None:
                 self._close(fault, ended_s=ended, end_known_s=end_s(case))
                 return
@@ -328,11 +336,11 @@ class Engine:
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
         if judged.sensor is not None and judged.kind_margin > DECISIVE:
-            fault.held = next(one for one in ranking if one.channel == judged.sensor)
+            fault.held = next(fit for fit in ranking if fit.channel == judged.sensor)
         if not judged.candidates:
             self._close(fault)
 
-    def _case(self, fault: Fault, trusted: tuple[str, ...], *, is_late: bool) -> Case:
+    def _case(self, fault: OpenFault, trusted: tuple[str, ...], *, is_late: bool) -> Case:
         """Cut out what a judgement with this row needs."""
         stop = self.row + 1
         start, sure = fault.start, fault.row + 2
@@ -341,14 +349,18 @@ class Engine:
             start = max(start, sure - self._history)
         first = max(start - self._history, self._memory.first, 0)
         record, residuals = self._memory.cut(range(first, stop), trusted)
-        return open_case(
-            self._monitor, record, residuals, shift=fault.shift, start_row=start - first, sure_row=sure - first
+        return Case(
+            monitor=self._monitor,
+            record=record,
+            residuals=residuals,
+            start=start - first,
+            sure=max(sure, start + 1) - first,
+            shift=fault.shift,
         )
 
-    def _close(self, fault: Fault, **end: float) -> None:
+    def _close(self, fault: OpenFault, **end: float) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew."""
-        told = fault.alarm.last
-        outputs = {fault.alarm.source} | entered(self._bank, () if told is None else told.candidates)
+        outputs = {fault.alarm.source} | entered(self._bank, fault.alarm.candidates)
         if end:
             self._tell(fault, **end)
         for each in [each for each in self._open if each.alarm.fault == fault.alarm.number]:
@@ -357,18 +369,18 @@ class Engine:
                 self._tell(each, **end)
             self._open.remove(each)
         rows = range(fault.crossing.onset_row, self.row + 1)
-        for one in self.arming:
-            if one.output in outputs:
-                one.track.blot(rows, self.row - one.track.ahead)
-                self._memory.blot(one.output, rows)
-                one.begin_anew(self.row)
+        for arming in self.arming:
+            if arming.output in outputs:
+                arming.track.blot(rows, self.row - arming.track.ahead)
+                self._memory.blot(arming.output, rows)
+                arming.begin_anew(self.row)
 
     def _rows_of(self, span_s: float) -> int:
         return round(span_s / self._monitor.sample_period_s)
 
 
 def span_rows(monitor: CalibratedBank) -> int:
-    """Return how many rows back an engine looks: the baseline before the farthest onset, or the longest case."""
+    """Return how many rows back the alarm logic looks: the baseline before the farthest onset, or the longest case."""
     spans_s = (monitor.bank.statistic.baseline_s, HORIZONS_S[-1], _WINDOW_S)
     history_s = max(map(monitor.history_of, monitor.operators))
     return round((_FARTHEST_S + max(spans_s) + 3.0 * (history_s + _MARGIN_S)) / monitor.sample_period_s) + 10

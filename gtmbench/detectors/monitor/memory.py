@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.statistics.spread import Spread
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.record import FloatArray, Record
 
 
@@ -33,10 +33,10 @@ class Memory:
         self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
         self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
         self._uncertain = tuple(output for output in self.outputs if output in monitor.uncertainties)
-        made = [("raw", output) for output in self.outputs]
-        made += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
-        self._columns = {name: len(self.channels) + i for i, name in enumerate(made)}
-        self._table = np.full((capacity, len(self.channels) + len(made)), np.nan)
+        beside = [("raw", output) for output in self.outputs]
+        beside += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
+        self._columns = {name: len(self.channels) + i for i, name in enumerate(beside)}
+        self._table = np.full((capacity, len(self.channels) + len(beside)), np.nan)
         self._blots: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
 
@@ -58,11 +58,11 @@ class Memory:
 
     def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
         """Put a residual beside rows that were taken, from `row` on."""
-        made = {("raw", output): raw}
+        columns = {("raw", output): raw}
         if spread is not None:
-            made |= {("spread", output): spread.raw, ("white", output): spread.white}
+            columns |= {("spread", output): spread.raw, ("white", output): spread.white}
         begin = max(row - self.first, 0)
-        for name, values in made.items():
+        for name, values in columns.items():
             late = values[begin - (row - self.first) :]
             self._table[begin : begin + len(late), self._columns[name]] = late
 
@@ -106,11 +106,11 @@ class Memory:
 
     def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
         """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
-        found = self.residuals(rows, outputs)
+        residuals = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
         return self.record(rows), BankResiduals(
-            raw={output: np.where(known[output], found.raw[output], np.nan) for output in outputs},
-            predicted={output: np.where(known[output], found.predicted[output], np.nan) for output in outputs},
+            raw={output: np.where(known[output], residuals.raw[output], np.nan) for output in outputs},
+            predicted={output: np.where(known[output], residuals.predicted[output], np.nan) for output in outputs},
             spread={
                 output: Spread(raw=self._column(("spread", output), rows), white=self._column(("white", output), rows))
                 for output in outputs

@@ -1,4 +1,4 @@
-"""Residuals and levels of single samples, at the price of a few small arrays."""
+"""Residuals and scores of single samples, at the price of a few small arrays."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from gtmbench.record import FloatArray
 
 
 class RowByRow:
-    """Everything from a sample to the levels that it makes known, for banks with likelihood ratios.
+    """Everything from a sample to the scores that it makes known, for banks with likelihood ratios.
 
     Parameters
     ----------
     monitor : CalibratedBank
     memory : Memory
-        What is read and found is put there.
+        What is read and worked out is put there.
     tracks : mapping of output to Track
         They get the whitened residuals, and stay able to go on.
     """
@@ -45,11 +45,11 @@ class RowByRow:
     @staticmethod
     def can(monitor: CalibratedBank) -> bool:
         """Tell whether there is a path for single samples: likelihood ratios, nothing uncertain."""
-        known = all(value > 0.0 for of in monitor.thresholds.values() for value in of.values())
-        return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and known
+        above_0 = all(value > 0.0 for own in monitor.thresholds.values() for value in own.values())
+        return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and above_0
 
     def take(self, row: list[float]) -> list[float] | None:
-        """Take a sample of the bank's channels; return the levels, sorted by name; None where arrays have to."""
+        """Take a sample of the bank's channels; return the scores, sorted by name; None where arrays have to."""
         at = self._memory.stop
         if at < 2 * self._reach or math.inf in map(abs, row):
             return None
@@ -62,7 +62,7 @@ class RowByRow:
         for line in self._lines:
             x = self._middle if line.is_late else row
             line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
-        return self._ratios.levels([line.white for line in self._lines], [line.is_there for line in self._lines])
+        return self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
 
     def pass_over(self) -> None:
         """Nothing comes of the sample taken."""
@@ -70,20 +70,20 @@ class RowByRow:
             line.track.pass_over()
 
     def reopen(self) -> None:
-        """Something may come of the sample taken: its levels are worked out as those of chunks are."""
+        """Something may come of the sample taken: its scores are worked out as those of chunks are."""
         for line in self._lines:
             line.track.reopen(line.is_there)
 
     def _derived(self) -> dict[str, float]:
         """Return the pseudo inputs at the middle one of three samples, in the units of the table."""
-        found: dict[str, Any] = {}
+        derived: dict[str, Any] = {}
         middle, ends = self._middle, (self._before, self._latest)
 
         def read(name: str) -> Any:  # a number, where the formulas say array: they take both
             if name in PSEUDO_INPUTS:
-                if name not in found:
-                    found[name] = PSEUDO_INPUTS[name].compute(read, slope)
-                return found[name]
+                if name not in derived:
+                    derived[name] = PSEUDO_INPUTS[name].compute(read, slope)
+                return derived[name]
             return middle[self._channels[name]] * self._factors[name]
 
         def slope(name: str) -> Any:
@@ -163,7 +163,7 @@ class _Window:
 
 
 class _Ratios:
-    """The levels of all residuals at once, from running sums of their whitened samples and of their squares."""
+    """The scores of all residuals at once, from running sums of their whitened samples and of their squares."""
 
     def __init__(self, monitor: CalibratedBank, outputs: list[str]) -> None:
         test, period_s = monitor.bank.statistic, monitor.sample_period_s
@@ -174,13 +174,13 @@ class _Ratios:
         self._longest = max(round(test.baseline_s / period_s), 6)
         tolerances = [monitor.tolerances[output] for output in outputs]
         self._mean, self._low, self._high = (
-            np.array([[getattr(one, name)] for one in tolerances]) for name in ("mean", "low", "high")
+            np.array([[getattr(tolerance, name)] for tolerance in tolerances]) for name in ("mean", "low", "high")
         )
         self._low = self._low if test.two_sided else np.zeros_like(self._low)
         labels = [f"{rows * period_s:g} s" for rows in self._rows.tolist()]
-        of = [monitor.thresholds[output] for output in outputs]
-        self._of_mean = np.array([[one[f"mean {label}"] for label in labels] for one in of])
-        self._of_energy = np.array([[one[f"energy {label}"] for label in labels] for one in of])
+        thresholds = [monitor.thresholds[output] for output in outputs]
+        self._of_mean = np.array([[own[f"mean {label}"] for label in labels] for own in thresholds])
+        self._of_energy = np.array([[own[f"energy {label}"] for label in labels] for own in thresholds])
         self._sums = np.zeros((2, len(outputs), self._capacity))
         self._flat = self._sums.ravel()
         self._counts = [0] * len(outputs)
@@ -196,13 +196,13 @@ class _Ratios:
         """Begin with the samples before."""
         for i, values in enumerate(samples):
             self._counts[i] = len(values)
-            for which, of in enumerate((values, values * values)):
+            for which, summands in enumerate((values, values * values)):
                 self._sums[which, i, 0] = 0.0
-                np.cumsum(of, out=self._sums[which, i, 1 : len(of) + 1])
-                self._totals[i][which] = float(self._sums[which, i, len(of)])
+                np.cumsum(summands, out=self._sums[which, i, 1 : len(values) + 1])
+                self._totals[i][which] = float(self._sums[which, i, len(values)])
 
-    def levels(self, white: list[float], there: list[bool]) -> list[float]:
-        """Take a sample of every residual; return the levels, NaN where there is none."""
+    def scores(self, white: list[float], there: list[bool]) -> list[float]:
+        """Take a sample of every residual; return the scores, NaN where there is none."""
         sums, counts = self._sums, self._counts
         for i, (value, is_there) in enumerate(zip(white, there, strict=True)):
             if is_there:
@@ -229,8 +229,8 @@ class _Ratios:
         base = (ends - begins) / length
         power = np.maximum((totals[:, 1:] - squares) / self._windows - 2.0 * base * mean + base * base, 1e-12)
         of_mean, of_energy = glr(mean - base, power, self._windows, chance, self._mean, self._low, self._high)
-        level = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
-        greatest: list[float] = np.fmax.reduce(level, axis=1).tolist()
+        over = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
+        greatest: list[float] = np.fmax.reduce(over, axis=1).tolist()
         return [value if is_there else math.nan for value, is_there in zip(greatest, there, strict=True)]
 
     def _make_room(self, i: int) -> None:

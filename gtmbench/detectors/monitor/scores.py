@@ -1,4 +1,4 @@
-"""From residuals to levels: every statistic over its threshold, the greatest of a residual's being its level."""
+"""From residuals to scores: every statistic over its threshold, the greatest of a residual's being its score."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.protocol import rising
-from gtmbench.detectors.statistics.spread import Given, Spread
-from gtmbench.detectors.statistics.statistic import MOST, Carried
+from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, Spread
+from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record, frozen
 
 IntArray = NDArray[np.int_]
@@ -22,7 +21,7 @@ _BLOCK = 8192  # rows at a time, once a fault's rows have been taken out
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """A residual's level that rises above 1.
+    """A residual's score that rises above 1.
 
     Attributes
     ----------
@@ -33,8 +32,8 @@ class Crossing:
     time_s : float
         When the alarm could be raised: look-ahead counted.
     onset_row : int
-        Where the change began, as far as the series tells.
-    series : str
+        Where the change began, as far as the test tells.
+    test : str
         Which test crossed, the one furthest above its threshold.
     """
 
@@ -42,22 +41,22 @@ class Crossing:
     row: int
     time_s: float
     onset_row: int
-    series: str
+    test: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Level:
+class ResidualScore:
     """A residual's greatest statistic over its threshold, row for row; an alarm above 1.
 
     Attributes
     ----------
     values : shape (samples,)
-        NaN where no series exists, or it isn't known by the end.
+        NaN where no statistic exists, or it isn't known by the end.
     known_s : shape (samples,)
         When each value is known, in seconds.
     leading, onset_row : shape (samples,)
-        Which of `series` is the greatest, and where the change that it tells of began.
-    series : tuple of str
+        Which of `tests` is the greatest, and where the change that it tells of began.
+    tests : tuple of str
         Labels.
     """
 
@@ -65,11 +64,11 @@ class Level:
     known_s: FloatArray = field(repr=False)
     leading: IntArray = field(repr=False)
     onset_row: IntArray = field(repr=False)
-    series: tuple[str, ...] = field(repr=False)
+    tests: tuple[str, ...] = field(repr=False)
 
 
 class Track:
-    """The level of one residual, as its rows come in; the same row for row, in whatever chunks.
+    """The score of one residual, as its rows come in; the same row for row, in whatever chunks.
 
     It remembers the last samples that exist: what its statistics look back at and a minute more, so that the rows of a
     fault that has ended can be taken out (`blot`) and those before it take their place. Of a fault that lasted longer,
@@ -96,10 +95,10 @@ class Track:
         self._fresh: list[tuple[int, float]] = []  # taken one by one
         self._missing = range(0)
         self._whole = True  # no rows have been taken out yet
-        self._from = 0  # levels of rows before have been told
+        self._from = 0  # scores of rows before have been told
         self.first = 0  # row of the first of these:
         self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        self.series: tuple[str, ...] = ()
+        self.tests: tuple[str, ...] = ()
 
     @property
     def stop(self) -> int:
@@ -139,7 +138,7 @@ class Track:
         self.first += 1
 
     def reopen(self, there: bool) -> None:
-        """Work out the level of the row that was taken, after all."""
+        """Work out the score of the row that was taken, after all."""
         self._flush()
         self._judged -= there
         self._open(1)
@@ -147,25 +146,25 @@ class Track:
     def latest(self) -> FloatArray:
         """Return the samples that a next one's statistics look back at."""
         self._flush()
-        given = np.zeros((0, 1)) if self._samples is None else self._samples
-        return given[max(len(given) - self._looks_back, 0) :, 0]
+        samples = np.zeros((0, 1)) if self._samples is None else self._samples
+        return samples[max(len(samples) - self._looks_back, 0) :, 0]
 
     def known(self, first: int, stop: int) -> FloatArray:
-        """Return the levels that become known with some rows of the record; NaN where there are none."""
+        """Return the scores that become known with some rows of the record; NaN where there are none."""
         self._judge(stop - self.ahead)
         early = min(max(self.ahead - first, 0), stop - first)
         begin = first + early - self.ahead - self.first
-        found = self.values[begin : begin + stop - first - early]
-        return np.concatenate([np.full(early, np.nan), found]) if early else found
+        values = self.values[begin : begin + stop - first - early]
+        return np.concatenate([np.full(early, np.nan), values]) if early else values
 
     def crossing(self, output: str, row: int, time_s: float) -> Crossing:
-        """Return what is to be said of a level that rose at a row."""
+        """Return what is to be said of a score that rose at a row."""
         at = row - self.first
-        series = self.series[self.leading[at]]
-        return Crossing(output=output, row=row, time_s=time_s, onset_row=int(self.onset_row[at]), series=series)
+        test = self.tests[self.leading[at]]
+        return Crossing(output=output, row=row, time_s=time_s, onset_row=int(self.onset_row[at]), test=test)
 
     def blot(self, rows: range, row: int) -> None:
-        """Treat rows of the record as missing, and those around that saw them; levels change from `row` on."""
+        """Treat rows of the record as missing, and those around that saw them; scores change from `row` on."""
         order = 0 if self._test.name == "energy" else self._whitener.order
         self._missing = range(rows.start - self._history, rows.stop + self._history + order)
         self._flush()
@@ -180,7 +179,7 @@ class Track:
         self._from = row
 
     def forget(self) -> None:
-        """Drop the levels that have been told, and the samples that won't be looked back at."""
+        """Drop the scores that have been told, and the samples that won't be looked back at."""
         self._trim()
         self.first += len(self.values)
         self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
@@ -208,22 +207,22 @@ class Track:
             self._trim()
 
     def _judge(self, stop: int) -> None:
-        """Work out the levels of rows before `stop`."""
+        """Work out the scores of rows before `stop`."""
         if self._samples is None or self._judged == len(self._rows) or self._rows[self._judged] >= stop:
             return
         end = len(self._rows) if self._whole else int(np.searchsorted(self._rows, stop + _BLOCK))
         begin = max(self._judged - self._looks_back, 0)
         given, last = _given(self._samples[begin:end], self._test.rows(self._period_s)), end - self._judged
-        found = self._test.of(given, self._period_s, self._tolerance, last=last, carried=self._carried)
-        self.series = tuple(one.label for one in found)
+        raw_scores = self._test.of(given, self._period_s, self._tolerance, last=last, carried=self._carried)
+        self.tests = tuple(raw.label for raw in raw_scores)
         values, leading = np.full(last, -np.inf), np.zeros(last, dtype=int)
         reach = np.zeros(last, dtype=int)
-        for i, one in enumerate(found):
-            level = over(one.values, self._thresholds[one.label])
-            higher = level > values  # never where it is NaN
-            values[higher] = level[higher]
+        for i, raw in enumerate(raw_scores):
+            score = over(raw.values, self._thresholds[raw.label])
+            higher = score > values  # never where it is NaN
+            values[higher] = score[higher]
             leading[higher] = i
-            reach[higher] = one.reach if isinstance(one.reach, int) else one.reach[higher]
+            reach[higher] = raw.reach if isinstance(raw.reach, int) else raw.reach[higher]
         reach = np.minimum(reach, self._looks_back)
         values[np.isneginf(values)] = np.nan
         rows = self._rows[self._judged : end]
@@ -234,13 +233,13 @@ class Track:
         self.values[at], self.leading[at], self.onset_row[at] = values[told:], leading[told:], onset[told:]
 
 
-def levels(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, Level]:
-    """Return every residual's level on a record."""
-    found = {}
+def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ResidualScore]:
+    """Return every residual's score on a record."""
+    scores = {}
     for output, track in tracks_of(monitor, residuals).items():
         track.known(0, len(record) + track.ahead)
-        found[output] = level_of(track, record)
-    return found
+        scores[output] = score_of(track, record)
+    return scores
 
 
 def tracks_of(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, Track]:
@@ -252,15 +251,15 @@ def tracks_of(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, Tr
     return tracks
 
 
-def level_of(track: Track, record: Record) -> Level:
+def score_of(track: Track, record: Record) -> ResidualScore:
     """Return what a track says of a whole record; nothing of rows that are known after its end."""
     known = np.arange(len(record)) < len(record) - track.ahead
-    return Level(
+    return ResidualScore(
         values=frozen(np.where(known, track.values, np.nan)),
         known_s=frozen(np.round(record.time_s + track.ahead * record.sample_period_s, 9)),
         leading=track.leading,
         onset_row=track.onset_row,
-        series=track.series,
+        tests=track.tests,
     )
 
 
@@ -270,25 +269,25 @@ def over(values: FloatArray, threshold: float) -> FloatArray:
         return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
 
 
-def crossings(level: Mapping[str, Level]) -> list[Crossing]:
+def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
     """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
-    found = [
+    unsorted = [
         Crossing(
             output=output,
             row=row,
-            time_s=float(one.known_s[row]),
-            onset_row=int(one.onset_row[row]),
-            series=one.series[one.leading[row]],
+            time_s=float(score.known_s[row]),
+            onset_row=int(score.onset_row[row]),
+            test=score.tests[score.leading[row]],
         )
-        for output, one in level.items()
-        for row in rising(one.values, 1.0).tolist()
+        for output, score in scores.items()
+        for row in rising(score.values, 1.0).tolist()
     ]
-    return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
+    return sorted(unsorted, key=lambda crossing: (crossing.time_s, crossing.output))
 
 
 def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
     """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
-    return crossings(levels(monitor, record, bank_residuals(monitor, record)))
+    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))
 
 
 def _matrix(given: Given) -> FloatArray:

@@ -2,11 +2,11 @@
 
 Between chunks a stream remembers, per residual, the samples that its statistics look back at and a minute more
 (with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels, residuals and predictions
-of the last two minutes and a bit (`engine.span_rows`, kept in a table of twice that length). So it takes the same
+of the last two minutes and a bit (`alarms.span_rows`, kept in a table of twice that length). So it takes the same
 memory after an hour as after five minutes; only the alarms add up.
 
 Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
-path of their own (`rows.RowByRow`) that costs some ten microseconds: it tells levels, and where one could be an alarm,
+path of their own (`rows.RowByRow`) that costs some ten microseconds: it tells scores, and where one could be an alarm,
 the same functions decide.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from gtmbench.clock import lateness_s
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import bank_residuals
-from gtmbench.detectors.monitor.alarms import Engine, span_rows
+from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.rows import RowByRow
 from gtmbench.detectors.monitor.scores import Track
@@ -49,19 +49,19 @@ class BankStream:
         self._tracks = {output: Track(monitor, output) for output in monitor.operators}
         self._reach = _reach(monitor)
         self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
-        self._engine = Engine(monitor, self._memory, self._tracks)
+        self._logic = AlarmLogic(monitor, self._memory, self._tracks)
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
         self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are
 
     @property
     def armed(self) -> Mapping[str, bool]:
-        """Whether each residual's level could raise an alarm with the next sample."""
-        return MappingProxyType({one.output: one.armed for one in self._engine.arming})
+        """Whether each residual's score could raise an alarm with the next sample."""
+        return MappingProxyType({arming.output: arming.armed for arming in self._logic.arming})
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """Every alarm so far, as it is known by now."""
-        return tuple(self._engine.alarms)
+        return tuple(self._logic.alarms)
 
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of: the same alarm, by its number, again.
@@ -87,14 +87,14 @@ class BankStream:
         return tuple(told[number] for number in sorted(told))
 
     def _take_one(self, row: list[float]) -> tuple[Alarm, ...]:
-        """Take one sample: where nothing can come of it, no more than its levels are looked at."""
-        rows, engine = self._rows, self._engine
-        levels = None if rows is None else rows.take(row)
-        if rows is None or levels is None:  # it begins, or there is something that only the arrays' functions take
+        """Take one sample: where nothing can come of it, no more than its scores are looked at."""
+        rows, logic = self._rows, self._logic
+        scores = None if rows is None else rows.take(row)
+        if rows is None or scores is None:  # it begins, or there is something that only the arrays' functions take
             return self._take(np.array([row]))
-        if engine.is_quiet(levels):
+        if logic.is_quiet(scores):
             rows.pass_over()
-            engine.see(levels)
+            logic.take(scores)
             return ()
         rows.reopen()
         return self._went_on()
@@ -105,20 +105,20 @@ class BankStream:
         self._memory.take(values)
         stop = self._memory.stop
         first = max(begin - self._reach, 0)
-        made = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
+        residuals = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
         for output, track in self._tracks.items():
             rows = slice(max(begin - track.ahead, 0) - first, max(stop - track.ahead, 0) - first)
             if rows.stop > max(rows.start, 0):
-                spread = made.spread[output].between(rows) if output in made.spread else None
-                self._memory.put(output, rows.start + first, made.raw[output][rows], spread)
+                spread = residuals.spread[output].between(rows) if output in residuals.spread else None
+                self._memory.put(output, rows.start + first, residuals.raw[output][rows], spread)
                 before = min(self._monitor.whiteners[output].order, rows.start)
-                track.extend(made.raw[output][rows.start - before : rows.stop], spread, before=before)
+                track.extend(residuals.raw[output][rows.start - before : rows.stop], spread, before=before)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
 
     def _went_on(self) -> tuple[Alarm, ...]:
-        told = self._engine.run(self._memory.stop)
+        told = self._logic.run(self._memory.stop)
         for track in self._tracks.values():
             track.forget()
         if told and self._rows is not None:

@@ -1,17 +1,16 @@
 """Test statistics: what a residual is turned into before it is held against a threshold.
 
-Each takes one residual, as it is and whitened, and returns one or several series. Row k of a series uses rows up to k,
+Each takes one residual, as it is and whitened, and returns one or several scores. Row k of a score uses rows up to k,
 so it is known when the residual's row k is. Missing rows are passed over: a window holds the last samples that exist.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.statistics.spread import Given, Spread
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 
@@ -41,7 +40,52 @@ class Tolerance:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Series:
+class Spread:
+    """How far a residual may be off where its operator is uncertain.
+
+    Attributes
+    ----------
+    raw, white : shape (samples,)
+        By which the residual, as it is and whitened, is divided before its energy is judged; 1 where all is known.
+    means : mapping of int to array of shape (samples,)
+        Of windows of so many samples: the variance of their mean about that of the baseline before, in whitened
+        samples, from the operator's error alone. That is one error, at all samples: windows don't average it out.
+    """
+
+    raw: FloatArray = field(repr=False)
+    white: FloatArray = field(repr=False)
+    means: Mapping[int, FloatArray] = field(default_factory=dict, repr=False)
+
+    def between(self, rows: slice) -> Spread:
+        """Return some rows."""
+        means = {window: values[rows] for window, values in self.means.items()}
+        return Spread(raw=self.raw[rows], white=self.white[rows], means=means)
+
+    @staticmethod
+    def joined(parts: Sequence[Spread]) -> Spread:
+        """Return parts that follow each other as one; at least one, of the same windows."""
+        return Spread(
+            raw=np.concatenate([part.raw for part in parts]),
+            white=np.concatenate([part.white for part in parts]),
+            means={window: np.concatenate([part.means[window] for part in parts]) for window in parts[0].means},
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Given:
+    """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
+
+    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known.
+    """
+
+    values: FloatArray
+    plain: FloatArray
+    means: Mapping[int, FloatArray]
+    uncertain: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawScore:
     """A statistic over time, to be held against a threshold of its own.
 
     Attributes
@@ -95,24 +139,24 @@ class Statistic:
     ratio: float = 2.0
     two_sided: bool = True
 
-    def series(
+    def scores(
         self,
         raw: FloatArray,
         white: FloatArray,
         sample_period_s: float,
         tolerance: Tolerance,
         spread: Spread | None = None,
-    ) -> list[Series]:
-        """Return the series of one residual, raw (in the output's unit) and whitened, row for row beside it."""
+    ) -> list[RawScore]:
+        """Return the scores of one residual, raw (in the output's unit) and whitened, row for row beside it."""
         there, given = self.given(raw, white, spread)
         placed = []
-        for series in self.of(given, sample_period_s, tolerance):
+        for score in self.of(given, sample_period_s, tolerance):
             values = np.full(len(raw), np.nan)
-            values[there] = series.values
+            values[there] = score.values
             reach = np.zeros(len(raw), dtype=int)
-            began = np.maximum(np.arange(len(there)) - series.reach, 0)
+            began = np.maximum(np.arange(len(there)) - score.reach, 0)
             reach[there] = there - there[began]
-            placed.append(replace(series, values=values, reach=reach))
+            placed.append(replace(score, values=values, reach=reach))
         return placed
 
     def given(
@@ -141,8 +185,8 @@ class Statistic:
         *,
         last: int | None = None,
         carried: Carried | None = None,
-    ) -> list[Series]:
-        """Return the series of samples that exist, one after the other; `reach` counts such samples.
+    ) -> list[RawScore]:
+        """Return the scores of samples that exist, one after the other; `reach` counts such samples.
 
         Parameters
         ----------
@@ -168,29 +212,25 @@ class Statistic:
 
 def _energy(
     test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
-) -> list[Series]:
+) -> list[RawScore]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
-    found = []
-    for rows in test.rows(sample_period_s):
-        norm = np.sqrt(_trailing(np.square(given.values), rows + 1, last))
-        found += _sides(test, f"energy {rows * sample_period_s:g} s", norm, -norm, rows)
-    return found
+    squares = np.square(given.values)
+    norms = {rows: np.sqrt(_trailing(squares, rows + 1, last)) for rows in test.rows(sample_period_s)}
+    return _sides(test, "energy", norms, sample_period_s)
 
 
 def _whitened_energy(
     test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
-) -> list[Series]:
+) -> list[RawScore]:
     """RMS of the whitened residual over a window; healthy: about 1."""
-    found = []
-    for rows in test.rows(sample_period_s):
-        rms = np.sqrt(_trailing(np.square(given.values), rows, last) / rows)
-        found += _sides(test, f"whitened energy {rows * sample_period_s:g} s", rms, -rms, rows)
-    return found
+    squares = np.square(given.values)
+    rms = {rows: np.sqrt(_trailing(squares, rows, last) / rows) for rows in test.rows(sample_period_s)}
+    return _sides(test, "whitened energy", rms, sample_period_s)
 
 
 def _cusum(
     test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, carried: Carried
-) -> list[Series]:
+) -> list[RawScore]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
     w = given.values
     base, _ = _baseline(_sums(w), test, sample_period_s, gap=1, last=last)  # a sample isn't compared with itself
@@ -205,7 +245,7 @@ def _cusum(
     }
     if test.two_sided:
         steps["variance down"] = 0.5 * square / tolerance.low * (1.0 - test.ratio) + 0.5 * np.log(test.ratio)
-    found = []
+    scores = []
     for label, step in steps.items():
         stood, since = carried.get(label, (0.0, 0))
         sums = stood + np.cumsum(np.where(ready, step, 0.0))
@@ -214,22 +254,22 @@ def _cusum(
         values, reach = sums - low, np.arange(len(sums)) - zero
         if len(values):
             carried[label] = (float(values[-1]), int(reach[-1]) + 1)
-        found.append(
-            Series(label=f"cusum {label}", values=np.where(ready, values, np.nan), reach=reach, looks_per_row=0.1)
+        scores.append(
+            RawScore(label=f"cusum {label}", values=np.where(ready, values, np.nan), reach=reach, looks_per_row=0.1)
         )
-    return found
+    return scores
 
 
 def _glr(
     test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, __: Carried
-) -> list[Series]:
+) -> list[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
     Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
     the operator's error gives it. Of another variance: L/2 (s - 1 - log s), s the mean square about m0 over the
     nearest end of the tolerated range, which is wider where the operator's error dominates.
     """
-    found = []
+    scores = []
     low = tolerance.low if test.two_sided else 0.0
     plain, values = _Sums.of(given.plain), None if given.values is given.plain else _Sums.of(given.values)
     for rows in test.rows(sample_period_s):
@@ -245,9 +285,9 @@ def _glr(
         of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
-        found.append(Series(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks))
-        found.append(Series(label=f"energy {window}", values=of_energy, reach=rows, looks_per_row=looks))
-    return found
+        scores.append(RawScore(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks))
+        scores.append(RawScore(label=f"energy {window}", values=of_energy, reach=rows, looks_per_row=looks))
+    return scores
 
 
 def glr(
@@ -265,7 +305,7 @@ def glr(
     return beyond * beyond / (2.0 * chance), 0.5 * rows * (ratio - 1.0 - np.log(ratio))
 
 
-STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried], list[Series]]] = {
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried], list[RawScore]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,
@@ -295,9 +335,15 @@ def _windows(
     return mean - base, np.maximum(power - 2.0 * base * mean + base * base, 1e-12), length
 
 
-def _sides(test: Statistic, label: str, high: FloatArray, low: FloatArray, rows: int) -> list[Series]:
-    up = Series(label=f"{label} high", values=high, reach=rows)
-    return [up, Series(label=f"{label} low", values=low, reach=rows)] if test.two_sided else [up]
+def _sides(test: Statistic, name: str, norms: dict[int, FloatArray], sample_period_s: float) -> list[RawScore]:
+    """Return the scores of norms over windows of so many samples: too high, and too low."""
+    scores = []
+    for rows, norm in norms.items():
+        window = f"{name} {rows * sample_period_s:g} s"
+        scores.append(RawScore(label=f"{window} high", values=norm, reach=rows))
+        if test.two_sided:
+            scores.append(RawScore(label=f"{window} low", values=-norm, reach=rows))
+    return scores
 
 
 def _trailing(values: FloatArray, length: int, last: int) -> FloatArray:
@@ -336,7 +382,7 @@ def _baseline(
 def tolerance_of(
     whites: Sequence[FloatArray], test: Statistic, sample_period_s: float, *, noise: float = 0.0
 ) -> Tolerance:
-    """Return what healthy whitened residuals do beyond noise, three times the greatest seen over long windows.
+    """Return what healthy whitened residuals do beyond noise, three times the greatest over long windows.
 
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
     (four deviations) is left out; of the mean squares `noise` deviations, which matter where windows are short.

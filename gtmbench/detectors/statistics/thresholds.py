@@ -1,4 +1,9 @@
-"""Thresholds: from healthy residuals to levels that are passed as rarely as wanted."""
+"""Thresholds: from healthy residuals to values that a score passes as rarely as wanted.
+
+A statistic is correlated from sample to sample and its tail isn't Gaussian, so neither its samples nor a table of the
+normal distribution give a false-alarm rate. The greatest values of long blocks do: blocks are nearly independent
+whatever happens inside them, and their upper tail is extrapolated by a generalised Pareto distribution.
+"""
 
 from __future__ import annotations
 
@@ -6,45 +11,46 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gtmbench.detectors.statistics.spread import Spread
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
-from gtmbench.detectors.statistics.tails import block_maxima, tail_threshold
+from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
 from gtmbench.record import FloatArray
 
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
+_TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
+_SHAPES = (0.0, 0.3)  # from exponential, the theory for likelihood ratios, to heavy
+
 Residual = tuple[FloatArray, FloatArray, Spread | None]  # raw and whitened
-Seen = Mapping[str, Sequence[Residual]]  # of an output: one a record
+Healthy = Mapping[str, Sequence[Residual]]  # of an output: one a record
 
 
 def thresholds_of(
-    test: Statistic, seen: Seen, tolerances: Mapping[str, Tolerance], sample_period_s: float, rate: float
+    test: Statistic, healthy: Healthy, tolerances: Mapping[str, Tolerance], sample_period_s: float, rate: float
 ) -> tuple[dict[str, dict[str, float]], float]:
-    """Return the thresholds of all series for a false-alarm rate an hour, shared evenly, and the blocks' length in s.
+    """Return the thresholds of all scores for a false-alarm rate an hour, shared evenly, and the blocks' length in s.
 
     Parameters
     ----------
     test : Statistic
-    seen : mapping of output to list of (raw, whitened, spread)
-        Healthy residuals.
+    healthy : mapping of output to list of (raw, whitened, spread)
+        Residuals.
     tolerances : mapping of output to Tolerance
     sample_period_s, rate : float
     """
-    hours = sum(len(raw) for raw, *_ in next(iter(seen.values()))) * sample_period_s / 3600.0
+    hours = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s / 3600.0
     rows = max(round(float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
     maxima: dict[tuple[str, str], list[FloatArray]] = {}
     greatest: dict[tuple[str, str], float] = {}
     least: dict[tuple[str, str], Callable[[float], float]] = {}
-    for output, pairs in seen.items():
-        for raw, white, spread in pairs:
-            for series in test.series(raw, white, sample_period_s, tolerances[output], spread):
-                key = output, series.label
-                maxima.setdefault(key, []).append(block_maxima(series.values, rows))
+    for output, residuals in healthy.items():
+        for raw, white, spread in residuals:
+            for score in test.scores(raw, white, sample_period_s, tolerances[output], spread):
+                key = output, score.label
+                maxima.setdefault(key, []).append(block_maxima(score.values, rows))
                 # also of blocks that aren't complete
-                greatest[key] = float(np.fmax.reduce(series.values, initial=greatest.get(key, -np.inf)))
-                least[key] = series.least_threshold
+                greatest[key] = float(np.fmax.reduce(score.values, initial=greatest.get(key, -np.inf)))
+                least[key] = score.least_threshold
     share = rate / len(maxima) * rows * sample_period_s / 3600.0
-    thresholds: dict[str, dict[str, float]] = {output: {} for output in seen}
+    thresholds: dict[str, dict[str, float]] = {output: {} for output in healthy}
     for key, parts in maxima.items():
         output, label = key
         thresholds[output][label] = max(_threshold(parts, share), greatest[key], least[key](share / rows))
@@ -56,3 +62,72 @@ def _threshold(parts: list[FloatArray], share: float) -> float:
     if not len(maxima):
         return float("inf")  # the records are shorter than this window: it can't be judged, so it doesn't alarm
     return tail_threshold(maxima, crossings_per_block=share)
+
+
+def block_maxima(values: FloatArray, rows: int) -> FloatArray:
+    """Return the greatest value of every complete block of `rows` rows; of the whole, if there is less than one.
+
+    >>> block_maxima(np.array([1.0, 3.0, np.nan, 2.0, 9.0]), 2)
+    array([3., 2.])
+    """
+    if len(values) < rows:
+        there = values[np.isfinite(values)]
+        return there.max(keepdims=True) if len(there) else there
+    blocks = values[: len(values) // rows * rows].reshape(-1, rows)
+    filled = np.isfinite(blocks).mean(axis=1) >= 0.5
+    return np.asarray(np.nanmax(blocks[filled], axis=1)) if filled.any() else np.zeros(0)
+
+
+def tail_threshold(maxima: FloatArray, *, crossings_per_block: float) -> float:
+    """Return the value that a block's maximum passes with the probability wanted.
+
+    Above u, the upper quartile of the maxima, P(M > u + y) = 1/4 (1 + xi y / sigma)^(-1/xi), the generalised Pareto
+    distribution (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), xi held to 0..0.3.
+    Never below the greatest of them. The scale is an estimate, so that the probability in the mean is greater: of
+    an exponential tail and k values above u, at most 1/4 (1 + s/k)^-k, s = log(1/4 / wanted).
+
+    Parameters
+    ----------
+    maxima : shape (blocks,)
+    crossings_per_block : float
+        For rare crossings, their rate times the length of a block.
+
+    Examples
+    --------
+    >>> maxima = np.random.default_rng(1).exponential(size=(400, 1000)).max(axis=1)
+    >>> bool(abs(tail_threshold(maxima, crossings_per_block=1e-4) - np.log(1000 / 1e-4)) < 2.0)
+    True
+    """
+    ordered = np.sort(maxima)
+    u, *above = ordered[-1 - int(_TAIL * len(ordered)) :].tolist()
+    share = len(above) / len(ordered) / max(crossings_per_block, 1e-300)
+    if share <= 1.0:
+        return float(ordered[-1])
+    scale, shape = _pareto(np.asarray(above) - u)
+    beyond = scale * np.log(share) if shape < 1e-6 else scale * (share**shape - 1.0) / shape
+    return float(max(u + beyond, ordered[-1]))
+
+
+def _pareto(excess: FloatArray) -> tuple[float, float]:
+    """Return scale and shape from probability-weighted moments; with few values exponential."""
+    count = len(excess)
+    mean = float(excess.mean())
+    if count < 10 or mean <= 0.0:
+        return max(mean, 1e-12), 0.0
+    weights = 1.0 - (np.arange(1, count + 1) - 0.35) / count
+    moment = float(np.mean(weights * np.sort(excess)))
+    shape = float(np.clip(2.0 - mean / (mean - 2.0 * moment), *_SHAPES))
+    return mean * (1.0 - shape), shape
+
+
+def rate_bound(events: int, hours: float, *, confidence: float = 0.95) -> float | None:
+    """Return the upper confidence bound of a Poisson rate per hour; None where nothing was watched.
+
+    No event in T hours: at most 3.0 / T per hour at 95 %.
+
+    >>> round(rate_bound(0, 1.0), 2)
+    3.0
+    """
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(confidence, 2 * events + 2)) / (2.0 * hours) if hours > 0 else None

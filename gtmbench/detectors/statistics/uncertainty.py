@@ -2,7 +2,7 @@
 
 A minute of flight excites few directions. On another manoeuvre the residual is then noise plus what the Markov
 parameters leave open, phi(k)'(theta - theta_hat); its deviation follows from their covariance, and what is judged is
-the residual over it: motion that nobody has seen widens what is normal, a fault in known motion stands out as before.
+the residual over it: motion that nobody has flown widens what is normal, a fault in known motion stands out as before.
 theta - theta_hat is one error at all samples, so that a window's mean of it follows from the window's mean of phi(k).
 """
 
@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.detectors.statistics.spread import Spread
-from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.detectors.statistics.statistic import Spread, Statistic
 from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.regression.slow import HALF as HALF
 from gtmbench.method.regression.slow import fir, held, reflected, regressors, smoothed
@@ -35,7 +34,7 @@ class ParameterUncertainty:
         F, with F F' the covariance of the Markov parameters, in their units; rows: lag -d to r, input by input within.
     raw, white : float
         Variance of the model's error over that of the noise is this times |F' phi(k)|^2: of the residual as it is, and
-        whitened. Found on stretches that identification hadn't seen.
+        whitened. From stretches that identification hadn't seen.
     """
 
     root: FloatArray = field(repr=False)
@@ -148,12 +147,12 @@ class SpreadStream:
     def _step(self, inputs: FloatArray) -> FloatArray:
         """Return |F' phi(k)|^2 of the rows that became known, 0 where phi isn't complete; shape (2 + windows, rows)."""
         self._count += len(inputs)
-        found = self._leverage(self._bridged(inputs - self._means))
+        leverage = self._leverage(self._bridged(inputs - self._means))
         known = max(self._count - self._ahead - HALF, 0)
         new, self._given = known - self._given, known
-        if found.shape[1] >= new:
-            return found[:, found.shape[1] - new :]
-        return np.concatenate([np.zeros((len(found), new - found.shape[1])), found], axis=1)
+        if leverage.shape[1] >= new:
+            return leverage[:, leverage.shape[1] - new :]
+        return np.concatenate([np.zeros((len(leverage), new - leverage.shape[1])), leverage], axis=1)
 
     def _bridged(self, motion: FloatArray) -> FloatArray:
         """Return the rows since motion began with their gaps bridged, and note whose window is complete."""

@@ -106,10 +106,10 @@ class Bayesian:
                 for each, of in zip(motion, weights, strict=True)
             ]
             posteriors.append(self._posterior(problem, problem.outputs[o - inputs], pieces))
-        variance = np.array([one.variance for one in posteriors])
+        variance = np.array([posterior.variance for posterior in posteriors])
         return Estimate(
-            coefficients=np.column_stack([_turned(one.theta, inputs) for one in posteriors]),
-            root=np.stack([_root(one, inputs) for one in posteriors]),
+            coefficients=np.column_stack([_turned(posterior.theta, inputs) for posterior in posteriors]),
+            root=np.stack([_root(posterior, inputs) for posterior in posteriors]),
             noise_variance=variance,
             rms_residual=np.sqrt(variance),
             equations=equations,

@@ -50,10 +50,10 @@ class InstrumentalVariables:
     prefilter: tuple[Sequence[float], Sequence[float]] | None = None
 
     def __post_init__(self) -> None:
-        found = names("instruments", self.instruments)
-        if not found:
+        given = names("instruments", self.instruments)
+        if not given:
             raise InputError("instruments are missing; name one channel or more")
-        object.__setattr__(self, "instruments", found)
+        object.__setattr__(self, "instruments", given)
         for name in ("delay", "past", "future"):
             object.__setattr__(self, name, whole(name, getattr(self, name)))
         if self.prefilter is not None:
@@ -89,12 +89,12 @@ class InstrumentalVariables:
         import scipy.signal
 
         count = len(problem.instruments)
-        found = []
+        parts = []
         for part in problem.stretches:
             values = part.read(0, len(part)).copy()
             values[:count] = scipy.signal.lfilter(*self.prefilter, values[:count], axis=1)
-            found.append(part.replace(values))
-        return tuple(found)
+            parts.append(part.replace(values))
+        return tuple(parts)
 
 
 def _check_prefilter(prefilter: tuple[Sequence[float], Sequence[float]]) -> None:
@@ -119,6 +119,6 @@ def _check_prefilter(prefilter: tuple[Sequence[float], Sequence[float]]) -> None
 def _estimate(problem: Problem, equations: Triangle, instruments: int) -> Estimate:
     """Solve on what the instruments see of the equations: the rows of R that belong to them."""
     projected = equations.seen_by(instruments)
-    found, rank = solve(projected)
+    theta, rank = solve(projected)
     own = replace(equations, root=equations.root[:, instruments:])  # all rows: what is left of y counts them
-    return replace(summary(problem, own, found, rank), root=projected.regressor[np.newaxis])
+    return replace(summary(problem, own, theta, rank), root=projected.regressor[np.newaxis])

@@ -59,18 +59,18 @@ class LeastSquares:
         if self.truncate is not None:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.weight)
-            found, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
+            theta, rank = smallest(equations.regressor / levels, equations.target[: problem.parameters], floor)
             if rank == 0:
                 raise InputError("truncate: no direction of the pseudo inputs stands out of this noise; lower it")
-            return replace(summary(problem, equations, found / levels[:, np.newaxis], rank), rank_chosen=True)
+            return replace(summary(problem, equations, theta / levels[:, np.newaxis], rank), rank_chosen=True)
         if self.ridge is not None:
             levels = np.tile(noise_levels("ridge", self.ridge, problem), problem.lags)
             rows = np.sqrt(equations.weight) * np.eye(len(levels), len(equations.root)) * levels[:, np.newaxis]
             held = replace(equations, root=absorb(np.asfortranarray(equations.root), rows), solver="householder")
-            found, rank = solve(held)
-            return replace(summary(problem, equations, found, rank), root=held.regressor[np.newaxis])
-        found, rank = solve(equations)
-        return summary(problem, equations, found, rank)
+            theta, rank = solve(held)
+            return replace(summary(problem, equations, theta, rank), root=held.regressor[np.newaxis])
+        theta, rank = solve(equations)
+        return summary(problem, equations, theta, rank)
 
 
 def check_noise(what: str, noise: Noise | None) -> None:
@@ -116,13 +116,13 @@ def smallest(
     return right[:rank].T @ ((left[:, :rank].T @ target) / singular[:rank, np.newaxis]), rank
 
 
-def summary(problem: Problem, equations: Triangle, found: FloatArray, rank: int) -> Estimate:
+def summary(problem: Problem, equations: Triangle, theta: FloatArray, rank: int) -> Estimate:
     """Return the estimate with what its residual tells; `equations` may have more rows than columns."""
     size = problem.parameters
-    squares = np.sum((equations.target - equations.root[:, :size] @ found) ** 2, axis=0)
+    squares = np.sum((equations.target - equations.root[:, :size] @ theta) ** 2, axis=0)
     free = equations.weight - size
     return Estimate(
-        coefficients=found,
+        coefficients=theta,
         root=equations.regressor[np.newaxis],
         noise_variance=squares / free if free > 0 else np.full(len(squares), np.nan),
         rms_residual=np.sqrt(squares / equations.weight),

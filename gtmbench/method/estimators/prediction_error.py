@@ -84,16 +84,16 @@ class PredictionError:
         unknowns = problem.parameters + self.noise_order
         require_equations(problem, problem.lags + self.noise_order, unknowns, "parameters with those of the noise")
         equations = problem.triangle()
-        found, rank = solve(equations)
+        theta, rank = solve(equations)
         path: list[float] = []
         converged = False
         while not converged and len(path) < self.most_iterations:
-            taps = _autoregressive(_residuals(problem, found), self.noise_order)
+            taps = _autoregressive(_residuals(problem, theta), self.noise_order)
             whitened = replace(problem, stretches=_filtered(problem.stretches, taps)).triangle()
-            found, rank = solve(whitened)
-            path.append(float(np.mean(summary(problem, whitened, found, rank).rms_residual ** 2)))
+            theta, rank = solve(whitened)
+            path.append(float(np.mean(summary(problem, whitened, theta, rank).rms_residual ** 2)))
             converged = len(path) > 1 and path[-2] - path[-1] <= self.tolerance * path[-2]
-        last = summary(problem, whitened, found, rank)
+        last = summary(problem, whitened, theta, rank)
         scale = problem.scale[-1]
         model = NoiseModel(
             autoregressive=taps[np.newaxis],
@@ -105,7 +105,7 @@ class PredictionError:
         return replace(
             last,
             noise_variance=last.rms_residual**2 * whitened.weight / free if free > 0 else np.full(1, np.nan),
-            rms_residual=summary(problem, equations, found, rank).rms_residual,
+            rms_residual=summary(problem, equations, theta, rank).rms_residual,
         ), model
 
 
@@ -121,10 +121,10 @@ def _with_output(problem: Problem, channel: int) -> Problem:
     )
 
 
-def _residuals(problem: Problem, found: FloatArray) -> tuple[Stretch, ...]:
+def _residuals(problem: Problem, theta: FloatArray) -> tuple[Stretch, ...]:
     """Return the one-step residual as stretches of one channel, twice: to be lagged, and as the target."""
     r, d = problem.causal_order, problem.noncausal_order
-    markov = found.reshape(problem.lags, 1, len(problem.inputs))[::-1]
+    markov = theta.reshape(problem.lags, 1, len(problem.inputs))[::-1]
     no_means = np.zeros(len(problem.inputs))
     parts = []
     for part in problem.stretches:
@@ -140,8 +140,8 @@ def _autoregressive(residuals: tuple[Stretch, ...], order: int) -> FloatArray:
     if order == 0:
         return np.ones(1)
     past = np.arange(order, dtype=np.intp)  # lags n..1
-    found, _ = solve(triangle(residuals, 1, order, 0, past))
-    return np.concatenate([[1.0], -found[::-1, 0]])
+    coefficients, _ = solve(triangle(residuals, 1, order, 0, past))
+    return np.concatenate([[1.0], -coefficients[::-1, 0]])
 
 
 def _filtered(stretches: tuple[Stretch, ...], taps: FloatArray) -> tuple[Stretch, ...]:

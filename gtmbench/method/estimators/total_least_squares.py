@@ -68,15 +68,15 @@ class TotalLeastSquares:
         size, count = problem.parameters, len(problem.inputs)
         if self.rank is not None:
             whole("rank", self.rank, 1, size)
-        found, ranks = np.empty((size, equations.targets)), []
+        theta, ranks = np.empty((size, equations.targets)), []
         for o in range(equations.targets):
             both = covariance[np.ix_([*range(count), count + o], [*range(count), count + o])]
             root = np.asarray(np.linalg.cholesky(_row_covariance(both, problem)))
-            one = np.column_stack([equations.root[:, :size], equations.target[:, o]])
+            rows = np.column_stack([equations.root[:, :size], equations.target[:, o]])
             edge = np.sqrt(equations.weight) * (1.0 + np.sqrt((size + 1) / equations.equations))
-            found[:, o], rank = _solve(one, root, self.rank, edge)
+            theta[:, o], rank = _solve(rows, root, self.rank, edge)
             ranks.append(rank)
-        least = summary(problem, equations, found, size)
+        least = summary(problem, equations, theta, size)
         return replace(
             least,
             noise_variance=np.full(equations.targets, np.nan),

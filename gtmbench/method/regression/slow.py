@@ -34,8 +34,8 @@ def held(values: FloatArray) -> FloatArray:
     if there.all():
         return values
     rows = np.where(there, np.arange(len(values))[:, np.newaxis], np.argmax(there, axis=0))
-    found = np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
-    return np.where(there.any(axis=0), found, 0.0)
+    filled = np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
+    return np.where(there.any(axis=0), filled, 0.0)
 
 
 def interpolated(values: FloatArray) -> FloatArray:

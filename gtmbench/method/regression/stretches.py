@@ -70,10 +70,10 @@ class Scaling:
 
     def of(self, block: FloatArray) -> FloatArray:
         """Return the rows, centred and scaled."""
-        found = block[self.rows]
-        found -= self.centre[:, np.newaxis]
-        found *= 1.0 / self.rms[:, np.newaxis]
-        return found
+        scaled = block[self.rows]
+        scaled -= self.centre[:, np.newaxis]
+        scaled *= 1.0 / self.rms[:, np.newaxis]
+        return scaled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +139,7 @@ def stretches(
     InputError
         Naming the channel that is missing or holds NaN where it counts.
     """
-    parts = [part for record, one in zip(records, weights, strict=True) for part in _parts(record, channels, one)]
+    parts = [part for record, own in zip(records, weights, strict=True) for part in _parts(record, channels, own)]
     if not sum(map(len, parts)):
         raise InputError("no sample is left to identify from: the records are empty, or every weight is 0")
     with np.errstate(invalid="ignore", over="ignore"):
@@ -191,32 +191,32 @@ def moments(values: FloatArray, weights: FloatArray | None = None) -> FloatArray
     return np.stack([np.full(len(mean), total), mean, np.vecdot(off if weights is None else off * weights, off)])
 
 
-def merged(one: FloatArray, other: FloatArray) -> FloatArray:
+def merged(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the moments of two sets of samples together; offsets and steps between them cost no digits."""
-    total = one[0] + other[0]
-    off = other[1] - one[1]
-    share = other[0] / total
-    return np.stack([total, one[1] + share * off, one[2] + other[2] + one[0] * share * off**2])
+    total = first[0] + second[0]
+    off = second[1] - first[1]
+    share = second[0] / total
+    return np.stack([total, first[1] + share * off, first[2] + second[2] + first[0] * share * off**2])
 
 
 def _moments(parts: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
     """Return the (weighted) means of all stretches and the RMS values about them."""
-    found = [
-        moments(part.recorded(start, start + CHUNK), None if one is None else one[start : start + CHUNK])
-        for part, one in ((part, part.weights) for part in parts)
+    chunks = [
+        moments(part.recorded(start, start + CHUNK), None if weights is None else weights[start : start + CHUNK])
+        for part, weights in ((part, part.weights) for part in parts)
         for start in range(0, len(part), CHUNK)
     ]
-    total, mean, squares = reduce(merged, found)
+    total, mean, squares = reduce(merged, chunks)
     return mean, np.sqrt(squares / total)
 
 
 def _refuse_missing(records: Sequence[Record], channels: Sequence[str], weights: Sequence[FloatArray | None]) -> None:
     """Say which channel misses how many of the samples that count, and where the first one is."""
-    for record, one in zip(records, weights, strict=True):
+    for record, own in zip(records, weights, strict=True):
         for name in channels:
             missing = ~np.isfinite(record[name])
-            if one is not None:
-                missing &= one > 0
+            if own is not None:
+                missing &= own > 0
             if missing.any():
                 raise InputError(
                     f"channel '{name}' has {int(missing.sum())} missing samples, the first at "

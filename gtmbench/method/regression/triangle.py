@@ -124,8 +124,8 @@ def triangle(
         products = (np.triu(products) + np.triu(products, 1).T)[np.ix_(taken, taken)]
     squares = products.diagonal().copy()
     # C order and upper is Fortran order and lower: LAPACK works in place
-    found, info = lapack.dpotrf(products.T, lower=1, clean=1, overwrite_a=1)
-    root, solver = found.T, "cholesky"
+    factor, info = lapack.dpotrf(products.T, lower=1, clean=1, overwrite_a=1)
+    root, solver = factor.T, "cholesky"
     if info != 0 or not _trusted(root, targets, squares):
         root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
     equations = sum(run.equations for run in run_list)
@@ -194,8 +194,8 @@ def absorb(root: FloatArray, block: FloatArray) -> FloatArray:
     """Return R of the equations behind `root` and those of `block` together, shape as `root`, in Fortran order."""
     from scipy.linalg import lapack
 
-    found, _, _, _ = lapack.dtpqrt(0, min(_PANEL, len(root)), root, block, overwrite_a=1)
-    return np.asarray(found)
+    combined, _, _, _ = lapack.dtpqrt(0, min(_PANEL, len(root)), root, block, overwrite_a=1)
+    return np.asarray(combined)
 
 
 def without(columns: FloatArray, count: int, floor: float) -> FloatArray:

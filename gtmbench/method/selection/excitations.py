@@ -100,8 +100,8 @@ def count_excitations(
     >>> u, noise = rng.standard_normal((2000, 2)), 0.01 * rng.standard_normal((2000, 4))
     >>> values = u @ rng.standard_normal((2, 4)) + noise  # two excitations, four sensors
     >>> record = Record(values, channels=["a", "b", "c", "d"], sample_period_s=0.01)
-    >>> found = count_excitations(record, channels=["a", "b", "c", "d"], causal_order=2, noncausal_order=2)
-    >>> found.excitations
+    >>> count = count_excitations(record, channels=["a", "b", "c", "d"], causal_order=2, noncausal_order=2)
+    >>> count.excitations
     2
     """
     wanted = names("channels", channels)
@@ -166,16 +166,16 @@ def _count(rows: Sequence[dict[str, object]], gain: float) -> ExcitationCount:
     needed = max(gain, float(drops.max()) ** _SHARE)
     sizable = np.flatnonzero(drops >= needed) + 1
     most = len(drops)
-    found = int(sizable[-1]) if len(sizable) else None
+    count = int(sizable[-1]) if len(sizable) else None
     said = ", ".join(f"{value:.3g}" for value in by_m)
-    if found is None:
+    if count is None:
         reason = f"no choice of inputs predicts the others (m = 1..{most} leave {said} of their RMS)"
-    elif found == most:
-        found, reason = None, f"at least {most}: the residual still drops with the last input (m = 1..{most}: {said})"
+    elif count == most:
+        count, reason = None, f"at least {most}: the residual still drops with the last input (m = 1..{most}: {said})"
     else:
         reason = (
-            f"{found}: the residual, {said} of the outputs' RMS for m = 1..{most}, drops by {drops[found - 1]:.3g} "
-            f"with input {found} and by at most {drops[found:].max():.3g} with a later one; "
+            f"{count}: the residual, {said} of the outputs' RMS for m = 1..{most}, drops by {drops[count - 1]:.3g} "
+            f"with input {count} and by at most {drops[count:].max():.3g} with a later one; "
             f"{needed:.3g} is a sizable drop"
         )
-    return ExcitationCount(excitations=found, reason=reason, by_m=by_m, table=table)
+    return ExcitationCount(excitations=count, reason=reason, by_m=by_m, table=table)

@@ -133,14 +133,14 @@ def select_orders(
 
 def _orders(name: str, orders: Iterable[int] | int) -> list[int]:
     given = list(islice(orders, _MOST_ORDERS + 1)) if isinstance(orders, Iterable) else [orders]
-    found = sorted({whole(name, order) for order in given})
+    distinct = sorted({whole(name, order) for order in given})
     if len(given) > _MOST_ORDERS:
         raise InputError(
             f"{name} holds more than {_MOST_ORDERS} orders; give a coarser grid, for example range(0, 100, 5)"
         )
-    if not found:
+    if not distinct:
         raise InputError(f"{name} holds no order; give at least one, for example range(20)")
-    return found
+    return distinct
 
 
 def _held_out(problem: Problem, validation: Records) -> Triangle:
@@ -217,10 +217,10 @@ def _leading(equations: Triangle, held: FloatArray | None, sizes: Sequence[int])
 
     width = equations.size
     known = np.hstack([equations.target[:width] * (np.arange(width) < size)[:, np.newaxis] for size in sizes])
-    found, _ = lapack.dtrtrs(equations.regressor.T, known, lower=1, trans=1)
-    left = np.tile(held[:, width:], len(sizes)) - held[:, :width] @ found
+    theta, _ = lapack.dtrtrs(equations.regressor.T, known, lower=1, trans=1)
+    left = np.tile(held[:, width:], len(sizes)) - held[:, :width] @ theta
     squares = np.sum(left**2, axis=0).reshape(len(sizes), -1)
-    yield from ((size, below[size], one) for size, one in zip(sizes, squares, strict=True))
+    yield from ((size, below[size], left_over) for size, left_over in zip(sizes, squares, strict=True))
 
 
 def _one_by_one(equations: Triangle, held: FloatArray | None, sizes: Sequence[int]) -> Iterator[Fit]:
@@ -228,9 +228,9 @@ def _one_by_one(equations: Triangle, held: FloatArray | None, sizes: Sequence[in
     width = equations.size
     for size in sizes:
         columns = [*range(size), *range(width, equations.root.shape[1])]
-        found, rank = solve(replace(equations, root=equations.root[:, columns]))
+        theta, rank = solve(replace(equations, root=equations.root[:, columns]))
         squares, left = (
-            np.sum((root[:, width:] - root[:, :size] @ found) ** 2, axis=0)
+            np.sum((root[:, width:] - root[:, :size] @ theta) ** 2, axis=0)
             for root in (equations.root, equations.root if held is None else held)
         )
         yield rank, squares, None if held is None else left

@@ -13,13 +13,9 @@ from gtmbench.channels import unit_of
 from gtmbench.checks import printable
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
-from gtmbench.report.scores import LOWEST, level
+from gtmbench.report.scores import LOWEST, level, part
 from gtmbench.report.style import COLOURS
-from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
-from gtmbench.report.words.log import outcome_text
-from gtmbench.report.words.monitor import rms_identified, title_text
-from gtmbench.report.words.units import with_unit
-from gtmbench.report.words.watched import (
+from gtmbench.report.watched import (
     TINTS,
     State,
     Stretch,
@@ -33,7 +29,11 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
+from gtmbench.report.words.log import outcome_text
+from gtmbench.report.words.monitor import rms_identified, title_text
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.log.watch import WatchedLog
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,10 +154,10 @@ def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
 
 
 def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, tint: str, label: str | None = None) -> None:
-    shown = (time_s >= span[0]) & (time_s <= span[1])
-    if shown.any():
+    shown_s, shown = part(time_s, values, span)
+    if len(shown):
         rows = int((span[1] - span[0]) / (time_s[-1] - time_s[0] + 1e-9) * len(time_s))  # of a line from end to end
-        axis.plot(*thinned(time_s[shown], values[shown], every=2 * rows // _POINTS), lw=1.0, color=tint, label=label)
+        axis.plot(*thinned(shown_s, shown, every=2 * rows // _POINTS), lw=1.0, color=tint, label=label)
 
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:

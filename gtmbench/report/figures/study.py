@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,7 +16,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
-from gtmbench.report.scores import LOWEST, around, level, norm_of, part, safe, tints
+from gtmbench.report.scores import LOWEST, around, level, norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text, counting_alarm, repetitions, trial_label
 from gtmbench.report.words.monitor import title_text
@@ -43,12 +44,21 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
     """
     paths = []
     for number, baseline in enumerate(study.baselines):
-        twins = [safe(other.detector) for other in study.baselines[:number]].count(safe(baseline.detector))
-        suffix = f"_{safe(baseline.detector)}{f'_{twins + 1}' * bool(twins)}" if len(study.baselines) > 1 else ""
+        twins = [_safe(other.detector) for other in study.baselines[:number]].count(_safe(baseline.detector))
+        suffix = f"_{_safe(baseline.detector)}{f'_{twins + 1}' * bool(twins)}" if len(study.baselines) > 1 else ""
         for name, draw in _figures(baseline, study.trials_of(baseline.detector)).items():
             paths.append(folder / f"{name}{suffix}.png")
             draw().savefig(paths[-1], dpi=_DPI)
     return paths
+
+
+def _safe(name: str) -> str:
+    """Return a name as part of a file's: letters, digits, dots and dashes stay.
+
+    >>> _safe("C (2)"), _safe("../odd")
+    ('C_2', 'odd')
+    """
+    return re.sub(r"[^\w.-]+", "_", name).strip("_.") or "detector"
 
 
 def _figures(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Callable[[], Figure]]:

@@ -106,11 +106,7 @@ from gtmbench.report.recording.flight import log_scene, log_sensors
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
-from gtmbench.report.words.log import outcome_text, remark_text
-from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.units import with_unit
-from gtmbench.report.words.watched import (
+from gtmbench.report.watched import (
     TINTS,
     State,
     began_s,
@@ -121,7 +117,11 @@ from gtmbench.report.words.watched import (
     tints_of,
     whole_of,
 )
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
+from gtmbench.report.words.log import outcome_text, remark_text
+from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.log.watch import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it

@@ -15,10 +15,10 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.plain import plain
 from gtmbench.report.scores import level
 from gtmbench.report.tables.results import SCHEMA, versions
-from gtmbench.report.words.log import alarm_bound, deviation, outcome_text, passed_alarms, rms
+from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
+from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
-from gtmbench.report.words.watched import began_s, disarmed_by, stretches
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.log.watch import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
@@ -28,7 +28,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
     from its first sample to its last and says of every stretch whether it was watched, or why not; `residuals` has a
     row for every score, or residual, on every record that the monitor was given.
     """
-    found = {
+    table = {
         "schema": SCHEMA,
         "study": "log",
         "outcome": watched.outcome.name.lower(),
@@ -42,11 +42,11 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "log": _log(watched.log),
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
-        "stretches": [vars(one) for one in stretches(watched)],
+        "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
-    return dict(plain(found))
+    return dict(plain(table))
 
 
 def _log(log: FlightLog) -> Mapping[str, Any]:

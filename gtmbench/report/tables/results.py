@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.plain import dumps, plain
 from gtmbench.report.words.monitor import bank_summary, norm_facts
@@ -29,7 +29,7 @@ def results(study: Study) -> dict[str, Any]:
     of it stands on top as well.
     """
     detectors = [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
-    found = {
+    table = {
         "schema": SCHEMA,
         "trim": asdict(study.baseline.trim),
         **(detectors[0] if len(detectors) == 1 else {}),
@@ -39,7 +39,7 @@ def results(study: Study) -> dict[str, Any]:
         "versions": versions(),
         "seed": study.baseline.setup.seed,
     }
-    return dict(plain(found))
+    return dict(plain(table))
 
 
 def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
@@ -59,9 +59,16 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         "isolated": sum(bool(trial.isolated) for trial in trials) if names_any else None,
         "kind_right": sum(bool(trial.kind_right) for trial in trials) if names_any else None,
         "kind_right_20s": sum(bool(trial.kind_right_20s) for trial in trials) if names_any else None,
-        "false_alarms": baseline.false_alarms,
-        "healthy_hours": baseline.healthy_hours,
-        "false_alarms_per_hour_at_most": rate_bound(baseline.false_alarms, baseline.healthy_hours),
+        **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
+    }
+
+
+def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
+    """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
+    return {
+        "false_alarms": alarms,
+        "healthy_hours": hours,
+        "false_alarms_per_hour_at_most": rate_bound(alarms, hours),
     }
 
 
@@ -88,10 +95,10 @@ def write_results(study: Study, folder: Path) -> None:
     write_tables(results(study), folder)
 
 
-def write_tables(found: Mapping[str, Any], folder: Path) -> None:
+def write_tables(table: Mapping[str, Any], folder: Path) -> None:
     """Write an object as ``results.json``, and its ``trials`` as ``trials.csv``."""
-    (folder / "results.json").write_text(dumps(found, indent=2) + "\n")
-    rows = [_flat(row) for row in found["trials"]]
+    (folder / "results.json").write_text(dumps(table, indent=2) + "\n")
+    rows = [_flat(row) for row in table["trials"]]
     with (folder / "trials.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
@@ -104,9 +111,9 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
         **row,
         "severity": named(row["severity"]),
         "candidates": " ".join(row["candidates"]),
-        "parameters": named({one["name"]: one["value"] for one in parameters}),
-        "parameter_errors": named({one["name"]: one["error"] for one in parameters}),
-        "parameters_true": named({one["name"]: one["true"] for one in parameters}),
+        "parameters": named({estimate["name"]: estimate["value"] for estimate in parameters}),
+        "parameter_errors": named({estimate["name"]: estimate["error"] for estimate in parameters}),
+        "parameters_true": named({estimate["name"]: estimate["true"] for estimate in parameters}),
     }
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.plain import plain
-from gtmbench.report.tables.results import SCHEMA, versions, write_tables
+from gtmbench.report.tables.results import SCHEMA, false_alarm_figures, versions, write_tables
 from gtmbench.report.words.judgement import severity_text
-from gtmbench.report.words.units import counted
+from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Study, Trial
 
 
@@ -51,21 +50,13 @@ class SeedTable:
 
     def totals(self) -> list[dict[str, Any]]:
         """Return a row a detector: its trials, false alarms, hours watched and the rate's bound."""
-        found = []
+        totals = []
         for name in dict.fromkeys(row["detector"] for row in self.healthy):
             own = [row for row in self.trials if row["detector"] == name]
             alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
             hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
-            found.append(
-                {
-                    "detector": name,
-                    **_merits(own),
-                    "false_alarms": alarms,
-                    "healthy_hours": hours,
-                    "false_alarms_per_hour_at_most": rate_bound(alarms, hours),
-                }
-            )
-        return found
+            totals.append({"detector": name, **_merits(own), **false_alarm_figures(alarms, hours)})
+        return totals
 
     def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
         """Return the columns of the table, its rows as text, and which columns are numbers."""
@@ -77,7 +68,7 @@ class SeedTable:
         rows = []
         for row in figures:
             named = [_count(row[name], row["detected"]) for name in ("isolated", "kind_right")] if isolates else []
-            delays = [_seconds(row[name]) for name in ("median_delay_s", "worst_delay_s")]
+            delays = [or_dash(row[name], ".2f") for name in ("median_delay_s", "worst_delay_s")]
             what = row["fault"] if row["fault"] == row["scenario"] else f"{row['scenario']}: {row['fault']}"
             cells = [what, row["channel"], row["severity_of_first_seed"], _count(row["detected"], row["trials"])]
             rows.append([*([row["detector"]] if several else []), *cells, *delays, *named])
@@ -99,7 +90,7 @@ class SeedTable:
 
     def results(self) -> dict[str, Any]:
         """Return all of it as one JSON-ready object."""
-        found = {
+        table = {
             "schema": SCHEMA,
             "seeds": self.seeds,
             "detectors": self.totals(),
@@ -107,7 +98,7 @@ class SeedTable:
             "trials": self.trials,
             "versions": versions(),
         }
-        return dict(plain(found))
+        return dict(plain(table))
 
 
 def write_seeds(table: SeedTable, folder: Path) -> None:
@@ -135,7 +126,3 @@ def _merits(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _count(part: int | None, whole: int) -> str:
     return "-" if part is None else f"{part} of {whole}"
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"

@@ -16,7 +16,7 @@ from gtmbench.report.words.units import per_second, with_error
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
 
-Event = tuple[float, str, str]  # time in seconds, level, text
+Event = tuple[float, str, str]  # time in seconds, severity, text
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 

@@ -12,14 +12,23 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.statistics.tails import rate_bound
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.record import FloatArray, Span
+from gtmbench.record import Span
+from gtmbench.report.watched import (
+    State,
+    alarm_bound,
+    began_s,
+    deviation,
+    disarmed_by,
+    faults_of,
+    passed_alarms,
+    rms,
+    stretches,
+)
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
-from gtmbench.report.words.watched import State, began_s, disarmed_by, faults_of, stretches
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watch import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3
@@ -70,16 +79,6 @@ def _alarms_text(watched: WatchedLog) -> str:
     alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
     limit = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
     return f"{alarms} in {duration_text(watched.armed_hours)} watched{limit} is all that this length shows"
-
-
-def passed_alarms(watched: WatchedLog) -> int:
-    """Return how many alarms had nothing left to explain: false ones."""
-    return sum(alarm.has_passed for alarm in watched.alarms)
-
-
-def alarm_bound(watched: WatchedLog) -> float | None:
-    """Return the upper 95 % bound of false alarms an hour that the log shows; None where nothing was watched."""
-    return rate_bound(passed_alarms(watched), watched.armed_hours)
 
 
 def _log_lines(log: FlightLog) -> list[str]:
@@ -136,9 +135,9 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
 def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:
     """Say of a bank's residuals how large they are and what drift stays unseen, of other scores their thresholds."""
     if "residuals" in known:
-        of = known["residuals"].items()
         return [
-            f"{name} from {', '.join(one['inputs'])}: {_residual_text(name, one, watched.watches)}" for name, one in of
+            f"{output} from {', '.join(residual['inputs'])}: {_residual_text(output, residual, watched.watches)}"
+            for output, residual in known["residuals"].items()
         ]
     lines = []
     if "operator" in known:
@@ -178,18 +177,6 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
     return f"watched for {duration_text(armed / 3600.0)}"
 
 
-def rms(parts: Sequence[FloatArray]) -> float:
-    """Return the root mean square of what is there; NaN where nothing is."""
-    values = np.concatenate([part[np.isfinite(part)] for part in parts])
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
-
-
-def deviation(parts: Sequence[FloatArray]) -> float:
-    """Return the RMS of what is there about its mean; NaN where nothing is."""
-    values = np.concatenate([part[np.isfinite(part)] for part in parts])
-    return float(np.std(values)) if len(values) else float("nan")
-
-
 def _alarms_lines(watched: WatchedLog) -> list[str]:
     told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
@@ -218,9 +205,9 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
 
 def _unwatched_lines(watched: WatchedLog) -> list[str]:
     """Return what wasn't watched, a line a reason."""
-    lines, found = [], stretches(watched)
+    lines, parts = [], stretches(watched)
     for state in State:
-        own = [(one.start_s, one.end_s) for one in found if one.state is state]
+        own = [(stretch.start_s, stretch.end_s) for stretch in parts if stretch.state is state]
         if own and state is not State.WATCHED:
             lines.append(f"not watched, {state}: {_spans(own)}")
     return lines

@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.bank.sizes import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.report.words.units import counted, duration_text
+from gtmbench.plain import exact, finite_or_none
+from gtmbench.report.words.units import counted, duration_text, or_dash
+
+_OPERATOR = (
+    "name",
+    "inputs",
+    "outputs",
+    "causal_order",
+    "noncausal_order",
+    "sample_period_s",
+    "samples",
+    "estimator",
+    "solver",
+    "rank",
+    "condition",
+    "rms_residual",
+    "input_means",
+    "output_means",
+)
 
 
 def facts(monitor: Monitor) -> dict[str, Any]:
     """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
-    found = {
+    known = {
         "name": monitor.name,
         "channels": list(monitor.channels),
         "suspects": list(monitor.suspects),
@@ -27,14 +44,14 @@ def facts(monitor: Monitor) -> dict[str, Any]:
         "provenance": dict(monitor.provenance),
     }
     if isinstance(monitor, NormMonitor):
-        found |= norm_facts(monitor)
+        known |= norm_facts(monitor)
     if isinstance(monitor, BankMonitor):
-        found |= {
+        known |= {
             "bank": monitor.bank.name,
             "title": monitor.bank.title,
             "residuals": {output: _residual(monitor, output) for output in monitor.operators},
         }
-    return found
+    return known
 
 
 def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
@@ -48,22 +65,7 @@ def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
 
 
 def _operator(operator: Transmissibility) -> dict[str, Any]:
-    return {
-        "name": operator.name,
-        "inputs": list(operator.inputs),
-        "outputs": list(operator.outputs),
-        "causal_order": operator.causal_order,
-        "noncausal_order": operator.noncausal_order,
-        "sample_period_s": operator.sample_period_s,
-        "samples": operator.samples,
-        "estimator": operator.estimator,
-        "solver": operator.solver,
-        "rank": operator.rank,
-        "condition": operator.condition,
-        "rms_residual": operator.rms_residual.tolist(),
-        "input_means": operator.input_means.tolist(),
-        "output_means": operator.output_means.tolist(),
-    }
+    return {key: exact(getattr(operator, key)) for key in _OPERATOR}
 
 
 def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
@@ -102,13 +104,13 @@ def title_text(monitor: Monitor) -> str:
     return f"bank {monitor.bank.name}" if isinstance(monitor, BankMonitor) else monitor.name
 
 
-def monitor_lines(monitor: Monitor, seen: Watch) -> list[str]:
+def monitor_lines(monitor: Monitor, watch: Watch) -> list[str]:
     """Say what a monitor is, and its thresholds, as far as its watch of a healthy record shows them."""
     if isinstance(monitor, BankMonitor):
         return [_bank_line(monitor)]
-    armed_s = min((score.armed_s for score in seen.scores.values() if score.armed_s is not None), default=None)
+    armed_s = min((score.armed_s for score in watch.scores.values() if score.armed_s is not None), default=None)
     armed = "never armed" if armed_s is None else f"armed at {armed_s:g} s"
-    thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in seen.scores.values()]
+    thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in watch.scores.values()]
     if isinstance(monitor, NormMonitor):
         when = "" if armed_s is None else ", when the norm first stood at or below it"
         threshold = f"{monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip()
@@ -122,7 +124,7 @@ def _bank_line(monitor: BankMonitor) -> str:
     ahead = sorted((monitor.look_ahead_of(spec.output), spec.output) for spec in monitor.bank.residuals)
     looks = ", ".join(
         f"{'/'.join(output for _, output in group)} {look_s:g} s"
-        for look_s, group in groupby(ahead, lambda one: one[0])
+        for look_s, group in groupby(ahead, lambda pair: pair[0])
     )
     count = counted(sum(len(of) for of in monitor.thresholds.values()), "threshold")
     hours = monitor.provenance.get("threshold_hours")
@@ -137,14 +139,10 @@ def _residual(monitor: BankMonitor, output: str) -> dict[str, Any]:
         "unit": unit_of(output),
         "rms_residual": float(operator.rms_residual[0]),
         "look_ahead_s": monitor.look_ahead_of(output),
-        "tolerated_shift": _finite(tolerated_shift(monitor, output)),
+        "tolerated_shift": finite_or_none(tolerated_shift(monitor, output)),
         "tolerated_energy": [tolerance.low, tolerance.high],
-        "slowest_drift_per_s": _finite(slowest_drift(monitor, output)),
+        "slowest_drift_per_s": finite_or_none(slowest_drift(monitor, output)),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def residual_rows(monitor: BankMonitor) -> tuple[list[str], list[list[str]], list[str]]:
@@ -152,24 +150,20 @@ def residual_rows(monitor: BankMonitor) -> tuple[list[str], list[list[str]], lis
     columns = ["residual", "unit", "RMS", "ahead (s)", "shift", "energy", "drift per s", "predicted from"]
     rows = []
     for output in monitor.operators:
-        found = _residual(monitor, output)
+        residual = _residual(monitor, output)
         rows.append(
             [
                 output,
-                found["unit"],
-                f"{found['rms_residual']:.3g}",
-                f"{found['look_ahead_s']:g}",
-                _figure(found["tolerated_shift"]),
-                "{:.2f}..{:.2f}".format(*found["tolerated_energy"]),
-                _figure(found["slowest_drift_per_s"]),
-                " ".join(found["inputs"]),
+                residual["unit"],
+                f"{residual['rms_residual']:.3g}",
+                f"{residual['look_ahead_s']:g}",
+                or_dash(residual["tolerated_shift"], ".2g"),
+                "{:.2f}..{:.2f}".format(*residual["tolerated_energy"]),
+                or_dash(residual["slowest_drift_per_s"], ".2g"),
+                " ".join(residual["inputs"]),
             ]
         )
     return columns, rows, columns[2:-1]
-
-
-def _figure(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2g}"
 
 
 def facts_text(monitor: BankMonitor) -> list[str]:
@@ -191,9 +185,9 @@ def origin_text(monitor: Monitor) -> list[str]:
         lines.append(f"identified on {duration_text(hours[0])}, {_thresholds_from(monitor, hours[1])}")
     wanted, bound = known.get("false_alarms_per_hour"), known.get("false_alarms_per_hour_at_most")
     if _is_number(wanted) and _is_number(bound) and _is_number(hours[1]):
-        seen = duration_text(hours[1])
+        watched = duration_text(hours[1])
         lines.append(
-            f"false alarms: no more than {bound:.2g} an hour at 95 % from {seen} seen, those that set "
+            f"false alarms: no more than {bound:.2g} an hour at 95 % from {watched} seen, those that set "
             f"the thresholds; {wanted:g} an hour is extrapolated from the tails"
         )
     return lines

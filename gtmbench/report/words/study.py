@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.statistics.tails import rate_bound
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import estimate_text, severity_text
 from gtmbench.report.words.monitor import monitor_lines
-from gtmbench.report.words.units import counted
+from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Baseline, Study, Trial
 
 
@@ -47,18 +47,14 @@ def _cells(trial: Trial) -> dict[str, str]:
         "fault": trial.fault,
         "channel": trial.channel,
         "severity": severity_text(trial),
-        "alarm (s)": _figure(trial.alarm_time_s),
-        "delay (s)": _figure(trial.detection_delay_s),
-        "isolated after (s)": _figure(trial.isolation_delay_s),
+        "alarm (s)": or_dash(trial.alarm_time_s, ".2f"),
+        "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
+        "isolated after (s)": or_dash(trial.isolation_delay_s, ".2f"),
         "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "altered": f"{100.0 * trial.altered_share:.1f} %",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
-
-
-def _figure(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
 
 
 def _verdict(trial: Trial) -> str:
@@ -74,11 +70,11 @@ def _verdict(trial: Trial) -> str:
 def _kind(trial: Trial) -> str:
     if trial.kind is None:
         return "-"
-    values = {one.name: one.value for one in trial.parameters}
-    errors = {one.name: one.error for one in trial.parameters}
+    values = {estimate.name: estimate.value for estimate in trial.parameters}
+    errors = {estimate.name: estimate.error for estimate in trial.parameters}
     likeliest = trial.candidates[0] if trial.candidates else trial.channel
-    estimate = estimate_text(trial.kind, values, errors, unit_of(likeliest), trial.injected)
-    return f"{trial.kind.replace('_', ' ')} {estimate}".rstrip() + ("" if trial.kind_right else " (wrong)")
+    sizes = estimate_text(trial.kind, values, errors, unit_of(likeliest), trial.injected)
+    return f"{trial.kind.replace('_', ' ')} {sizes}".rstrip() + ("" if trial.kind_right else " (wrong)")
 
 
 def summary_lines(study: Study) -> list[str]:
@@ -87,7 +83,7 @@ def summary_lines(study: Study) -> list[str]:
     several = len(study.baselines) > 1
     for baseline in study.baselines:
         own = [
-            _found_line(baseline, study.trials_of(baseline.detector)),
+            _detected_line(baseline, study.trials_of(baseline.detector)),
             _false_alarm_line(baseline),
             *_stuck_lines(baseline),
             *monitor_lines(baseline.monitor, baseline.watch),
@@ -96,14 +92,16 @@ def summary_lines(study: Study) -> list[str]:
     return lines
 
 
-def _found_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
-    found = f"detected: {sum(trial.detected for trial in trials)} of {len(trials)}"
+def _detected_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
+    detected = f"detected: {sum(trial.detected for trial in trials)} of {len(trials)}"
     if not baseline.monitor.suspects:
-        return found
+        return detected
+    isolated = sum(bool(trial.isolated) for trial in trials)
+    right_20s = sum(bool(trial.kind_right_20s) for trial in trials)
+    right = sum(bool(trial.kind_right) for trial in trials)
     return (
-        f"{found}; the right sensor named: {sum(map(bool, (trial.isolated for trial in trials)))}; the right kind of "
-        f"fault 20 s after the alarm: {sum(map(bool, (trial.kind_right_20s for trial in trials)))}, at the end: "
-        f"{sum(map(bool, (trial.kind_right for trial in trials)))}"
+        f"{detected}; the right sensor named: {isolated}; the right kind of fault 20 s after the alarm: {right_20s}, "
+        f"at the end: {right}"
     )
 
 

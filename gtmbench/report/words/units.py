@@ -44,6 +44,15 @@ def duration_text(hours: float) -> str:
     return f"{hours:.2f} h" if hours >= 0.1 else f"{3600.0 * hours:.1f} s"
 
 
+def or_dash(value: float | None, form: str) -> str:
+    """Write a figure, or a dash where there is none.
+
+    >>> or_dash(0.125, ".2f"), or_dash(None, ".2f")
+    ('0.12', '-')
+    """
+    return "-" if value is None else f"{value:{form}}"
+
+
 def counted(count: int, what: str) -> str:
     """Write how many there are.
 

@@ -1,13 +1,20 @@
-"""Watching a recorded flight: with a monitor that is ready, or identified on one part of it or on other logs."""
+"""A recorded flight, watched: by a monitor that is ready, or identified on one part of it or on other logs.
+
+`WatchedLog` says what the monitor was, what it said, and what that means.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.checks import number
+from gtmbench.deprecation import renamed
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, calibrate
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
@@ -20,13 +27,68 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, within, without
-from gtmbench.study.log.watched import WatchedLog
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _LONG_ENOUGH = 0.2  # of the longest healthy stretch
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
+
+
+class Outcome(IntEnum):
+    """What a log comes to; the value is the command's exit code."""
+
+    HEALTHY = 0
+    FAILED = 1
+    UNKNOWN = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WatchedLog:
+    """What a monitor said of a log.
+
+    Attributes
+    ----------
+    log : FlightLog
+    monitor : Monitor
+    identified_s : tuple of (start, end)
+        The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
+    watches : tuple of Watch
+        One a stretch that was watched, in time.
+    reasons : tuple of str
+        Why it can't be told, where it can't; what limits what was said, where it can.
+    """
+
+    log: FlightLog
+    monitor: Monitor
+    identified_s: tuple[Span, ...]
+    watches: tuple[Watch, ...] = field(repr=False)
+    reasons: tuple[str, ...]
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm that first told of a fault, in time; those that count to another's fault are left out."""
+        return tuple(alarm for watch in self.watches for alarm in watch.faults)
+
+    @property
+    def armed_hours(self) -> float:
+        """Hours watched: how long an alarm was possible."""
+        return sum(watch.armed_hours for watch in self.watches)
+
+    @property
+    def stuck_above(self) -> tuple[str, ...]:
+        """The scores that stood above their thresholds all through a stretch: nothing is told of them."""
+        scores = [score for watch in self.watches for score in watch.scores.values() if score.is_stuck_above]
+        return tuple(dict.fromkeys(score.name for score in scores))
+
+    @property
+    def outcome(self) -> Outcome:
+        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't."""
+        if any(not alarm.has_passed for alarm in self.alarms):
+            return Outcome.FAILED
+        return Outcome.HEALTHY if self.armed_hours > 0.0 and not self.stuck_above else Outcome.UNKNOWN
+
+    findings = renamed("WatchedLog.findings", "alarms")
 
 
 def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:

@@ -1,7 +1,8 @@
-"""What a watched log shows: which faults, since when, where to look at them; what became of every stretch."""
+"""What a watched log shows: faults and where to look, alarms, sizes of residuals, and what became of each stretch."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
-from gtmbench.record import Record, Span
+from gtmbench.detectors.statistics.thresholds import rate_bound
+from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.style import colour
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.log.records import whole_s
+from gtmbench.study.log.watch import WatchedLog
 
 _BEFORE_S, _AFTER_S, _LONGEST_S = 5.0, 15.0, 90.0  # about a fault, shown large
 _MOST_SIGNALS = 6
@@ -21,11 +24,11 @@ _MOST_SIGNALS = 6
 
 def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:
     """Return the alarms that tell of a fault, by their verdict: one that lasts is told of in every segment."""
-    found: dict[str, list[Alarm]] = {}
+    faults: dict[str, list[Alarm]] = {}
     for alarm in watched.alarms:
         if not alarm.has_passed:
-            found.setdefault(alarm.verdict, []).append(alarm)
-    return found
+            faults.setdefault(alarm.verdict, []).append(alarm)
+    return faults
 
 
 def began_s(alarm: Alarm) -> float:
@@ -41,8 +44,8 @@ def disarmed_by(alarm: Alarm, watch: Watch) -> list[str]:
 def _disarming(time_s: float, watch: Watch) -> Alarm | None:
     """Return the alarm that was judged at a time, or else the last one before it."""
     told = [alarm for alarm in watch.faults if alarm.time_s <= time_s + 1e-9]
-    judged = [alarm for alarm in told if any(abs(one.time_s - time_s) < 1e-9 for one in alarm.judgements)]
-    return next(reversed(judged or told), None)
+    at_it = [alarm for alarm in told if any(abs(judged.time_s - time_s) < 1e-9 for judged in alarm.judgements)]
+    return next(reversed(at_it or told), None)
 
 
 def about(fault: Alarm, whole: Span) -> Span:
@@ -54,7 +57,7 @@ def about(fault: Alarm, whole: Span) -> Span:
 
 def whole_of(watched: WatchedLog) -> Span:
     """Return the log's span."""
-    return watched.log.segments[0].start_s, watched.log.segments[-1].end_s
+    return whole_s(watched.log)
 
 
 def scores_of(watched: WatchedLog) -> list[str]:
@@ -79,6 +82,28 @@ def signals_of(watched: WatchedLog) -> list[str]:
     predicted = [name for watch in watched.watches for name in watch.predictions]
     used = [name for name in watched.monitor.channels or watched.log.channels if name in watched.log.channels]
     return list(dict.fromkeys([*predicted, *failed] or used[:_MOST_SIGNALS]))
+
+
+def passed_alarms(watched: WatchedLog) -> int:
+    """Return how many alarms had nothing left to explain: false ones."""
+    return sum(alarm.has_passed for alarm in watched.alarms)
+
+
+def alarm_bound(watched: WatchedLog) -> float | None:
+    """Return the upper 95 % bound of false alarms an hour that the log shows; None where nothing was watched."""
+    return rate_bound(passed_alarms(watched), watched.armed_hours)
+
+
+def rms(parts: Sequence[FloatArray]) -> float:
+    """Return the root mean square of what is there; NaN where nothing is."""
+    values = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
+
+
+def deviation(parts: Sequence[FloatArray]) -> float:
+    """Return the RMS of what is there about its mean; NaN where nothing is."""
+    values = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.std(values)) if len(values) else float("nan")
 
 
 class State(StrEnum):
@@ -121,12 +146,12 @@ class Stretch:
 
 def stretches(watched: WatchedLog) -> list[Stretch]:
     """Return what became of the log, from its first sample to its last, in time."""
-    found: list[Stretch] = []
+    parts: list[Stretch] = []
     for segment in watched.log.segments:
-        if found:
-            found.append(Stretch(start_s=found[-1].end_s, end_s=segment.start_s, state=State.GAP))
-        found += _of_segment(watched, segment)
-    return found
+        if parts:
+            parts.append(Stretch(start_s=parts[-1].end_s, end_s=segment.start_s, state=State.GAP))
+        parts += _of_segment(watched, segment)
+    return parts
 
 
 def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
