@@ -109,10 +109,10 @@ class Size:
 
 
 QUICK = Size(
-    duration_s=60.0,
-    onset_s=45.0,
-    watched_s=(5.0, 52.0),
-    reference_s=(5.0, 45.0),
+    duration_s=70.0,
+    onset_s=55.0,
+    watched_s=(5.0, 62.0),
+    reference_s=(5.0, 55.0),
     calibration=3,
     own_calibration=2,
     other_calibration=2,
