@@ -11,7 +11,7 @@ check: .venv/ready ## the main job's figures against their baseline; fails where
 	$(BIN)/gtmbench check
 
 test: .venv/ready ## every test; those that need a viewer skip by name where there is none
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .

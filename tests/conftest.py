@@ -1,18 +1,56 @@
 """Hypothesis draws the same examples in every run, and rerun asks the network nothing."""
 
 import os
+from functools import cache, lru_cache
 
 import pytest
 from hypothesis import settings
 
+from gtmbench.bench.flight import fly
 from gtmbench.cli.app import main
 from gtmbench.method.regression import triangle
+from gtmbench.report.recording.read import read_recording
+from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
+from gtmbench.study import calibration, flights, healthy_records
 
 os.environ.setdefault("CI", "1")
 
 settings.register_profile("gtmbench", derandomize=True, deadline=None)
 settings.load_profile("gtmbench")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _flown_once():
+    """Studies that ask for a flight again get the same one: `test_same_flight` holds that it would be, bit for bit."""
+    shelf = lru_cache(maxsize=16, typed=True)(fly)
+
+    def flown(aircraft, *arguments):
+        return (shelf if aircraft == "gtm" else fly)(aircraft, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (calibration, flights, healthy_records):
+            patch.setattr(module, "fly", flown)
+        yield
+
+
+@pytest.fixture(scope="session")
+def recording_of(tmp_path_factory):
+    """Return a function that writes the recording of a study, as made by a function, once, and gives its path."""
+    folder = tmp_path_factory.mktemp("recordings")
+
+    @cache
+    def write(study):
+        write_recording(study(), folder / f"{study.__name__}.rrd")
+        return folder / f"{study.__name__}.rrd"
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def frame_of(recording_of):
+    """Return a function that reads such a recording, once."""
+    return cache(lambda study: read_recording(recording_of(study)))
 
 
 @pytest.fixture

@@ -6,10 +6,23 @@ import numpy as np
 
 import gtmbench as gb
 
+NAMES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas")
+NOISE = (0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06)
+
+
+def truth(samples=6000, seed=1, period_s=0.02):
+    """Return what `record` has before its noise: the channels of all banks; the rates follow from the attitude."""
+    return _truth(np.random.default_rng(seed), samples, period_s)
+
 
 def record(samples=6000, seed=1, period_s=0.02):
-    """Return a healthy record with the channels of all banks; the rates follow from the attitude."""
+    """Return a healthy record, as sensors read it."""
     random = np.random.default_rng(seed)
+    values = _truth(random, samples, period_s).values + np.array(NOISE) * random.standard_normal((samples, len(NAMES)))
+    return gb.Record(values, channels=NAMES, sample_period_s=period_s)
+
+
+def _truth(random, samples, period_s):
     time_s = np.arange(samples + 2) * period_s
 
     def wave(size, *frequencies):
@@ -20,10 +33,7 @@ def record(samples=6000, seed=1, period_s=0.02):
     rates = gb.derive(angles, ["p_att", "q_att", "r_att"]).matrix(["p_att", "q_att", "r_att"])[1:-1]
     others = [3.0 + wave(0.5, 1.1), wave(0.8, 1.7), wave(0.05, 0.6), 1.0 + wave(0.1, 2.1), 100.0 + wave(1.0, 0.3)]
     columns = [*rates.T, phi[1:-1], theta[1:-1], psi[1:-1], *(other[1:-1] for other in others)]
-    names = ["p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas"]
-    noise = np.array([0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06])
-    values = np.column_stack(columns) + noise * random.standard_normal((samples, len(names)))
-    return gb.Record(values, channels=names, sample_period_s=period_s)
+    return gb.Record(np.column_stack(columns), channels=NAMES, sample_period_s=period_s)
 
 
 @cache

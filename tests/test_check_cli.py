@@ -163,14 +163,6 @@ def test_junit_of_a_pass_and_of_a_name_that_xml_cant_hold(cli, tmp_path):
     assert suite[3].get("name") == "a<b>: drift of q"
 
 
-def test_the_dissertations_baseline_holds(cli, tmp_path):
-    """What the project's own CI runs."""
-    code, out, err = cli("check")
-    assert (code, err) == (0, "")
-    assert "no figure is worse" in out
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_baseline_of_before_holds_and_is_renewed(cli, baseline):
     now = baseline.read_text()
     baseline.write_text(now.replace('[score."E(k)"]', "[norm.r]").replace("# detector =", "# monitor ="))

@@ -1,4 +1,7 @@
-"""Diagnosis on the GTM: which sensor, what kind, how much; and nothing is said before it could be known."""
+"""Diagnosis: which sensor, what kind, how much; and nothing is said before it could be known.
+
+On made-up records; `test_watched_studies` has a drift, a saturation and a jam in flights of the GTM.
+"""
 
 import re
 from dataclasses import replace
@@ -10,33 +13,25 @@ import gtmbench as gb
 from gtmbench.detectors.monitor.scores import over
 from gtmbench.errors import InputError
 from gtmbench.record import Record
+from tests import monitors
 
 GYROS = ("p", "q", "r")
 ONSET_S = 60.0
 
 
-def sensors(seed, duration_s=120):
-    return gb.measure(gb.fly("gtm", "multisine+turbulence", duration_s, seed=seed), noise="t2", seed=seed)
+@pytest.fixture(scope="module")
+def monitor():
+    return monitors.monitor("C")
 
 
-@pytest.fixture(scope="session")
-def healthy_records():
-    return [sensors(seed) for seed in range(1, 7)]
+@pytest.fixture(scope="module")
+def truth():
+    return monitors.truth(6000, seed=11)
 
 
-@pytest.fixture(scope="session")
-def monitor(healthy_records):
-    return gb.calibrate(healthy_records, bank=gb.load_bank("C"))
-
-
-@pytest.fixture(scope="session")
-def flight():
-    return gb.fly("gtm", "multisine+turbulence", 120, seed=11)
-
-
-@pytest.fixture(scope="session")
-def healthy(flight):
-    return gb.measure(flight, noise="t2", seed=11)
+@pytest.fixture(scope="module")
+def healthy():
+    return monitors.record(6000, seed=11)
 
 
 def faults(truth, channel, onset_s=ONSET_S, **settings):
@@ -58,19 +53,17 @@ KINDS = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
 
 @pytest.mark.parametrize("channel", GYROS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_fault_of_a_gyro_is_named_and_measured(monitor, flight, healthy, channel, kind):
-    fault, truth = faults(flight, channel)[kind]
+def test_every_fault_of_a_gyro_is_named_and_measured(monitor, truth, healthy, channel, kind):
+    fault, parameters = faults(truth, channel)[kind]
     broken = gb.inject(healthy, fault)
-    found = gb.watch(monitor, broken)
-    assert len(found.alarms) == 1
-    (finding,) = found.alarms
+    (finding,) = gb.watch(monitor, broken).alarms
     assert finding.time_s > ONSET_S
     assert finding.isolated_s >= finding.time_s
     assert (finding.sensor, finding.verdict, finding.last.kind) == (channel, f"{channel} failed", kind)
     assert finding.ended_s is None
     if kind == "jam":
-        truth = {"value": broken[channel][-1]}
-    for name, value in truth.items():
+        parameters = {"value": broken[channel][-1]}
+    for name, value in parameters.items():
         share = 0.0 if name == "onset_s" else 0.05 * abs(value)
         assert abs(finding.last.parameters[name] - value) <= 5.0 * finding.last.errors[name] + share + 1e-9
 
@@ -104,12 +97,12 @@ def test_two_gyros_at_once_are_two_findings(monitor, healthy):
 
 @pytest.mark.parametrize("channel", GYROS)
 def test_a_fault_that_ends_is_said_to_end_and_the_next_is_found(monitor, healthy, channel):
-    once = gb.inject(healthy, gb.Jam(channel=channel, onset_s=50.0, duration_s=15.0))
+    once = gb.inject(healthy, gb.Jam(channel=channel, onset_s=51.0, duration_s=15.0))
     again = gb.inject(once, gb.Drift(channel=channel, onset_s=90.0, slope=1.0))
     found = gb.watch(monitor, again)
     assert [finding.sensor for finding in found.alarms] == [channel, channel]
     first, second = found.alarms
-    assert first.ended_s == pytest.approx(65.0, abs=1.0)
+    assert first.ended_s == pytest.approx(66.0, abs=1.0)
     assert first.last.kind == "jam"
     assert second.time_s > 90.0
     assert second.last.kind == "drift"
@@ -139,26 +132,19 @@ def same(one, other):
     )
 
 
-SAID = [
-    *((channel, kind) for channel, kind in zip("pqrpqrpq", [*KINDS, "drift", "jam", "deadzone"], strict=True)),
-    ("phi", "jam"),
-    ("psi", "drift"),
-]
-
-
 def check_causal(monitor, record):
     """Hold what is said against what shorter records say."""
     whole = gb.watch(monitor, record)
     times = sorted({judgement.time_s for finding in whole.alarms for judgement in finding.judgements})
-    for time_s in times[:: max(len(times) // 5, 1)]:
+    for time_s in times[1::2]:
         part = gb.watch(monitor, until(record, time_s))
         assert same(said(part, np.inf), said(whole, time_s))
     return whole
 
 
-@pytest.mark.parametrize(("channel", "kind"), SAID)
-def test_a_judgement_stands_on_the_record_up_to_its_time(monitor, flight, healthy, channel, kind):
-    record = gb.inject(healthy, faults(flight, channel)[kind][0])
+@pytest.mark.parametrize(("channel", "kind"), [("p", "drift"), ("r", "saturation"), ("phi", "jam")])
+def test_a_judgement_stands_on_the_record_up_to_its_time(monitor, truth, healthy, channel, kind):
+    record = gb.inject(healthy, faults(truth, channel)[kind][0])
     assert check_causal(monitor, record.between(0.0, 75.0)).alarms
 
 
@@ -173,9 +159,9 @@ def test_what_is_said_before_and_after_an_end_stands_on_the_record_up_to_then(mo
 # other banks
 
 
-@pytest.fixture(scope="session")
-def paper(healthy_records):
-    return gb.calibrate(healthy_records, bank=gb.load_bank("paper"))
+@pytest.fixture(scope="module")
+def paper():
+    return monitors.monitor("paper")
 
 
 def test_the_papers_operator_cant_say_who(paper, healthy):
@@ -186,44 +172,41 @@ def test_the_papers_operator_cant_say_who(paper, healthy):
     assert found.alarms[0].isolated_s is None
 
 
-def test_leave_one_out_finds_a_drift(healthy_records, healthy):
-    bank = gb.load_bank("leave-one-out")
-    monitor = gb.calibrate(healthy_records, bank=bank)
+def test_leave_one_out_finds_a_drift(healthy):
+    monitor = monitors.monitor("leave-one-out")
     assert gb.watch(monitor, healthy).alarms == ()
     # the residuals are a bad fit on rich excitation, so it takes a large one
     record = gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=10.0))
-    finding = check_causal(monitor, record.between(0.0, 90.0)).alarms[0]
+    finding = check_causal(monitor, record.between(0.0, 75.0)).alarms[0]
     assert "r" in finding.last.candidates
     assert finding.time_s > ONSET_S
 
 
-@pytest.mark.parametrize("channel", GYROS)
-def test_bank_b_stands_on_the_record_up_to_the_time_too(healthy_records, healthy, channel):
-    monitor = gb.calibrate(healthy_records, bank=gb.load_bank("B"))
-    record = gb.inject(healthy, gb.Drift(channel=channel, onset_s=ONSET_S, slope=2.0))
-    found = check_causal(monitor, record.between(0.0, 90.0))
-    assert found.alarms[0].time_s > ONSET_S
-    assert channel in found.alarms[0].last.candidates
+def test_bank_b_stands_on_the_record_up_to_the_time_too(healthy):
+    record = gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=2.0))
+    watch = check_causal(monitors.monitor("B"), record.between(0.0, 75.0))
+    assert watch.alarms[0].time_s > ONSET_S
+    assert "r" in watch.alarms[0].last.candidates
 
 
 # virtual sensors, gaps, rates
 
 
 @pytest.mark.parametrize("channel", GYROS)
-def test_the_virtual_sensor_of_a_jammed_gyro_is_close_to_the_truth(monitor, flight, healthy, channel):
+def test_the_virtual_sensor_of_a_jammed_gyro_is_close_to_the_truth(monitor, truth, healthy, channel):
     found = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel=channel, onset_s=ONSET_S)))
-    error = found.virtual(channel)[6000:-11] - flight[channel][6000:-11]
-    # better than the gyro itself, its noise being averaged over the operator's 21 samples
+    error = found.virtual(channel)[3000:-6] - truth[channel][3000:-6]
+    # better than the gyro itself, its noise being averaged over the operator's 11 samples
     assert np.sqrt(np.mean(np.square(error))) < gb.CHANNELS[channel].noise
-    assert np.isnan(found.virtual(channel)[-11:]).all()
-    assert found.virtual("altitude").shape == (len(healthy),)
+    assert np.isnan(found.virtual(channel)[-6:]).all()
+    assert found.virtual("tas").shape == (len(healthy),)
 
 
-def test_the_virtual_sensor_of_a_jammed_angle_is_carried_on_by_the_gyros(monitor, flight, healthy):
+def test_the_virtual_sensor_of_a_jammed_angle_is_carried_on_by_the_gyros(monitor, truth, healthy):
     found = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel="psi", onset_s=ONSET_S)))
-    # noise n of a gyro at 100 Hz walks by n 0.1 sqrt(t) / sqrt(100) deg; q's counts too in a bank: 5 deviations
-    walk = 5.0 * np.hypot(gb.CHANNELS["r"].noise, gb.CHANNELS["q"].noise) * 0.01 * np.sqrt(100.0 * 10.0)
-    error = (found.virtual("psi") - flight["psi"])[6000:7000]
+    # noise n of a gyro at 50 Hz walks by n sqrt(t / 50) deg; q's counts too in a bank: 5 deviations
+    walk = 5.0 * np.hypot(gb.CHANNELS["r"].noise, gb.CHANNELS["q"].noise) * np.sqrt(10.0 / 50.0)
+    error = (found.virtual("psi") - truth["psi"])[3000:3500]
     assert np.abs(error).max() < walk + 5.0 * gb.CHANNELS["psi"].noise
 
 
@@ -232,30 +215,30 @@ def gaps(record):
     for channel in ("p", "r", "psi", "theta"):
         values = np.array(record[channel])
         values[rng.integers(0, len(values), 20)] = np.nan
-        begin = rng.integers(1000, 5000)
-        values[begin : begin + 250] = np.nan
+        begin = rng.integers(500, 2500)
+        values[begin : begin + 125] = np.nan
         record = record.replace(channel, values)
     return record
 
 
 def test_gaps_raise_no_alarm_and_hide_no_fault(monitor, healthy):
     assert gb.watch(monitor, gaps(healthy)).alarms == ()
-    for channel in GYROS:
-        for fault in (gb.Jam(channel=channel, onset_s=ONSET_S), gb.Drift(channel=channel, onset_s=ONSET_S, slope=0.5)):
-            finding = gb.watch(monitor, gaps(gb.inject(healthy, fault))).alarms[0]
-            assert (finding.sensor, finding.last.kind) == (channel, fault.kind)
+    jams = [gb.Jam(channel=channel, onset_s=ONSET_S) for channel in GYROS]
+    for fault in (*jams, gb.Drift(channel="q", onset_s=ONSET_S, slope=0.5)):
+        finding = gb.watch(monitor, gaps(gb.inject(healthy, fault))).alarms[0]
+        assert (finding.sensor, finding.last.kind) == (fault.channel, fault.kind)
 
 
 @pytest.mark.parametrize("channel", [*GYROS, "psi", "theta"])
 def test_a_channel_that_goes_missing_raises_no_alarm_and_no_exception(monitor, healthy, channel):
-    gone = np.where(np.arange(len(healthy)) < 6000, healthy[channel], np.nan)
+    gone = np.where(np.arange(len(healthy)) < 3000, healthy[channel], np.nan)
     assert gb.watch(monitor, healthy.replace(channel, gone)).alarms == ()
     assert gb.watch(monitor, healthy.replace(channel, np.full(len(healthy), np.nan))).alarms == ()
 
 
 @pytest.mark.parametrize("samples", [0, 1, 30, 500])
 def test_a_record_too_short_to_judge_is_quiet(monitor, healthy, samples):
-    part = Record(healthy.values[:samples], channels=healthy.channels, sample_period_s=0.01)
+    part = Record(healthy.values[:samples], channels=healthy.channels, sample_period_s=0.02)
     found = gb.watch(monitor, part)
     assert found.alarms == ()
     assert found.virtual("p").shape == (samples,)
@@ -270,13 +253,13 @@ def test_a_record_that_ends_with_its_alarm_leaves_it_to_the_signatures(monitor, 
 
 
 def test_another_sample_period_is_refused(monitor, healthy):
-    with pytest.raises(InputError, match=r"sampled every 0.1 s, the monitor was calibrated at 0.01 s"):
+    with pytest.raises(InputError, match=r"sampled every 0.2 s, the monitor was calibrated at 0.02 s"):
         gb.watch(monitor, gb.decimate(healthy, 10))
 
 
 def test_at_a_low_rate_it_judges_as_well():
     # 10 Hz: the first horizon holds 5 samples only
-    records = [gb.decimate(sensors(seed, 240), 10) for seed in range(1, 5)]
+    records = [monitors.record(2400, seed=seed, period_s=0.1) for seed in range(1, 5)]
     bank = gb.load_bank("C")
     bank = replace(bank, residuals=tuple(replace(one, look_back_s=0.3, look_ahead_s=0.3) for one in bank.residuals))
     monitor = gb.calibrate(records[:3], bank=bank)

@@ -31,6 +31,13 @@ def frames(paths):
     return {name: gb.read_recording(path) for name, path in paths.items()}
 
 
+@pytest.fixture
+def read_already(paths, frames, monkeypatch):
+    """Let the command line have what was read of the recordings."""
+    frame_of = {paths[name]: frame for name, frame in frames.items()}
+    monkeypatch.setattr("gtmbench.cli.diff.read_recording", frame_of.__getitem__)
+
+
 def line(values, series="p", entity="/sensors/rates"):
     values = np.asarray(values, dtype=float)
     time_s = np.arange(len(values)) / 100.0
@@ -54,6 +61,7 @@ def test_two_runs_of_one_seed_are_equal(cli, paths, frames):
     assert found.equal
 
 
+@pytest.mark.usefixtures("read_already")
 def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, frames):
     code, out, err = cli("diff", paths["one"], paths["two"], "--json")
     found = json.loads(out)
@@ -77,6 +85,7 @@ def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, fram
     assert relative == sorted(relative, reverse=True)
 
 
+@pytest.mark.usefixtures("read_already")
 def test_the_table_says_what_differs_and_shortens_long_lists(cli, paths):
     code, out, _ = cli("diff", paths["one"], paths["two"])
     assert code == 1
@@ -186,6 +195,7 @@ def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     assert (tmp_path / "one.rrd").read_bytes() == paths["one"].read_bytes()
 
 
+@pytest.mark.usefixtures("read_already")
 def test_an_overlay_holds_both_and_their_differences(cli, paths, frames, tmp_path):
     code, out, err = cli("diff", paths["one"], paths["two"], "--overlay", "over.rrd")
     assert (code, err) == (1, "")

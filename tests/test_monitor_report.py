@@ -3,8 +3,6 @@
 import csv
 import json
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,11 +23,9 @@ from tests.watching import MIXED, monitor, scenario, several, study
 SHORT = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recording") / "study.rrd"
-    write_recording(study(), path)
-    return path
+@pytest.fixture
+def recording(recording_of):
+    return recording_of(study)
 
 
 def test_results_say_what_watched_and_what_came_of_it():
@@ -121,28 +117,6 @@ def test_figures_are_pictures_with_something_on_them(tmp_path):
         assert np.std(picture) > 0.05  # a blank page has none
 
 
-def test_the_recording_is_small_and_whole(recording):
-    program = Path(sys.executable).parent / "rerun"
-    assert recording.stat().st_size < 20e6
-    subprocess.run([program, "rrd", "verify", recording], check=True, capture_output=True)
-
-
-def test_a_trials_signals_come_back_bit_for_bit(recording):
-    for number, output in ((0, "p"), (3, "r")):
-        trial, root = study().trials[number], trial_paths(study().trials)[number]
-        seen, level = trial.watch, trial.watch.scores[output]
-        for entity, time_s, values in (
-            ("measured", trial.record.time_s, trial.record[output]),
-            ("virtual", seen.record.time_s, seen.virtual(output)),
-            (f"residuals/{output}", seen.record.time_s, seen.residuals[output]),
-            (f"levels/{output}", level.known_s, level.values),
-        ):
-            logged = np.isfinite(values) & (time_s >= 30.0 - 1e-9)  # from 30 s before the onset on
-            times, found = read_back(recording, f"{root}/{entity}")
-            assert (found[:, 0] == values[logged]).all(), entity
-            np.testing.assert_allclose(times, time_s[logged], atol=1e-9)
-
-
 def test_what_a_fault_doesnt_enter_stands_there_once(recording):
     root = trial_paths(study().trials)[0]
     assert len(read_back(recording, f"{root}/levels/q")[0]) == 0
@@ -213,10 +187,9 @@ def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(names)
 
 
-def test_a_recording_of_several_holds_each_below_its_name(tmp_path, capfd):
-    write_recording(several(), tmp_path / "study.rrd")
+def test_a_recording_of_several_holds_each_below_its_name(frame_of, capfd):
+    frame = frame_of(several)
     assert capfd.readouterr().err == ""
-    frame = gb.read_recording(tmp_path / "study.rrd")
     entities = set(frame.entity.cat.categories)
     assert "/truth/rates" in entities
     for name in DETECTORS:

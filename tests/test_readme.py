@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gtmbench.cli.app import main
+from gtmbench.cli.app import app, main
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup
 
@@ -26,6 +26,18 @@ def commands():
     return [line for line in lines if line]
 
 
+def mentioned():
+    """Return the commands within sentences; a number stands for what is left open."""
+    sentences = re.sub(r"```.*?```", "", README, flags=re.DOTALL).replace("\n", " ")
+    return [line.replace(" N", " 7") for line in re.findall(r"`(gtmbench [a-z][^`]*)`", sentences)]
+
+
+@pytest.mark.parametrize("line", sorted({line for line in (*commands(), *mentioned()) if line.startswith("gtmbench")}))
+def test_every_command_parses(line):
+    _, command, *arguments = shlex.split(line)
+    app.commands[command].make_context(command, arguments)
+
+
 def test_every_make_target_exists():
     wanted = [line.split()[1] for line in commands() if line.startswith("make ")]
     assert wanted[:2] == ["run", "test"]
@@ -33,22 +45,35 @@ def test_every_make_target_exists():
         assert re.search(rf"^{target}:", MAKEFILE, flags=re.MULTILINE), target
 
 
-def test_every_gtmbench_command_runs_in_order(tmp_path, monkeypatch, capsys):
-    """`view` opens a window, so here it has only to accept the recording that the line before it wrote."""
+CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
+    "gtmbench run": "jam --no-figures",
+    "gtmbench run drift jam": "--no-figures --no-recording",
+    "gtmbench run jam": "--no-figures --no-recording",
+    "gtmbench calibrate": "--flights 3",
+    "gtmbench run --detector": "jam --no-figures --no-recording",
+}
+
+
+def test_the_commands_run_as_one_chain(tmp_path, monkeypatch, capsys):
+    """In one folder, each with what those before it wrote; `view` opens a window, so here it has only to get there."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    ran = [line for line in commands() if line.startswith("gtmbench")]
-    assert len(ran) >= 7
-    for line in ran:
+    chain = [line for line in commands() if line.startswith("gtmbench")]
+    assert len(chain) >= 7
+    for line in chain:
+        cheap = CHEAP.get(max((known for known in CHEAP if line.startswith(known)), key=len, default=""), "")
         with pytest.raises(SystemExit) as ended:
-            main(shlex.split(line)[1:])
+            main(shlex.split(f"{line} {cheap}")[1:])
         out, err = capsys.readouterr()
         if " view " in line and sys.platform == "linux":
             assert "there is no screen here" in err
         else:
             assert (ended.value.code, err) == (0, ""), line
             assert out
+        if line == "gtmbench check":
+            assert "no figure is worse" in out
 
 
 def test_the_python_runs(capsys):

@@ -1,10 +1,7 @@
-"""What a study leaves behind: results, figures, and a recording whose numbers are the study's, bit for bit."""
+"""What a study leaves behind: results and figures; `test_read_recording` looks at recordings."""
 
 import csv
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,20 +13,12 @@ from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
-
-SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
+from tests.watching import SHIPPED, dissertation
 
 
 @pytest.fixture(scope="module")
 def study():
-    return run_study([load_scenario(name) for name in SHIPPED])
-
-
-@pytest.fixture(scope="module")
-def recording(study, tmp_path_factory):
-    path = tmp_path_factory.mktemp("recording") / "study.rrd"
-    write_recording(study, path)
-    return path
+    return dissertation()
 
 
 def read_back(path, entity):
@@ -88,49 +77,6 @@ def test_figures_are_pictures_with_something_on_them(study, tmp_path):
         picture = imread(path)[:, :, :3]
         assert min(picture.shape[:2]) > 300
         assert np.std(picture) > 0.05  # a blank page has none
-
-
-def test_the_recording_is_small_and_whole(recording):
-    program = Path(sys.executable).parent / "rerun"
-    assert recording.stat().st_size < 100e6
-    subprocess.run([program, "rrd", "verify", recording], check=True, capture_output=True)
-
-
-@pytest.mark.parametrize("number", [0, 7, 14])
-def test_a_trials_series_come_back_bit_for_bit(study, recording, number):
-    trial, root = study.trials[number], trial_paths(study.trials)[number]
-    norm, residual = trial.watch.scores["E(k)"], trial.watch.residuals["r"]
-    times, values = read_back(recording, f"{root}/norm")
-    assert (values[:, 0] == norm.values[norm.exists]).all()
-    np.testing.assert_array_equal(np.rint(times * 100), np.rint(norm.known_s[norm.exists] * 100))
-    times, values = read_back(recording, f"{root}/residual")
-    there = np.isfinite(residual)
-    assert (values[:, 0] == residual[there]).all()
-    np.testing.assert_allclose(times, trial.watch.record.time_s[there], atol=1e-9)
-    _, values = read_back(recording, f"{root}/measured")
-    assert (values[:, 0] == trial.record[trial.channel]).all()
-
-
-def test_shared_signals_come_back_bit_for_bit_and_stand_there_once(study, recording):
-    baseline = study.baseline
-    for entity, record, channels in (
-        ("/truth/rates", baseline.flight, ["p", "q", "r"]),
-        ("/sensors/wind", baseline.healthy, ["alpha", "beta"]),
-        ("/surfaces", baseline.flight, ["elevator", "aileron", "rudder"]),
-    ):
-        times, values = read_back(recording, entity)
-        assert values.shape == (50_001, len(channels))
-        assert (values == record.matrix(channels)).all()
-        np.testing.assert_allclose(times, record.time_s, atol=1e-12)
-
-
-def test_alarms_stand_in_the_recording_where_the_norm_crosses(study, recording):
-    for trial, root in zip(study.trials, trial_paths(study.trials), strict=True):
-        times, values = read_back(recording, f"{root}/alarm")
-        assert times == pytest.approx([trial.alarm_time_s])
-        norm_times, norm = read_back(recording, f"{root}/norm")
-        at = int(np.argmin(np.abs(norm_times - times[0])))
-        assert norm[at - 1, 0] <= values[0, 0] < norm[at, 0]
 
 
 def test_scenarios_by_any_name_and_several_severities_are_recorded(tmp_path, capfd):

@@ -6,13 +6,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
+from tests.watching import SHIPPED, dissertation
 
-SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
 
-
-@pytest.fixture(scope="module", params=[1, 2, 3])
+@pytest.fixture(params=[1, 2])
 def study(request):
-    return run_study([load_scenario(name) for name in SHIPPED], seed=request.param)
+    return dissertation(request.param)
 
 
 def test_all_fifteen_faults_are_detected_without_a_false_alarm(study):

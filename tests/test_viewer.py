@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import gtmbench as gb
-from gtmbench.report.recording.write import write_log_recording, write_recording
-from gtmbench.study.run import run_study
+from gtmbench.report.recording.write import write_log_recording
 from tests.logged import watched_log
 from tests.monitors import monitor, record
-from tests.watching import several, study
+from tests.watching import drift, several, study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
 
@@ -25,27 +23,21 @@ pytestmark = [
 COLOURS = {"p": (31, 119, 180), "q": (224, 130, 20), "r": (42, 157, 74), "threshold": (214, 39, 40)}
 
 
-def test_the_viewer_shows_lines_in_the_colours_of_the_trials(tmp_path):
-    path = tmp_path / "study.rrd"
-    write_recording(run_study([gb.load_scenario("drift")]), path)
-    seen = looked_at(path, 400.0)
+def test_the_viewer_shows_lines_in_the_colours_of_the_trials(recording_of):
+    seen = looked_at(recording_of(drift), 400.0)
     for name, colour in COLOURS.items():
         assert close(seen, colour) > 150, f"no line in the colour of {name}"
 
 
-def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(tmp_path):
-    path = tmp_path / "study.rrd"
-    write_recording(study(), path)
-    seen = looked_at(path, 70.0)
+def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(recording_of):
+    seen = looked_at(recording_of(study), 70.0)
     for name, colour in {**COLOURS, "virtual sensor": (214, 64, 159)}.items():
         assert close(seen, colour) > 150, f"no line in the colour of {name}"
 
 
-def test_the_viewer_opens_a_study_of_several_detectors(tmp_path):
+def test_the_viewer_opens_a_study_of_several_detectors(recording_of):
     """The first one's tab, whose norms lie on each other but that of r."""
-    path = tmp_path / "study.rrd"
-    write_recording(several(), path)
-    seen = looked_at(path, 70.0)
+    seen = looked_at(recording_of(several), 70.0)
     for name in ("r", "threshold"):
         assert close(seen, COLOURS[name]) > 150, f"no line in the colour of {name}"
 

@@ -1,5 +1,6 @@
-"""A monitor and a study watched by it, made once a process: calibrating and flying take seconds."""
+"""Studies, and a monitor that watches, made once a process: calibrating and flying take seconds."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,6 +13,7 @@ from gtmbench.detectors.protocol import Score
 from gtmbench.method.alarms import came_down, rising
 
 EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
+SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
 EXCITATION = "multisine+turbulence"
 MIXED = """
 duration_s = 120.0
@@ -62,6 +64,18 @@ def scenario(name="mixed", text=MIXED):
         path = Path(folder) / f"{name}.toml"
         path.write_text(text)
         return gb.load_scenario(path)
+
+
+@cache
+def dissertation(seed=1):
+    """The main job: fifteen trials, watched by the dissertation's operator."""
+    return gb.run_study([gb.load_scenario(name) for name in SHIPPED], seed=seed)
+
+
+@cache
+def drift():
+    """Its first three trials."""
+    return replace(dissertation(), trials=dissertation().trials[:3])
 
 
 @cache
