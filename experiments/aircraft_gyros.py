@@ -34,13 +34,13 @@ ONSET_S, WINDOW, R, D = 300.0, 1000, 50, 50
 
 def trim(page: Reproduction) -> None:
     """Trim: level flight at 8000 ft and 100.58 kt."""
-    found = gb.trim("gtm")
+    trimmed = gb.trim("gtm")
     notes = {
         "roll_deg": "a balance of hundredths of a degree: `aircraft/gtm/README.md`",
         "throttle_percent": "the thrust model isn't the source's",
     }
     for name, (printed, tolerance) in PRINTED_TRIM.items():
-        ours, note = getattr(found, name), notes.get(name, "")
+        ours, note = getattr(trimmed, name), notes.get(name, "")
         page.number(f"4.4, trim, {name}", printed, ours, tolerance=tolerance, note=note)
 
 

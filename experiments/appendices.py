@@ -58,7 +58,9 @@ def theorem_1(page: Reproduction) -> None:
             model = random_model(rng, m=m, outputs=int(rng.integers(1, 3)), n=int(rng.integers(3, 6)), hidden=hidden)
             T = exact_operator(**model)
             whole = with_input(**model, generator=GENERATOR, G=rng.integers(-3, 4, (m, len(GENERATOR))))
-            held += [holds_for_free_responses(one, **whole) for one in (T.theorem_1, T.system_equation, T.reduced)]
+            held += [
+                holds_for_free_responses(operator, **whole) for operator in (T.theorem_1, T.system_equation, T.reduced)
+            ]
         models = "with an uncontrollable mode" if hidden else "random"
         page.claim(
             f"Theorem 1, (2.32), models: {models}",
@@ -83,7 +85,7 @@ def companion_powers(page: Reproduction) -> None:
     for run in range(count):
         rng = np.random.default_rng(run)
         n = int(rng.integers(2, 8))
-        alpha = np.array([int(one) for one in rng.integers(-9, 10, n)], dtype=object)
+        alpha = np.array([int(number) for number in rng.integers(-9, 10, n)], dtype=object)
         A = np.vstack([np.eye(n, dtype=int)[1:].astype(object), -alpha])
         chi, power, f = (
             np.vstack([np.eye(n, dtype=int).astype(object), -alpha]),
@@ -221,7 +223,7 @@ def first_proposition(rng: np.random.Generator) -> bool:
         adjugate.extract(rest, [i]) + adjugate_times(A.extract(rest, rest), A.extract(rest, [i]))[0]
         for i, rest in enumerate(others)
     )
-    return all(one.is_zero_matrix for one in sums)
+    return all(total.is_zero_matrix for total in sums)
 
 
 def second_proposition(rng: np.random.Generator, *, blank: bool) -> bool:
@@ -243,7 +245,7 @@ def second_proposition(rng: np.random.Generator, *, blank: bool) -> bool:
 
 def whole_numbers(values: Any) -> DomainMatrix:
     """Return an array of whole numbers as an exact matrix over the rationals."""
-    return DomainMatrix([[QQ(int(one)) for one in row] for row in values], values.shape, QQ)
+    return DomainMatrix([[QQ(int(value)) for value in row] for row in values], values.shape, QQ)
 
 
 if __name__ == "__main__":

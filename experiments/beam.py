@@ -28,7 +28,7 @@ DRIVEN, SENSED = 0.0833, 0.0211  # x_a, x_s, m
 DENSITY = 7850.0  # kg/m^3
 MODES = 4  # r
 ASSUMED = "missing: density (7850 kg/m^3, steel), the axis of I (w h^3/12), r (4: (5.115) has degree 2(r-1))"
-PRINTED = [read_polynomial(one) for one in ("p^6+156.4p^4-18140p^2+3454000", "63.38p^6+14260p^4+805700p^2+9591000")]
+PRINTED = [read_polynomial(text) for text in ("p^6+156.4p^4-18140p^2+3454000", "63.38p^6+14260p^4+805700p^2+9591000")]
 
 
 def main(page: Reproduction) -> None:
@@ -46,16 +46,16 @@ def main(page: Reproduction) -> None:
         f"T^D {'survives' if literal.equals(forced) else 'is another'}",
         note="misprint: -p^2 M_[r,.] e_r q_d is missing; here both are alike but for p^2 + omega_r^2",
     )
-    scaled = [in_seconds(coefficients(one)) for one in parts(forced)]
-    scaled = [[c / scaled[0][0] for c in one] for one in scaled]
+    scaled = [in_seconds(coefficients(part)) for part in parts(forced)]
+    scaled = [[c / scaled[0][0] for c in part] for part in scaled]
     page.unprinted(
         "(5.115), coefficients",
-        " over ".join(write_polynomial(one) for one in scaled),
+        " over ".join(write_polynomial(part) for part in scaled),
         note="no density gives those of (5.115), see below",
         values=scaled,
     )
-    shortest = [in_seconds(one) for one in forced.entry(0, 0)]
-    page.unprinted("(5.115), reduced", " over ".join(write_polynomial(one) for one in shortest), values=shortest)
+    shortest = [in_seconds(part) for part in forced.entry(0, 0)]
+    page.unprinted("(5.115), reduced", " over ".join(write_polynomial(part) for part in shortest), values=shortest)
     invariants(page, forced)
     draw(page, structure, inputs, outputs)
 
@@ -71,8 +71,8 @@ def invariants(page: Reproduction, forced: RationalOperator) -> None:
         "driven by v(x_a), as (5.115)": force_driven(structure, np.transpose(at_a), inputs, outputs),
         "all four modes in the outputs": force_driven(modal, np.transpose(at_a), at_a, at_s),
     }
-    for name, one in readings.items():
-        numerator, denominator = (coefficients(part) for part in parts(one))
+    for name, operator in readings.items():
+        numerator, denominator = (coefficients(part) for part in parts(operator))
         ours = [float(numerator[k] / denominator[k]) for k in (-1, 0)]
         page.unprinted(
             f"(5.115), T(0) and T(inf), {name}",
@@ -83,7 +83,7 @@ def invariants(page: Reproduction, forced: RationalOperator) -> None:
     numerator, denominator = parts(forced)
     shared = coefficients(numerator.gcd(denominator).monic())
     ring = numerator.ring
-    theirs = [ring.from_list([ring.domain.convert(c) for c in one]) for one in PRINTED]
+    theirs = [ring.from_list([ring.domain.convert(c) for c in polynomial]) for polynomial in PRINTED]
     page.unprinted(
         "(5.115), degree of what both parts share",
         f"{len(shared) - 1}; printed: {theirs[0].gcd(theirs[1]).degree()}",
@@ -98,7 +98,9 @@ def backwards(page: Reproduction) -> None:
     at_s, squares = [shapes(SENSED)], np.diag([i**2 for i in range(1, MODES + 1)])
     modal = Structure(np.eye(MODES, dtype=int), squares)
     denominator = parts(force_driven(modal, np.transpose(at_s), at_s, at_s))[1]
-    ours, theirs = ([float(c / one[0]) for c in one[::2]] for one in (coefficients(denominator), PRINTED[1]))
+    ours, theirs = (
+        [float(c / polynomial[0]) for c in polynomial[::2]] for polynomial in (coefficients(denominator), PRINTED[1])
+    )
     scale = theirs[1] / ours[1]
     off = max(abs(c * scale**k / t - 1.0) for k, (c, t) in enumerate(zip(ours, theirs, strict=True)))
     page.unprinted(
@@ -157,7 +159,7 @@ def draw(page: Reproduction, structure: Structure, inputs: Any, outputs: Any) ->
     hertz = np.linspace(10.0, 40_000.0, 3000)
     scaled, axis, W = 2j * np.pi * hertz / frequencies()[0], axes[0][1], [*inputs, *outputs]
     models = structure.states(unit_columns([MODES], MODES), W), structure.driven_states([MODES], W)
-    draw_both_ways(axis, hertz / 1e3, *(np.abs(NumericOperator(model=one).at(scaled)[:, 0, 0]) for one in models))
+    draw_both_ways(axis, hertz / 1e3, *(np.abs(NumericOperator(model=model).at(scaled)[:, 0, 0]) for model in models))
     axis.set_xlabel("frequency (kHz), for steel")
     axis.set_title("from $x_a$ to $x_s$, three of four modes: (5.115)")
     figure.suptitle("Example 5.8.2: the beam driven by a force and by a prescribed motion at $x_a$")

@@ -39,11 +39,11 @@ def driven(excitations: int, seed: int) -> gb.Record:
 
 def count(page: Reproduction, excitations: int, seeds: range) -> gb.ExcitationCount:
     """Count the excitations of several plants, and return the last count."""
-    found = [
+    choices = [
         gb.count_excitations(record, channels=record.channels, causal_order=ORDER, noncausal_order=ORDER)
         for record in (driven(excitations, seed) for seed in seeds)
     ]
-    counted = [one.excitations for one in found]
+    counted = [choice.excitations for choice in choices]
     right = counted.count(excitations)
     page.claim(
         f"4.3, {excitations} excitation{'s' if excitations > 1 else ''}, {SENSORS} sensors",
@@ -53,7 +53,7 @@ def count(page: Reproduction, excitations: int, seeds: range) -> gb.ExcitationCo
         note="the source counts those of the plate and the drum",
         values=counted,
     )
-    return found[-1]
+    return choices[-1]
 
 
 def orders() -> gb.OrderChoice:

@@ -180,7 +180,7 @@ def same_lags(page: Reproduction, records: Records) -> None:
         agrees=[*nil.values()] == [UNSTABLE_POLES, 0, 0]
         and delta["same"] > 5.0 * max(delta["3 later"], delta["20 more"]),
         note="A1) fails with the lags of (3.55), as often as poles are unstable; (3.100) is "
-        + ", ".join(f"{one:.4f}" for one in delta.values()),
+        + ", ".join(f"{size:.4f}" for size in delta.values()),
         values={"nil": nil, "condition": condition, "delta": delta},
     )
 
@@ -191,9 +191,9 @@ def figure_3_13(page: Reproduction, records: Records) -> None:
     fir = {name: fir_error(records, FIR[name]) for name in ("LS", "IV", "PEM")}
     iir, without = {}, {}
     for name, estimator in IIR.items():
-        found = [[truncation(estimator(record, order)) for record in records] for order in orders]
-        iir[name] = [float(np.mean([off(one) for one in row])) for row in found]
-        without[name] = sum(not np.any(one) for row in found for one in row)
+        fits = [[truncation(estimator(record, order)) for record in records] for order in orders]
+        iir[name] = [float(np.mean([off(fit) for fit in row])) for row in fits]
+        without[name] = sum(not np.any(fit) for row in fits for fit in row)
     figure, ((axis,),) = panels(1, 1, (8.5, 4.8))
     for name, delta in fir.items():
         nearest = orders[int(np.argmin(iir[name]))]
@@ -209,7 +209,7 @@ def figure_3_13(page: Reproduction, records: Records) -> None:
         axis.semilogy(orders, iir[name], MARKERS[name] + "-", ms=size, color=COLOURS[name], label=f"IIR, {name}")
         axis.axhline(delta, ls=dash, color=COLOURS[name], label=f"FIR, r = d = {R}, {name}")
     given_c = iir["IV from c"]
-    better = [order for order, one in zip(orders, given_c, strict=True) if one < fir["IV"]]
+    better = [order for order, error in zip(orders, given_c, strict=True) if error < fir["IV"]]
     page.unprinted(
         "Fig. 3.13, iv4 with c for instrument",
         f"IIR < FIR for n_mod {', '.join(map(str, better)) or 'none'}",
@@ -234,10 +234,13 @@ def noise_places(page: Reproduction) -> None:
             records = loop_records(EXAMPLE.plant, EXAMPLE.gain, samples=samples, runs=runs, snr=SNR, noise=noise)
             for name, estimator in FIR.items():
                 delta[name].append(fir_error(records, estimator))
-        fall = {name: float(np.log(one[0] / one[-1]) / np.log(SAMPLES[-1] / SAMPLES[0])) for name, one in delta.items()}
-        left = ", ".join(f"{name} {one[-1]:.2g}" for name, one in delta.items())
+        fall = {
+            name: float(np.log(errors[0] / errors[-1]) / np.log(SAMPLES[-1] / SAMPLES[0]))
+            for name, errors in delta.items()
+        }
+        left = ", ".join(f"{name} {errors[-1]:.2g}" for name, errors in delta.items())
         if noise == "measured":
-            agrees = max(one[-1] for one in delta.values()) < 1e-5
+            agrees = max(errors[-1] for errors in delta.values()) < 1e-5
         else:
             agrees = all(fall[name] < 0.2 if name in place.biased else 0.3 < fall[name] < 0.7 for name in FIR)
         page.claim(
@@ -248,15 +251,15 @@ def noise_places(page: Reproduction) -> None:
             note=place.note,
             values={"samples": SAMPLES, "delta": delta, "exponent": fall},
         )
-        for name, one in delta.items():
+        for name, errors in delta.items():
             style, size = ":" if name in place.biased else "-", 9 if name == "LS" else 5  # LS lies below PEM
-            axis.loglog(SAMPLES, one, MARKERS[name] + style, ms=size, color=COLOURS[name], label=name)
+            axis.loglog(SAMPLES, errors, MARKERS[name] + style, ms=size, color=COLOURS[name], label=name)
         start = delta["IV"][0]
         axis.loglog(
             SAMPLES, [start * (SAMPLES[0] / x) ** 0.5 for x in SAMPLES], "k--", lw=1.0, label=r"$1/\sqrt{\ell}$"
         )
         axis.set(title=f"noise {place.where}", xlabel=r"samples $\ell$")
-        axis.set_xticks(SAMPLES, [f"{one:,}" for one in SAMPLES])
+        axis.set_xticks(SAMPLES, [f"{samples:,}" for samples in SAMPLES])
         axis.set_xticks([], minor=True)
     axes[0][0].set_ylabel(r"$\delta_\ell$ of (3.100) (y/u)")
     figure.suptitle(f"Errors of noncausal FIR models, {runs} realisations; dotted: biased")

@@ -72,9 +72,9 @@ def draw_drum(page: Reproduction) -> None:
     figure = Figure(figsize=(5.5, 5.0), layout="constrained")
     axis = figure.add_subplot(projection="3d")
     corners = np.array(list(product((0.0, 1.0), repeat=3))) * BOX_M
-    for one, other in combinations(corners, 2):
-        if np.sum(one != other) == 1:  # an edge
-            axis.plot(*np.transpose([one, other]), color=COLOURS["healthy"], lw=1.0)
+    for corner, other in combinations(corners, 2):
+        if np.sum(corner != other) == 1:  # an edge
+            axis.plot(*np.transpose([corner, other]), color=COLOURS["healthy"], lw=1.0)
     for spots, mark, tint, names in (
         (SPEAKERS_M, "s", COLOURS["q"], ("$w_1$", "$w_2$")),
         (MICROPHONES_M, "o", COLOURS["p"], ("mic$_1$", "mic$_2$", "mic$_3$", "mic$_4$")),
@@ -93,7 +93,7 @@ def sources(page: Reproduction, speakers: int) -> None:
     records = [heard(cavity(SPEAKERS_M, MICROPHONES_M), speakers, seed) for seed in range(1 if page.quick else 6)]
     identified = [nested_operators(learnt(record), ORDER) for record in records]
     runs = [norms(operators, record, window=WINDOW) for operators, record in zip(identified, records, strict=True)]
-    levels = np.array([[np.nanmedian(one.values[10_001:]) for one in run] for run in runs])
+    levels = np.array([[np.nanmedian(norm.values[10_001:]) for norm in run] for run in runs])
     gains = levels[:, :-1] / levels[:, 1:]
     note = "text: T_3 slightly lower, caption: no benefit; ours sides with the caption" if speakers == 1 else ""
     page.claim(
@@ -104,14 +104,14 @@ def sources(page: Reproduction, speakers: int) -> None:
         note=note,
         values={"median": levels},
     )
-    found, short = ([count(learnt(record), order) for record in records] for order in (LONG, ORDER))
+    counts, short = ([count(learnt(record), order) for record in records] for order in (LONG, ORDER))
     page.claim(
         f"{figure_name}, sources found",
         "two" if speakers == 2 else "(one speaker is on)",
-        f"{speakers} in {found.count(speakers)} of {len(found)}",
-        agrees=set(found) == {speakers},
-        note=f"counted with r = d = {LONG}; with {ORDER}: {', '.join(str(one) for one in short)}",
-        values=found,
+        f"{speakers} in {counts.count(speakers)} of {len(counts)}",
+        agrees=set(counts) == {speakers},
+        note=f"counted with r = d = {LONG}; with {ORDER}: {', '.join(str(sources) for sources in short)}",
+        values=counts,
     )
     figure, axes = panels(1, 1, (8.0, 4.5))
     norm_panel(axes[0][0], runs[0], unit="arbitrary")
@@ -157,28 +157,28 @@ def level_changes(norm: gb.WindowedNorm, start_s: float) -> list[float]:
 
     White noise moves E(k) by 2.2 % (w = 1000), so a quarter up or down is a change; the next level is learnt 2 s later.
     """
-    found: list[float] = []
+    changes_s: list[float] = []
     while True:
         learning = (norm.time_s >= start_s) & (norm.time_s < start_s + REFERENCE_S)
         if not learning.any() or not np.all(np.isfinite(norm.values[learning])):
-            return found  # the record ends before another level is learnt
+            return changes_s  # the record ends before another level is learnt
         level = np.sqrt(np.mean(norm.values[learning] ** 2))
         left = (norm.time_s >= start_s) & (np.abs(np.log(norm.values / level)) > np.log(FACTOR))
         if not left.any():
-            return found
-        found.append(float(norm.known_s[left][0]))
-        start_s = found[-1] + SETTLED_S
+            return changes_s
+        changes_s.append(float(norm.known_s[left][0]))
+        start_s = changes_s[-1] + SETTLED_S
 
 
 def watched(record: gb.Record) -> tuple[tuple[gb.WindowedNorm, ...], list[list[float]]]:
     """Return E(k) of T_1..T_3, identified on the first 5000 samples, and when each saw a change."""
     levels = norms(nested_operators(record.between(0.001, 5.0), ORDER), record, window=WINDOW)
-    return levels, [level_changes(one, 5.001) for one in levels]
+    return levels, [level_changes(norm, 5.001) for norm in levels]
 
 
-def at_each(found: list[list[float]]) -> list[list[float]]:
+def at_each(changes_s: list[list[float]]) -> list[list[float]]:
     """Return for each removal when the operators saw it, infinity for those that didn't."""
-    return [[next((t for t in one if at < t <= at + 1.5), np.inf) for one in found] for at in REMOVED_S]
+    return [[next((t for t in times_s if at < t <= at + 1.5), np.inf) for times_s in changes_s] for at in REMOVED_S]
 
 
 def removals(page: Reproduction) -> None:
@@ -190,23 +190,23 @@ def removals(page: Reproduction) -> None:
     seeds = range(1 if page.quick else 6)
     runs = [watched(changing(here, signs, seed)) for seed in seeds]
     quiet = [watched(changing(here, 0.0 * signs, seed))[1] for seed in seeds]
-    seen_s = np.array([at_each(found) for _, found in runs])  # runs, removals, operators
-    hits, total = np.isfinite(seen_s), sum(len(one) for _, found in runs for one in found)
+    seen_s = np.array([at_each(changes_s) for _, changes_s in runs])  # runs, removals, operators
+    hits, total = np.isfinite(seen_s), sum(len(times_s) for _, changes_s in runs for times_s in changes_s)
     each = ", ".join(f"T_{i + 1} {number}" for i, number in enumerate(hits.sum(axis=(0, 1))))
     page.claim(
         "Fig. 4.13, both removals seen",
         "at about 10 s and 21 s",
-        " and ".join(f"{one:.2f} s" for one in np.median(seen_s.min(axis=2), axis=0)),
+        " and ".join(f"{delay_s:.2f} s" for delay_s in np.median(seen_s.min(axis=2), axis=0)),
         agrees=bool(np.all(hits.any(axis=2))) and total == np.sum(hits) and not any(map(any, quiet)),
         note=f"by the first of T_1..T_3, E(k) {100 * (FACTOR - 1):.0f} % off its level of 3 s, look-ahead counted; of "
         f"{2 * len(seeds)} removals {each}; no other alarm, none on an untouched drum; modes shifted by 3 % up or down",
-        values={"seen_s": [found for _, found in runs], "untouched_s": quiet},
+        values={"seen_s": [changes_s for _, changes_s in runs], "untouched_s": quiet},
     )
     alike = np.outer([1.0, -1.0], np.ones(len(modes)))
     unseen = [watched(changing(here, alike, seed))[1] for seed in seeds]
     page.unprinted(
         "Fig. 4.13, all modes shifted alike",
-        f"{sum(len(one) for found in unseen for one in found)} changes seen",
+        f"{sum(len(times_s) for changes_s in unseen for times_s in changes_s)} changes seen",
         note="+3 % at 10 s and back at 21 s: far below the first mode, all microphones then change alike",
         values=unseen,
     )
@@ -219,26 +219,26 @@ def removals(page: Reproduction) -> None:
 def elsewhere(page: Reproduction) -> None:
     """Do the same with speakers and microphones in random places."""
     seeds = range(1000, 1003 if page.quick else 1030)  # none of those that the rules above were chosen on
-    levels, counts, seen = [], {2: [], 1: []}, []
+    levels, counts, noticed = [], {2: [], 1: []}, []
     for seed in seeds:
         modes = cavity(*places(seed))
-        for speakers, found in counts.items():
+        for speakers, sources in counts.items():
             record = heard(modes, speakers, seed, samples=15_001)
-            found.append(count(learnt(record), LONG))
+            sources.append(count(learnt(record), LONG))
             if speakers == 2:
                 left = norms(nested_operators(learnt(record), ORDER), record, window=WINDOW)
-                levels.append([np.nanmedian(one.values[10_001:]) for one in left])
+                levels.append([np.nanmedian(norm.values[10_001:]) for norm in left])
         signs = np.random.default_rng([413, seed]).choice([-1.0, 1.0], (2, len(modes.omega)))
-        seen.append(np.isfinite(at_each(watched(changing(modes, signs, seed))[1])).any(axis=1))
-    for speakers, found in counts.items():
-        right = sum(one == speakers for one in found)
+        noticed.append(np.isfinite(at_each(watched(changing(modes, signs, seed))[1])).any(axis=1))
+    for speakers, sources in counts.items():
+        right = sum(number == speakers for number in sources)
         page.claim(
             f"4.6, random places, {speakers} on: sources found",
             str(speakers),
-            f"{speakers} in {right} of {len(found)}",
-            agrees=right >= 0.9 * len(found),
+            f"{speakers} in {right} of {len(sources)}",
+            agrees=right >= 0.9 * len(sources),
             note=f"r = d = {LONG}; nine of ten are asked for",
-            values=found,
+            values=sources,
         )
     first, second = np.median(np.array(levels)[:, :-1] / np.array(levels)[:, 1:], axis=0)
     page.unprinted(
@@ -247,7 +247,7 @@ def elsewhere(page: Reproduction) -> None:
         note="r = d = 25 are too few for most places, so T_3 helps where Fig. 4.10 shows no benefit",
         values=levels,
     )
-    hits = np.array(seen)
+    hits = np.array(noticed)
     page.unprinted(
         "4.6, random places: changes seen",
         f"at 10 s in {hits[:, 0].sum()}, at 21 s in {hits[:, 1].sum()} of {len(hits)}",

@@ -53,12 +53,12 @@ def common_factors(page: Reproduction) -> None:
         ("Ex. 2.2.1", p, t + 1, t + 5),
         ("Ex. 2.2.2", p + 1, sympy.Integer(1), 1 + sympy.exp(-t)),
     ):
-        one, other = (applied(factor, signal, t) for signal in (y_i, y_o))
+        first, second = (applied(factor, signal, t) for signal in (y_i, y_o))
         page.claim(
             f"{name}, ({factor}) y_i and ({factor}) y_o",
             "1 and 1, but y_i /= y_o",
-            f"{one} and {other}, y_o - y_i = {sympy.simplify(y_o - y_i)}",
-            agrees=bool(one == other == 1 and sympy.simplify(y_o - y_i) != 0),
+            f"{first} and {second}, y_o - y_i = {sympy.simplify(y_o - y_i)}",
+            agrees=bool(first == second == 1 and sympy.simplify(y_o - y_i) != 0),
         )
         pole = sympy.solve(factor, p)[0]
         model = {"A": [[pole, 0], [0, pole]], "Ci": [[1, 0]], "Co": [[1, 1]]}
@@ -171,8 +171,8 @@ def second_order(omega: Any, masses: list[int]) -> dict[str, Any]:
 
 def claim_symbolic(page: Reproduction, result: str, printed: list[Any], ours: list[Coefficients]) -> None:
     """Hold polynomials against the printed ones, factors and symbols and all."""
-    expected = [tuple(sympy.Poly(one, p).all_coeffs()) for one in printed]
-    claim_polynomials(page, result, [written(one) for one in printed], ours, expected=expected)
+    expected = [tuple(sympy.Poly(polynomial, p).all_coeffs()) for polynomial in printed]
+    claim_polynomials(page, result, [written(polynomial) for polynomial in printed], ours, expected=expected)
 
 
 def claim_ratio(page: Reproduction, result: str, numerator: Any, denominator: Any, ours: RationalOperator) -> None:
@@ -183,7 +183,7 @@ def claim_ratio(page: Reproduction, result: str, numerator: Any, denominator: An
         f"{result}: numerator; denominator",
         [written(numerator), written(denominator)],
         list(ours.entry(0, 0)),
-        expected=[tuple(sympy.Poly(one / leading, p).all_coeffs()) for one in (numerator, denominator)],
+        expected=[tuple(sympy.Poly(part / leading, p).all_coeffs()) for part in (numerator, denominator)],
         note="ours has 1 in front of the highest power below",
     )
 
@@ -198,10 +198,10 @@ def figures(page: Reproduction) -> None:
     frequencies = np.linspace(0.01, 2.5, 1500)
     line = {0: (0.0, 0.0), 1: (1.1, 0.0), 2: (2.3, 0.0)}
     triangle = {0: (0.0, 0.0), 1: (1.1, 0.0), 2: (2.3, 0.7), 3: (2.3, -0.7)}
-    one = {(0, 1): "$k_1$", (1, 2): "$k_2$"}
+    springs = {(0, 1): "$k_1$", (1, 2): "$k_2$"}
     other = {(i, j): f"$k_{{{i}{j}}}$" for i, j in ((0, 1), (1, 2), (1, 3), (2, 3))}
     for name, places, joined, pairs in (
-        ("2_1", line, one, [(2, 1)]),
+        ("2_1", line, springs, [(2, 1)]),
         ("2_2", triangle, other, [(2, 1), (3, 1), (3, 2)]),
     ):
         figure, axes = panels(1, 2, (11.0, 3.8))
@@ -227,7 +227,7 @@ def misprint(page: Reproduction) -> None:
     """Draw a motion of Example 2.4.2 and what (2.75) leaves of it, with its pseudo input and with the printed one."""
     time_s = np.linspace(0.0, 10.0, 401)
     right, printed = (with_input(**model, generator=GENERATOR, G=G) for model in (MODEL_2_4_2, without_feedthrough()))
-    A, C = (np.asarray(one, dtype=float) for one in (right["A"], np.vstack([right["Ci"], right["Co"]])))
+    A, C = (np.asarray(matrix, dtype=float) for matrix in (right["A"], np.vstack([right["Ci"], right["Co"]])))
     signals = np.array([C @ scipy.linalg.expm(A * t) @ START for t in time_s])
     equation = exact_operator(**MODEL_2_4_2).theorem_1
     figure, axes = panels(1, 2, (11.0, 4.0))

@@ -58,15 +58,15 @@ def outputs(pair: Pair, samples: int, rng: np.random.Generator) -> gb.Record:
 
 def estimates(pair: Pair, lengths: list[int], runs: int, seed: int) -> FloatArray:
     """Return theta-hat of (6.4) from so many first samples of every realisation, shape (runs, lengths, MU)."""
-    found = np.empty((runs, len(lengths), MU))
+    markov = np.empty((runs, len(lengths), MU))
     for run in range(runs):
         record = outputs(pair, max(lengths), np.random.default_rng([seed, run]))
         for i, length in enumerate(lengths):
             operator = gb.identify(
                 record.between(0, length - 1), inputs=["y1"], outputs=["y2"], causal_order=MU - 1, noncausal_order=0
             )
-            found[run, i] = operator.markov[:, 0, 0]
-    return found
+            markov[run, i] = operator.markov[:, 0, 0]
+    return markov
 
 
 def predicted(pair: Pair) -> tuple[float, FloatArray]:
@@ -99,8 +99,8 @@ def linear_operator(page: Reproduction) -> None:
 def example_6_4_1(page: Reproduction) -> None:
     """Hold the factor of u^3 and u^7, uniform on -a..a, against the printed one."""
     widths = np.array([0.5, 1.0, 2.0, 5.0])
-    found = [Pair(first=lambda u: u**3, second=lambda u: u**7, density=uniform(-a, 2.0 * a)).scale for a in widths]
-    ratio = np.array(found) / (7.0 * widths**4 / 11.0)
+    scales = [Pair(first=lambda u: u**3, second=lambda u: u**7, density=uniform(-a, 2.0 * a)).scale for a in widths]
+    ratio = np.array(scales) / (7.0 * widths**4 / 11.0)
     page.number("Ex. 6.4.1, factor over 7 a^4/11, four a", np.ones(4), ratio, tolerance=1e-12)
 
 
@@ -108,11 +108,11 @@ def example(page: Reproduction, number: int, name: str, pair: Pair) -> None:
     """Hold the factor and the errors of one example against theory, and draw its figure."""
     runs = 50 if page.quick else 200
     lengths = [round(10.0 ** (half / 2)) for half in range(4, 10 if page.quick else 12)]
-    found = estimates(pair, lengths, runs, number)
+    markov = estimates(pair, lengths, runs, number)
     single, error = predicted(pair)
-    factor(page, number, pair, found[:, -1, 0] / LINEAR[0], single / np.sqrt(lengths[-1]))
+    factor(page, number, pair, markov[:, -1, 0] / LINEAR[0], single / np.sqrt(lengths[-1]))
     normal = LINEAR / LINEAR[0]
-    measured = np.mean(np.abs(found / found[:, :, :1] / normal - 1.0), axis=0)[:, SHOWN]  # (6.34)
+    measured = np.mean(np.abs(markov / markov[:, :, :1] / normal - 1.0), axis=0)[:, SHOWN]  # (6.34)
     expected = error[SHOWN] / np.sqrt(lengths)[:, np.newaxis]
     far_from_0 = single / abs(pair.scale) / np.sqrt(lengths) < 0.2  # H_0-hat, which (6.34) divides by
     settled = far_from_0 & (np.array(lengths) > 20 * MU)  # theory's l isn't l - MU + 1, less the parameters
@@ -130,10 +130,10 @@ def example(page: Reproduction, number: int, name: str, pair: Pair) -> None:
     page.draw(f"fig_6_{number + 4}", figure(f"Fig. 6.{number + 4}: N₁, N₂ = {name}", lengths, measured, expected))
 
 
-def factor(page: Reproduction, number: int, pair: Pair, found: FloatArray, deviation: float) -> None:
+def factor(page: Reproduction, number: int, pair: Pair, ratios: FloatArray, deviation: float) -> None:
     """Hold H_0-hat/H'_0 of the longest records against (6.29)."""
-    mean, spread = float(np.mean(found)), float(np.std(found))
-    runs = len(found)
+    mean, spread = float(np.mean(ratios)), float(np.std(ratios))
+    runs = len(ratios)
     agrees = abs(mean - pair.scale) < DEVIATIONS * deviation / np.sqrt(runs)
     agrees &= abs(spread / deviation - 1.0) < DEVIATIONS / np.sqrt(2.0 * runs)
     page.claim(

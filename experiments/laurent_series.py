@@ -83,7 +83,7 @@ def proposition_3(page: Reproduction) -> None:
     """Hold the radii of every example against those of its reflection."""
     table = {}
     for name, G in EXAMPLES.items():
-        radii = [[inner_spectral_radius(one), spectral_radius(one)] for one in (G, reflected(G))]
+        radii = [[inner_spectral_radius(system), spectral_radius(system)] for system in (G, reflected(G))]
         table[name] = {"G": radii[0], "G_ref": radii[1], "products": np.multiply(radii[0], radii[1][::-1])}
     off = max(np.abs(row["products"] - 1.0).max() for row in table.values())
     ours = f"in {len(table)} systems, to {off:.1g}"
@@ -118,7 +118,7 @@ def theorem_2(page: Reproduction) -> None:
     )
     integrator = laurent(transfer_matrix([[[1.0]]], [1.0, -1.0]), radius=2.0, **FAR)
     verdicts = [*judged(integrator), 1.0 in integrator.annulus]
-    ours = ", ".join("holds" if one else "fails" for one in verdicts)
+    ours = ", ".join("holds" if holds else "fails" for holds in verdicts)
     note = "bounded all the same: it needs the assumption, stated after it, that no pole lies on the unit circle"
     page.unprinted("Theorem 2, i) to iv) for 1 / (z - 1) in P(1)", ours, note=note, values=verdicts)
 
@@ -172,8 +172,8 @@ def example_3_1(page: Reproduction) -> None:
     page.number("Ex. 3.1, rho_s", 0.1938, true.annulus.inner, tolerance=5e-5)
     page.number("Ex. 3.1, rho_u", 1.8062, true.annulus.outer, tolerance=5e-5)
     series_row(page, "Ex. 3.1", true)
-    found = {samples: identified(example, true, samples) for samples in (1_000, 10_000, 100_000)}
-    operator, error, bound = found[10_000]
+    fits = {samples: identified(example, true, samples) for samples in (1_000, 10_000, 100_000)}
+    operator, error, bound = fits[10_000]
     largest = np.abs(true.coefficients).max()
     page.claim(
         "Fig. 3.12, identified coefficients",
@@ -191,9 +191,9 @@ def example_3_1(page: Reproduction) -> None:
     cut = np.abs(far.coefficients[np.abs(far.lags) > ORDERS["causal_order"]]).sum(axis=0).max()
     page.unprinted(
         "Fig. 3.12, error over samples",
-        ", ".join(f"{samples:,}: {error:.2g}" for samples, (_, error, _) in found.items()),
+        ", ".join(f"{samples:,}: {error:.2g}" for samples, (_, error, _) in fits.items()),
         note=f"lags left out add up to {cut:.2g}; the rest is the records' means, whose bias falls with length",
-        values={"left out": cut, **{str(samples): one[1:] for samples, one in found.items()}},
+        values={"left out": cut, **{str(samples): fit[1:] for samples, fit in fits.items()}},
     )
     page.draw("fig_3_12", markov_figure(true, operator))
 

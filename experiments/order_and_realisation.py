@@ -63,21 +63,23 @@ class Average:
         return float(np.linalg.norm(self.error[np.array(lags[1:]) + self.d]))
 
 
-def averaged(found: Sequence[FloatArray], d: int = 0) -> Average:
+def averaged(estimates: Sequence[FloatArray], d: int = 0) -> Average:
     """Return the average of the experiments' parameters."""
-    return Average(mean=np.mean(found, axis=0), error=np.std(found, axis=0, ddof=1) / np.sqrt(len(found)), d=d)
+    return Average(
+        mean=np.mean(estimates, axis=0), error=np.std(estimates, axis=0, ddof=1) / np.sqrt(len(estimates)), d=d
+    )
 
 
 def fir(records: Sequence[gb.Record], estimator: object, r: int, d: int) -> Average:
     """Return the FIR model of lags -d..r, u to y."""
     names, orders = {"inputs": ["u"], "outputs": ["y"]}, {"causal_order": r, "noncausal_order": d}
-    found = [gb.identify(one, **names, **orders, estimator=estimator) for one in records]
-    return averaged([one.markov[:, 0, 0] for one in found], d)
+    operators = [gb.identify(record, **names, **orders, estimator=estimator) for record in records]
+    return averaged([operator.markov[:, 0, 0] for operator in operators], d)
 
 
 def iir(records: Sequence[gb.Record], order: int, of: Callable[[StateSpace], FloatArray]) -> Average:
     """Return the average of something that PEM's IIR models of this order have."""
-    return averaged([of(pem(one, order=order).plant) for one in records])
+    return averaged([of(pem(record, order=order).plant) for record in records])
 
 
 def markov(plant: StateSpace) -> FloatArray:
@@ -160,9 +162,9 @@ def example_3_3(page: Reproduction) -> None:
     for result, part in (("(3.101)", series[LAGS:]), ("(3.103), turned about", series[LAGS + 1 :: -1])):
         true = hankel_singular_values(part[: REACH + 1])
         page.unprinted(f"{result}, exact singular values", listed(true[true > 1e-12 * true[0]]), values=true)
-    found = rebuilt(model, *orders)
-    transfer_functions(page, plant, found)
-    figure_3_16(page, plant, model, found, records[: 5 if page.quick else RUNS])
+    realised = rebuilt(model, *orders)
+    transfer_functions(page, plant, realised)
+    figure_3_16(page, plant, model, realised, records[: 5 if page.quick else RUNS])
     pem_fir = fir(records[: 20 if page.quick else RUNS], gb.PredictionError(noise_order=10), LAGS, LAGS)
     reading(page, "v unmeasured, LS", fir(records, LS, LAGS, LAGS), plant)
     reading(page, "v unmeasured, PEM", pem_fir, plant)
@@ -177,12 +179,12 @@ def rebuilt(model: Average, stable: int, unstable: int) -> StateSpace:
     return realise(chosen, noncausal_order=REACH, stable_order=stable, unstable_order=unstable)
 
 
-def transfer_functions(page: Reproduction, plant: StateSpace, found: StateSpace) -> None:
+def transfer_functions(page: Reproduction, plant: StateSpace, realised: StateSpace) -> None:
     """Hold ERA's coefficients, and the printed ones, against the exact ones."""
-    exact, ours = fractions(plant), fractions(found)
+    exact, ours = fractions(plant), fractions(realised)
     for result, printed in PRINTED.items():
         page.unprinted(f"{result}, exact", written(exact[result]), values=exact[result])
-        theirs, mine = (distance(companion(*one), companion(*exact[result])) for one in (printed, ours[result]))
+        theirs, mine = (distance(companion(*parts), companion(*exact[result])) for parts in (printed, ours[result]))
         cells = f"{result}, by ERA", written(printed), written(ours[result])
         note = f"off by {mine:.2g} in L2, the printed by {theirs:.2g}"
         values = {"coefficients": ours[result], "distance": mine, "of the printed": theirs}
@@ -193,7 +195,7 @@ def fractions(plant: StateSpace) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return numerators and denominators as (3.111) to (3.114) have them; G_u with what D there is."""
     stable, unstable = split(plant)
     strict, turned = (
-        fraction(one) for one in (stable, reflected(StateSpace(unstable.A, unstable.B, unstable.C, plant.D)))
+        fraction(system) for system in (stable, reflected(StateSpace(unstable.A, unstable.B, unstable.C, plant.D)))
     )
     back = (-turned[0][::-1] + 0.0, -turned[1][::-1])
     return dict(zip(PRINTED, ((strict[0][1:], strict[1]), turned, back, fraction(plant)), strict=True))
@@ -205,9 +207,9 @@ def fraction(system: StateSpace) -> tuple[FloatArray, FloatArray]:
     return np.where(np.abs(numerator) > 1e-12 * np.abs(numerator).max(), numerator, 0.0), denominator
 
 
-def distance(one: StateSpace, other: StateSpace) -> float:
+def distance(first: StateSpace, second: StateSpace) -> float:
     """Return the L2 norm of a difference on the unit circle, by Laurent coefficients, which fall by 0.75 a lag."""
-    both = [laurent(system, causal_order=100, noncausal_order=100).coefficients for system in (one, other)]
+    both = [laurent(system, causal_order=100, noncausal_order=100).coefficients for system in (first, second)]
     return float(np.linalg.norm(both[0] - both[1]))
 
 
@@ -224,16 +226,16 @@ def response(given: Average | StateSpace) -> FloatArray:
 
 
 def figure_3_16(
-    page: Reproduction, plant: StateSpace, model: Average, found: StateSpace, records: Sequence[gb.Record]
+    page: Reproduction, plant: StateSpace, model: Average, realised: StateSpace, records: Sequence[gb.Record]
 ) -> None:
     """Draw how far the frequency responses are off."""
     responses = {
         "IIR, n = 5": iir(records, 5, response).mean,
-        "ERA, (3.111) + (3.113)": sum(response(companion(*PRINTED[one])) for one in list(PRINTED)[:3:2]),
+        "ERA, (3.111) + (3.113)": sum(response(companion(*PRINTED[name])) for name in list(PRINTED)[:3:2]),
         "FIR, r = d = 25": response(model),
-        "ERA, ours": response(found),
+        "ERA, ours": response(realised),
     }
-    off = {name: np.abs(one - response(plant)) for name, one in responses.items()}
+    off = {name: np.abs(values - response(plant)) for name, values in responses.items()}
     figure, [[axis]] = panels(1, 1, (7.5, 4.5))
     for (name, values), colour in zip(off.items(), ("C3", "C8", "C0", "C2"), strict=True):
         axis.semilogy(np.angle(CIRCLE), values, color=colour, label=name)
@@ -242,7 +244,7 @@ def figure_3_16(
     axis.legend(fontsize="small")
     figure.suptitle("Error of the frequency response of (3.98) (Fig. 3.16)")
     page.draw("fig_3_16", figure)
-    iir_off, printed, fir_off, era_off = (float(one.mean()) for one in off.values())
+    iir_off, printed, fir_off, era_off = (float(errors.mean()) for errors in off.values())
     ours = f"FIR {fir_off:.2g}; ERA as printed {printed:.2g}, ours {era_off:.2g}; IIR {iir_off:.2g}"
     note = "held against the printed ERA and IIR: ERA from all of L_-19..L_19 is better still, noise averages out of it"
     agrees = fir_off < min(printed, iir_off)
@@ -256,7 +258,7 @@ def reading(page: Reproduction, name: str, model: Average, plant: StateSpace) ->
         size = model.size(lags)
         orders.append(nuclear_norm_path(model.at(lags), size * np.array([1.0, 2.0, 4.0])).order(size))
     systems = {"FIR": model, "ERA": rebuilt(model, *orders)}
-    off = {key: float(np.mean(np.abs(response(one) - response(plant)))) for key, one in systems.items()}
+    off = {key: float(np.mean(np.abs(response(system) - response(plant)))) for key, system in systems.items()}
     ours = f"{orders[0]} and {orders[1]}; FIR {off['FIR']:.2g}, ERA {off['ERA']:.2g}"
     page.unprinted(f"Ex. 3.3, {name}: orders, error", ours, values={"orders": orders, **off})
 

@@ -78,16 +78,16 @@ def fir(record: gb.Record, r: int, d: int) -> gb.Transmissibility:
 def fir_errors(own: Records, other: Records, orders: Sequence[tuple[int, int]]) -> FloatArray:
     """Return the averaged errors on the other records, one an order (r, d)."""
     pairs = list(zip(own, other, strict=True))
-    return np.array([np.mean([rms(gb.residual(fir(one, r, d), two)) for one, two in pairs]) for r, d in orders])
+    return np.array([np.mean([rms(gb.residual(fir(own, r, d), other)) for own, other in pairs]) for r, d in orders])
 
 
 def iir_errors(own: Records, other: Records, orders: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Return the errors on the other records, and those on their own, one row an order, one column a realisation."""
     elsewhere, inside = np.empty((2, len(orders), len(own)))
     for i, order in enumerate(orders):
-        for j, one in enumerate(own):
-            model = pem(one, order=order)
-            elsewhere[i, j], inside[i, j] = rms(model.innovations(other[j])), rms(model.innovations(one))
+        for j, record in enumerate(own):
+            model = pem(record, order=order)
+            elsewhere[i, j], inside[i, j] = rms(model.innovations(other[j])), rms(model.innovations(record))
     return elsewhere, inside
 
 
@@ -181,19 +181,20 @@ def responses(
     errors = {}
     for name, order in models.items():
         if isinstance(order, int):
-            found = [pem(one, order=order).plant.at(CIRCLE)[:, 0, 0] for one in own]
+            responses = [pem(record, order=order).plant.at(CIRCLE)[:, 0, 0] for record in own]
         else:
-            found = [
-                np.exp(-1j * np.outer(OMEGA, one.lags)) @ one.markov[:, 0, 0] for one in (fir(r, *order) for r in own)
+            responses = [
+                np.exp(-1j * np.outer(OMEGA, operator.lags)) @ operator.markov[:, 0, 0]
+                for operator in (fir(r, *order) for r in own)
             ]
-        errors[name] = np.abs(np.mean(found, axis=0) - truth)
+        errors[name] = np.abs(np.mean(responses, axis=0) - truth)
     size = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
     last = list(models)[-1]
     best = np.mean([errors[last] <= np.min(list(errors.values()), axis=0)])
     page.claim(
         f"Fig. {number}, error of the response",
         f"{last} least",
-        ", ".join(f"{one:.4f}" for one in size.values()),
+        ", ".join(f"{error:.4f}" for error in size.values()),
         agrees=size[last] == min(size.values()),
         note=f"RMS over frequency of {'; '.join(models)}, {len(own)} realisations; least at {best:.0%} of frequencies",
         values=size,

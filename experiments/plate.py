@@ -83,12 +83,12 @@ def noise_free(page: Reproduction, record: gb.Record, operators: Operators) -> N
     said = listed(PLATE.frequency_hz)
     page.unprinted("4.5, natural frequencies (Hz)", said, note=MATERIAL, values=PLATE.frequency_hz)
     levels = norms(operators, record, window=WINDOW)
-    median = np.array([np.nanmedian(one.values[LEARNT:]) for one in levels])
-    ranks = [one.rank for one in operators]
+    median = np.array([np.nanmedian(norm.values[LEARNT:]) for norm in levels])
+    ranks = [operator.rank for operator in operators]
     page.claim(
         "Fig. 4.6, E of T_1..T_4, medians (m)",
         "less with every sensor",
-        " ".join(f"{one:.1e}" for one in median),
+        " ".join(f"{level:.1e}" for level in median),
         agrees=bool(np.all(np.diff(median) < 0.0)),
         note=f"no noise: the operators' ranks are {', '.join(map(str, ranks))}",
         values={"median": median, "rank": ranks},
@@ -124,14 +124,14 @@ def rational(page: Reproduction, record: gb.Record) -> None:
     pair = {"given": 0, "wanted": len(SENSORS) - 1}
     weights = exact_weights(system, **pair)
     left = left_over(system, weights, **pair)
-    norm = np.linalg.norm([float(one) for one in weights])
+    norm = np.linalg.norm([float(weight) for weight in weights])
     page.claim(
         "Fig. 4.6, T_1 in rational arithmetic",
         f"{2 * (len(PLATE.omega) + len(OMEGA))} exponentials fit in 51 lags",
         f"{len(weights)} odd lags leave {float(left):g}",
         agrees=len(weights) == system.order == 24 and left == 0 and bool(off < 1e-10),
         note=f"9 modes and 3 sinusoids, each a pair: one input suffices, but ||H|| = {norm:.1e} is beyond doubles",
-        values={"weights": [float(one) for one in weights], "left": float(left), "system_off": off},
+        values={"weights": [float(weight) for weight in weights], "left": float(left), "system_off": off},
     )
 
 
@@ -139,13 +139,13 @@ def noisy(page: Reproduction, record: gb.Record) -> None:
     """Fig. 4.7: the residual's norm over the SNR, and what is counted."""
     seeds = range(1 if page.quick else 8)
     norm = np.empty((len(SNRS), len(seeds), len(SENSORS) - 1))
-    found = np.empty((len(SNRS), len(seeds)), dtype=int)
+    counts = np.empty((len(SNRS), len(seeds)), dtype=int)
     for s, snr in enumerate(SNRS):
         for seed in seeds:
             heard = measured(record, snr=snr, seed=(47, seed))
             for i, operator in enumerate(nested_operators(learnt(heard), ORDER)):
                 norm[s, seed, i] = np.linalg.norm(gb.residual(operator, heard).values[LEARNT + 1 : -ORDER])
-            found[s, seed] = count(learnt(heard), ORDER)
+            counts[s, seed] = count(learnt(heard), ORDER)
     gains, enough = norm[:, :, :-1] / norm[:, :, 1:], SNRS >= 10
     page.claim(
         "Fig. 4.7, norm of the residual, SNR 1..100",
@@ -164,14 +164,14 @@ def noisy(page: Reproduction, record: gb.Record) -> None:
         agrees=bool(third.min() > 2.0 * fourth.max() and fourth.max() < 1.5),
         note="factors by which one input more lowers the curves: T_4 averages noise, but isn't equal",
     )
-    below = [f"{snr}: {'/'.join(map(str, sorted(set(row))))}" for snr, row in zip(SNRS, found.tolist(), strict=True)]
+    below = [f"{snr}: {'/'.join(map(str, sorted(set(row))))}" for snr, row in zip(SNRS, counts.tolist(), strict=True)]
     page.claim(
         "Fig. 4.7, forces counted, SNR 10..100",
         "3",
-        f"3 in {np.sum(found[enough] == 3)} of {found[enough].size}",
-        agrees=bool(np.all(found[enough] == 3)),
+        f"3 in {np.sum(counts[enough] == 3)} of {counts[enough].size}",
+        agrees=bool(np.all(counts[enough] == 3)),
         note=f"at lower SNRs {', '.join(below[: int(np.sum(~enough))])} (5: at least 4)",
-        values={"snr": SNRS, "counted": found},
+        values={"snr": SNRS, "counted": counts},
     )
     figure, axes = panels(1, 1, (7.0, 4.5))
     for i, curve in enumerate(middle.T):
@@ -190,9 +190,9 @@ def some_forces(page: Reproduction) -> None:
         name = "+".join(str(force + 1) for force in chosen)
         waving = simulate(PLATE, waves(chosen, LEARNT + 1), sample_period_s=PERIOD_S)
         runs = [(waving, 0), *((shaken(chosen, seed, samples=LEARNT, period_s=PERIOD_S), seed) for seed in seeds)]
-        short[name] = [count(measured(one, snr=SNR, seed=(48, seed)), ORDER) for one, seed in runs]
+        short[name] = [count(measured(record, snr=SNR, seed=(48, seed)), ORDER) for record, seed in runs]
         runs = [(shaken(chosen, seed, samples=4000, period_s=0.4), seed) for seed in seeds]
-        long[name] = [count(measured(one, snr=1e5, seed=(49, seed)), 50) for one, seed in runs]
+        long[name] = [count(measured(record, snr=1e5, seed=(49, seed)), 50) for record, seed in runs]
     page.claim(
         "4.5, three broadband forces, SNR 100",
         "3",
@@ -202,11 +202,11 @@ def some_forces(page: Reproduction) -> None:
     )
     page.unprinted(
         "4.5, some of the forces, SNR 100",
-        "; ".join(f"{name} as {'/'.join(map(str, sorted(set(found))))}" for name, found in short.items()),
+        "; ".join(f"{name} as {'/'.join(map(str, sorted(set(counts))))}" for name, counts in short.items()),
         note="51 lags of 1 ms are far shorter than the filters between sensors: three isn't evidence here either",
         values=short,
     )
-    right = [one == name.count("+") + 1 for name, found in long.items() for one in found]
+    right = [forces == name.count("+") + 1 for name, counts in long.items() for forces in counts]
     page.claim(
         "4.5, some broadband forces, a look of 40 s",
         "1, 2 and 3 as they are",
@@ -223,11 +223,11 @@ def softening(page: Reproduction, healthy: gb.Record, operators: Operators) -> N
     left = 1.0 - SOFTENING * np.clip(healthy.time_s - 5.0, 0.0, None)
     softer = simulate(PLATE, waves(), sample_period_s=PERIOD_S, stiffness=left[:, np.newaxis])
     levels, quiet = (norms(operators, record, window=WINDOW) for record in (softer, healthy))
-    rise = [np.nanmedian((one.values / other.values)[5000:]) for one, other in zip(levels, quiet, strict=True)]
+    rise = [np.nanmedian((norm.values / other.values)[5000:]) for norm, other in zip(levels, quiet, strict=True)]
     page.claim(
         "Fig. 4.8, E over the healthy plate's, no noise",
         "rises after 5 s",
-        "by factors of " + ", ".join(f"{one:.2g}" for one in rise),
+        "by factors of " + ", ".join(f"{factor:.2g}" for factor in rise),
         agrees=bool(min(rise) > 1.5),
         note=f"E falls by {100 * SOFTENING:g} % of its first value a second (rate missing); medians from 5 s on",
         values=rise,
@@ -238,7 +238,7 @@ def softening(page: Reproduction, healthy: gb.Record, operators: Operators) -> N
     page.claim(
         "Fig. 4.8, first alarms of T_1..T_4, SNR 100",
         "E rises after 5 s",
-        f"at {', '.join(f'{one:.1f}' for one in np.median(raised, axis=0))} s",
+        f"at {', '.join(f'{time_s:.1f}' for time_s in np.median(raised, axis=0))} s",
         agrees=bool(np.min(raised) > 5.0) and not np.any(false),
         note="E(k) above 1.5 times the greatest of 2..3.9 s, look-ahead counted, medians; a healthy plate raises none",
         values={"first_alarm_s": raised, "healthy": false},
@@ -254,9 +254,9 @@ def softening(page: Reproduction, healthy: gb.Record, operators: Operators) -> N
 def watched(record: gb.Record) -> tuple[tuple[gb.WindowedNorm, ...], list[float]]:
     """Return E(k) of T_1..T_4 and the times of their first alarms, 0 for none; what is healthy ends at 5 s."""
     levels = norms(nested_operators(learnt(record), ORDER), record, window=WINDOW)
-    limits = [gb.threshold(one, start_s=2.001, end_s=3.9, factor=1.5) for one in levels]
-    raised = [gb.alarms(one, limit, start_s=2.001).time_s for one, limit in zip(levels, limits, strict=True)]
-    return levels, [float(one[0]) if len(one) else 0.0 for one in raised]
+    limits = [gb.threshold(norm, start_s=2.001, end_s=3.9, factor=1.5) for norm in levels]
+    raised = [gb.alarms(norm, limit, start_s=2.001).time_s for norm, limit in zip(levels, limits, strict=True)]
+    return levels, [float(times_s[0]) if len(times_s) else 0.0 for times_s in raised]
 
 
 def main(page: Reproduction) -> None:

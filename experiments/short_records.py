@@ -17,24 +17,23 @@ import argparse
 import os
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
 import jsbsim
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.progress import track
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.faults.distortions import lagged
+from gtmbench.processes import spread
+from gtmbench.progress import progress_bar
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import false_alarms
 
 SENSORS = {  # bias, vibration and noise (RMS) and quantum in deg/s, deg or g
@@ -147,7 +146,7 @@ def commands(manoeuvre: str) -> dict[str, np.ndarray]:
 
 
 class Case(NamedTuple):
-    """A bank, the manoeuvres it is identified on, others that it watches, those in which gyros break, and which."""
+    """A bank, the manoeuvres it is identified on, others that it watches, those in which gyros break, which and how."""
 
     aircraft: str
     weather: str
@@ -156,21 +155,25 @@ class Case(NamedTuple):
     watched: tuple[str, ...]
     broken: tuple[str, ...]
     gyros: str
+    kinds: tuple[str, ...] = ("jam", "drift", "deadzone", "saturation")
 
 
-def cases(*, quick: bool) -> list[Case]:
-    """Return all cases, or a few for a look in seconds."""
-    found = []
+def cases() -> list[Case]:
+    """Return all cases."""
+    every = []
     for aircraft, weather, (bank, choices) in product(FIRST + LATER, WEATHERS, IDENTIFIED.items()):
         for on in choices:
             others = tuple(name for name in MANOEUVRES if name not in on)
             broken = tuple(name for name in BROKEN if name not in on)[:3]
-            found.append(Case(aircraft, weather, bank, on, others, broken, "pqr" if bank == "C" else "r"))
-    if quick:
-        one = (LATER[0], "turbulent", ("all three",))
-        few = [case for case in found if (case.aircraft, case.weather, case.identified) == one]
-        return [case._replace(watched=("none", *case.broken[:1]), gyros="r") for case in few]
-    return found
+            every.append(Case(aircraft, weather, bank, on, others, broken, "pqr" if bank == "C" else "r"))
+    return every
+
+
+def example() -> list[Case]:
+    """Return a few cases: an aircraft in turbulence, identified on one manoeuvre, watching two others; jams of r."""
+    chosen = (LATER[0], "turbulent", ("all three",))
+    few = [case for case in cases() if (case.aircraft, case.weather, case.identified) == chosen]
+    return [case._replace(watched=("none", *case.broken[:1]), gyros="r", kinds=("jam",)) for case in few]
 
 
 def monitor_of(case: Case) -> gb.Monitor:
@@ -185,50 +188,51 @@ def rows_of(case: Case) -> list[Row]:
     """Watch records that nothing was identified on, healthy and broken; one row each."""
     monitor, rows = monitor_of(case), []
     for name in case.watched:
-        healthy = seen(case, name)
+        healthy = watched(case, name)
         said = [alarm.verdict for alarm in false_alarms(gb.watch(monitor, healthy))]
-        found: list[Row] = [{"fault": "", "found": bool(said), "said": "; ".join(said)}]
+        rows.append({"manoeuvre": name, "fault": "", "found": bool(said), "said": "; ".join(said)})
         if name in case.broken:
-            found += [judged(monitor, healthy, fault) for gyro in case.gyros for fault in faults(healthy, gyro)]
-        rows += [{"manoeuvre": name} | row for row in found]
+            broken = [fault for gyro in case.gyros for fault in faults(healthy, gyro, case.kinds)]
+            rows += [{"manoeuvre": name} | judged(monitor, healthy, fault) for fault in broken]
     about: Row = {"aircraft": case.aircraft, "weather": case.weather, "bank": case.bank}
     about |= {"airliners": ", ".join(LATER if case.aircraft in LATER else FIRST)}
     about |= {"identified on": ", ".join(case.identified)}
     return [about | row for row in rows]
 
 
-def seen(case: Case, manoeuvre: str) -> gb.Record:
+def watched(case: Case, manoeuvre: str) -> gb.Record:
     """Return a record to watch: its seed is none of those that are identified on."""
     return sensed(case.aircraft, case.weather, manoeuvre, 11 + list(MANOEUVRES).index(manoeuvre))
 
 
-def faults(record: gb.Record, channel: str) -> list[gb.Fault]:
+def faults(record: gb.Record, channel: str, kinds: tuple[str, ...]) -> list[gb.Fault]:
     """Return a gyro's faults; deadzone and saturation are sized by what it reads in the record."""
     rms, where = float(np.std(record[channel])), {"channel": channel, "onset_s": ONSET_S}
-    return [
+    every = [
         gb.Jam(**where),
         gb.Drift(**where, slope=DRIFT),
         gb.Deadzone(**where, half_width=max(rms, 0.5)),
         gb.Saturation(**where, limit=max(0.5 * rms, 0.3)),
     ]
+    return [fault for fault in every if fault.kind in kinds]
 
 
 def judged(monitor: gb.Monitor, healthy: gb.Record, fault: gb.Fault) -> Row:
     """Break a gyro and hold what is said against the truth; an alarm before the onset spoils a detection."""
     broken, (*_, vibration, noise, quantum) = gb.inject(healthy, fault), SENSORS[fault.channel]
     verdict = gb.score(gb.watch(monitor, broken), fault=fault, healthy=healthy, broken=broken)
-    found = verdict.detected and not verdict.false_alarms
+    is_clean = verdict.detected and not verdict.false_alarms
     change = (broken[fault.channel] - healthy[fault.channel])[healthy.time_s >= ONSET_S]
     own = vibration**2 + noise**2 + quantum**2 / 12.0  # what the gyro reads that isn't motion
     return {
         "fault": fault.kind,
         "change": float(np.sqrt(np.mean(change**2) / own)),
-        "found": found,
+        "found": is_clean,
         "spoiled": verdict.false_alarms > 0,
-        "right gyro": found and bool(verdict.isolated),
-        "wrong gyro": found and verdict.sensor not in (None, fault.channel),
-        "right kind": found and bool(verdict.kind_right),
-        "delay": verdict.detection_delay_s if found else np.nan,
+        "right gyro": is_clean and bool(verdict.isolated),
+        "wrong gyro": is_clean and verdict.sensor not in (None, fault.channel),
+        "right kind": is_clean and bool(verdict.kind_right),
+        "delay": verdict.detection_delay_s if is_clean else np.nan,
     }
 
 
@@ -240,7 +244,7 @@ def quiet() -> None:
 # ---- the report ----
 
 
-def report(rows: pd.DataFrame) -> str:
+def report(rows: pd.DataFrame, *, quick: bool) -> str:
     """Return the report as Markdown."""
     c = rows[(rows["bank"] == "C") & rows["aircraft"].isin(LATER)]
     broken = c[c["fault"] != ""]
@@ -251,9 +255,10 @@ def report(rows: pd.DataFrame) -> str:
         f"{row['manoeuvre']}: {row['said']}"
         for row in rows[(rows["fault"] == "") & rows["found"]].to_dict("records")
     ]
+    said = "**Quick: one aircraft, one manoeuvre, one jammed gyro. It tells little.**\n\n" if quick else ""
     return f"""# Half a minute of flight of another aircraft, at {1.0 / SAMPLE_S:g} Hz
 
-Written by `python experiments/short_records.py`, with JSBSim {jsbsim.__version__} and airliners that come with it.
+{said}Written by `python experiments/short_records.py`, with JSBSim {jsbsim.__version__} and its own airliners.
 A record is {DURATION_S:g} s long and holds one manoeuvre, calm or in turbulence (Milspec, {GUSTS:g} ft/s), as
 imperfect sensors read it (the script's table says how imperfect). A bank is identified on one manoeuvre, or on
 three, and watches the others. Faults begin after {ONSET_S:g} s: jam, drift of {DRIFT:g} deg/s², deadzone of the
@@ -263,7 +268,7 @@ The method was made on the {" and the ".join(FIRST)}; {" and ".join(LATER)} were
 stand apart. They aren't held out any more: details of the calibration, of operators and of bank C, have changed since,
 with records of theirs in view.
 
-{table(summary(rows, ["bank", "airliners"]))}
+{markdown(summary(rows, "bank", "airliners"))}
 
 Bank C: every gyro from the attitude. The others are operators between these channels and r, and it is r that breaks:
 they say that one of their sensors broke, not which. Found: an alarm after the onset, and none before. Right gyro,
@@ -273,15 +278,15 @@ fault changed what the gyro reads by less (RMS) than what it reads that isn't mo
 
 ## Bank C on {" and ".join(LATER)}
 
-{table(summary(broken, ["fault", "weather"]))}
+{markdown(summary(broken, "fault", "weather"))}
 
 By the change of the gyro's reading, over what it reads that isn't motion (both RMS):
 
-{table(summary(sized, ["size"]))}
+{markdown(summary(sized, "size"))}
 
 By what was identified on:
 
-{table(summary(c, ["identified on"]))}
+{markdown(summary(c, "identified on"))}
 
 ## Healthy records that alarmed
 
@@ -289,13 +294,13 @@ By what was identified on:
 """
 
 
-def summary(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+def summary(rows: pd.DataFrame, *by: str) -> pd.DataFrame:
     """Return what was said of healthy records, if there are any, and of faults."""
     lines = []
-    for key, some in rows.groupby(keys, sort=False, observed=True):
-        healthy, broken = some[some["fault"] == ""], some[some["fault"] != ""]
+    for group, own in rows.groupby(list(by), sort=False, observed=True):
+        healthy, broken = own[own["fault"] == ""], own[own["fault"] != ""]
         missed = broken[~broken["found"]]
-        line = dict(zip(keys, key, strict=True))
+        line = dict(zip(by, group, strict=True))
         if len(healthy):
             line["healthy records that alarm"] = f"{healthy['found'].sum()} of {len(healthy)}"
         line["faults found"] = f"{broken['found'].sum()} of {len(broken)}"
@@ -306,16 +311,10 @@ def summary(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def table(frame: pd.DataFrame) -> str:
-    """Return a frame as Markdown."""
-    rows = [list(frame.columns), ["---"] * len(frame.columns), *frame.to_numpy().tolist()]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
-
-
 def draw(path: Path) -> None:
     """Draw r, predicted and measured: where identified, in another manoeuvre, and there with a drift."""
-    case = cases(quick=True)[0]
-    monitor, other = monitor_of(case), seen(case, case.broken[0])
+    case = example()[0]
+    monitor, other = monitor_of(case), watched(case, case.broken[0])
     shown = {
         f"identified: {case.identified[0]}": sensed(case.aircraft, case.weather, case.identified[0], 1),
         f"watched: {case.broken[0]}": other,
@@ -325,13 +324,13 @@ def draw(path: Path) -> None:
     }
     figure, axes = panels(2, 3, (14.0, 6.5))
     for column, (title, record) in enumerate(shown.items()):
-        watched, (top, bottom) = gb.watch(monitor, record), (axes[0][column], axes[1][column])
-        band = 3.0 * float(monitor.operators["r"].rms_residual[0]) * watched.widening["r"]
-        top.plot(record.time_s, watched.predictions["r"], color=COLOURS["virtual"], lw=0.8, label="predicted")
+        watch, (top, bottom) = gb.watch(monitor, record), (axes[0][column], axes[1][column])
+        band = 3.0 * float(monitor.operators["r"].rms_residual[0]) * watch.widening["r"]
+        top.plot(record.time_s, watch.predictions["r"], color=COLOURS["virtual"], lw=0.8, label="predicted")
         top.plot(record.time_s, record["r"], color="k", lw=1.2, label="measured")
         bottom.fill_between(record.time_s, -band, band, color="0.85", label="3 spreads")
-        bottom.plot(record.time_s, watched.residuals["r"], color=COLOURS["r"], lw=0.9, label="residual")
-        for alarm in watched.faults:
+        bottom.plot(record.time_s, watch.residuals["r"], color=COLOURS["r"], lw=0.9, label="residual")
+        for alarm in watch.faults:
             top.axvline(alarm.time_s, color=COLOURS["threshold"], label=f"alarm: {alarm.verdict}")
             bottom.axvline(alarm.time_s, color=COLOURS["threshold"])
         top.set(title=title, ylabel="r (deg/s)")
@@ -347,15 +346,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a few cases: shows that it runs, tells little")
     parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--jobs", type=int, help="processes (default: 2; one with --quick)")
     given = parser.parse_args()
+    jobs = given.jobs or (1 if given.quick else 2)
     if given.out:
         given.out.mkdir(parents=True, exist_ok=True)
-    began, todo = time.monotonic(), cases(quick=given.quick)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn"), initializer=quiet) as pool:
-        done = track(pool.map(rows_of, todo), "short records", total=len(todo), console=Console(stderr=True))
-        text = report(pd.DataFrame([row for rows in done for row in rows]))
+    began, todo = time.monotonic(), example() if given.quick else cases()
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come
+    with progress_bar() as tell:
+        done = spread(rows_of, todo, processes=jobs, step="short records", progress=tell, begin=quiet)
+    text = report(pd.DataFrame([row for rows in done for row in rows]), quick=given.quick)
     print(text)
     if given.out:
         (given.out / "report.md").write_text(text + "\n![r, predicted and measured](example.png)\n")

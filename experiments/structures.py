@@ -37,7 +37,7 @@ FIRST = ["p^8+9p^6+27p^4+32p^2+14", "p^10+13p^8+61p^6+124p^4+102p^2+25", "p^8+11
 FIRST += ["p^6+8p^4+21p^2+16", "p^6+8p^4+19p^2+15", "p^6+10p^4+28p^2+19"]
 SECOND = ["p^6+8p^4+19p^2+14", "p^8+11p^6+40p^4+54p^2+22", "p^10+13p^8+61p^6+126p^4+111p^2+30"]
 SECOND += ["p^6+9p^4+23p^2+18", "2p^4+13p^2+16", "p^8+11p^6+40p^4+55p^2+24"]
-BOTH = [one for pair in zip(FIRST, SECOND, strict=True) for one in pair]
+BOTH = [polynomial for pair in zip(FIRST, SECOND, strict=True) for polynomial in pair]
 MOVED = ["p^6+7p^4+14p^2+8", "p^2+3", "p^4+5p^2+6", "p^4+6p^2+7", "p^4+6p^2+7", "p^2+5", "p^2+3"]
 MOVED += ["p^6+9p^4+23p^2+13"]
 DET_FORCED = "p^14+17p^12+115p^10+396p^8+735p^6+709p^4+300p^2+28"
@@ -64,8 +64,8 @@ def theorems(page: Reproduction) -> None:
     count = 5 if page.quick else 40
     cases = (("Theorem 5, (5.89), one driven mass", 1), ("Theorem 6, (5.95), 2 or 3 driven masses", 3))
     for (theorem, most), coupled in product(cases, (False, True)):
-        found = [trial(np.random.default_rng([most, run]), most, coupled=coupled) for run in range(count)]
-        equal, literal = (sum(one[i] for one in found) for i in (0, 1))
+        trials = [trial(np.random.default_rng([most, run]), most, coupled=coupled) for run in range(count)]
+        equal, literal = (sum(equality[i] for equality in trials) for i in (0, 1))
         ours = f"exactly, in {equal} of {count} random structures"
         name = f"{theorem}, {'coupled masses' if coupled else 'diagonal M'}"
         note = "(5.71): I without the columns D, not k" if most > 1 else ""
@@ -122,17 +122,17 @@ def one_driven(page: Reproduction) -> None:
         page, "(5.102), -adj(p^2 M_[2,2] + K_[2,2]) K_[2,.] e_2", FIRST[:1] + FIRST[2:], flat(others.gamma_o)
     )
     forced, moved = driven_both_ways(FIG_5_1, [2], first, last)
-    for name, one in (("(5.103), T^F from q1 to q6", forced), ("(5.104), T^D from q1 to q6", moved)):
-        ours = flat(one.gamma_o) + flat(one.gamma_i)
+    for name, operator in (("(5.103), T^F from q1 to q6", forced), ("(5.104), T^D from q1 to q6", moved)):
+        ours = flat(operator.gamma_o) + flat(operator.gamma_i)
         claim_polynomials(page, f"{name}: numerator; denominator", [FIRST[5], FIRST[0]], ours)
     page.claim("Ex. 5.8.1, T^F and T^D", "equal", "equal, exactly", agrees=forced.equals(moved))
-    found = {"poles": forced.poles, "zeros": forced.zeros()}
+    roots = {"poles": forced.poles, "zeros": forced.zeros()}
     above = [
-        f"{name} {np.array2string(one[(one.imag > 0) & (one.real > -1e-9)], precision=7)}"
-        for name, one in found.items()
+        f"{name} {np.array2string(own[(own.imag > 0) & (own.real > -1e-9)], precision=7)}"
+        for name, own in roots.items()
     ]
     page.unprinted(
-        "Ex. 5.8.1, poles and zeros", ", ".join(above), values=found, note="in rad/s, with their images in both axes"
+        "Ex. 5.8.1, poles and zeros", ", ".join(above), values=roots, note="in rad/s, with their images in both axes"
     )
 
 
@@ -150,22 +150,23 @@ def two_driven(page: Reproduction) -> None:
     claim_polynomials(page, "(5.121), Gamma_i,d", MOVED[:4], flat(moved.gamma_i))
     claim_polynomials(page, "(5.121), Gamma_o,d", MOVED[4:], flat(moved.gamma_o))
     products = []
-    for number, det, one, other in (("(5.122)", DET_MOVED, forced, moved), ("(5.127)", DET_FORCED, moved, forced)):
+    for number, det, operator, other in (("(5.122)", DET_MOVED, forced, moved), ("(5.127)", DET_FORCED, moved, forced)):
         factor = other.theorem_1.denominator
         claim_polynomials(page, f"{number}, the determinant in front", [det], [coefficients(factor)])
-        products.append(flat(one.theorem_1.numerators * factor))
-        names = "(5.123)-(5.126), A" if one is forced else "(5.128)-(5.131), A_d"
+        products.append(flat(operator.theorem_1.numerators * factor))
+        names = "(5.123)-(5.126), A" if operator is forced else "(5.128)-(5.131), A_d"
         claim_polynomials(page, names, [A_11, A_11, A_21, A_22], products[-1])
     page.claim("(5.132), (5.133), A and A_d", "equal", "equal, exactly", agrees=products[0] == products[1])
     page.claim("(5.134), T^F and T^D", "equal", "equal, exactly", agrees=forced.equals(moved))
     short = forced.reduced
-    numerators = [write_polynomial(one) for one in flat(short.numerators)]
+    numerators = [write_polynomial(polynomial) for polynomial in flat(short.numerators)]
     denominator = write_polynomial(coefficients(short.denominator))
+    values = flat(short.numerators)
     page.unprinted(
         "Ex. 5.8.3, T reduced",
         f"[{', '.join(numerators[:2])}; {', '.join(numerators[2:])}] / ({denominator})",
         note="a factor of degree 12 is cancelled, which the free responses allow",
-        values={"numerators": flat(short.numerators), "denominator": coefficients(short.denominator)},
+        values={"numerators": values, "denominator": coefficients(short.denominator)},
     )
 
 
@@ -177,7 +178,9 @@ def free_responses(page: Reproduction) -> None:
         Wi, Wo = rows(inputs, 6), rows(outputs, 6)
         T, blank = driven_both_ways(FIG_5_1, driven, Wi, Wo)[0], np.zeros((len(inputs), 6), int)
         Ci, Co = np.hstack([Wi, blank]), np.hstack([Wo, blank[: len(outputs)]])
-        held = [holds_for_free_responses(one, A, Ci, Co) for one in (T.theorem_1, T.system_equation, T.reduced)]
+        held = [
+            holds_for_free_responses(operator, A, Ci, Co) for operator in (T.theorem_1, T.system_equation, T.reduced)
+        ]
         page.claim(
             f"{theorem}, Ex. {example}, any q(0), q'(0)",
             "satisfied",
@@ -193,7 +196,8 @@ def chain(page: Reproduction) -> None:
     structure = mass_spring([1.0] * n, {(i, i + 1): 1.0 for i in range(n)})
     W = rows([1, n], n)
     forced, moved = (
-        NumericOperator(model=one) for one in (structure.states(columns([k], n), W), structure.driven_states([k], W))
+        NumericOperator(model=model)
+        for model in (structure.states(columns([k], n), W), structure.driven_states([k], W))
     )
     points = 0.1 + 1j * np.linspace(0.0, 2.2, 200)
     off = np.max(np.abs(forced.at(points) / moved.at(points) - 1.0))
@@ -231,7 +235,7 @@ def magnitude(axis: Axes, frequencies: FloatArray, driven: list[int], watched: l
     W = rows(watched, 6)
     models = FIG_5_1.states(columns(driven, 6), W), FIG_5_1.driven_states(driven, W)
     draw_both_ways(
-        axis, frequencies, *(np.abs(NumericOperator(model=one).at(1j * frequencies)[:, o, i]) for one in models)
+        axis, frequencies, *(np.abs(NumericOperator(model=model).at(1j * frequencies)[:, o, i]) for model in models)
     )
     axis.set_xlabel("$\\omega$ (rad/s)")
 

@@ -63,8 +63,8 @@ def iir(order: int) -> Method:
     """Return least squares with an ARX model, which takes a constant beside u and y: exact for any means."""
 
     def method(u: FloatArray, y: FloatArray) -> Estimate:
-        found = arx(as_record(u, y), order=order)
-        return np.asarray(rfft(found.numerator, points(len(u))) / rfft(found.denominator, points(len(u))))
+        model = arx(as_record(u, y), order=order)
+        return np.asarray(rfft(model.numerator, points(len(u))) / rfft(model.denominator, points(len(u))))
 
     return method
 
@@ -96,10 +96,10 @@ METHODS: Mapping[str, tuple[Method, int]] = {
 }
 
 
-def error(found: Estimate) -> float:
+def error(estimate: Estimate) -> float:
     """Return e of (1.3), over the whole circle: all frequencies but 0 and pi count twice."""
-    z = np.exp(1j * np.linspace(0.0, np.pi, len(found)))
-    squares = (np.abs(SYSTEM.at(z)[:, 0, 0]) - np.abs(found)) ** 2
+    z = np.exp(1j * np.linspace(0.0, np.pi, len(estimate)))
+    squares = (np.abs(SYSTEM.at(z)[:, 0, 0]) - np.abs(estimate)) ** 2
     return float(np.sqrt(2.0 * np.sum(squares) - squares[0] - squares[-1]))
 
 
@@ -134,7 +134,7 @@ def errors(starts: list[int], runs: int) -> dict[str, FloatArray]:
     u = np.stack([np.random.default_rng([1, run]).standard_normal(max(starts) + LONG) for run in range(runs)])
     data = np.stack([u, SYSTEM.simulate(u[..., np.newaxis], START)[..., 0]], axis=1)
     return {
-        name: np.array([error(np.mean([method(*one) for one in data[:, :, N : N + L]], axis=0)) for N in starts])
+        name: np.array([error(np.mean([method(*record) for record in data[:, :, N : N + L]], axis=0)) for N in starts])
         for name, (method, L) in METHODS.items()
     }
 
@@ -142,9 +142,9 @@ def errors(starts: list[int], runs: int) -> dict[str, FloatArray]:
 def errors_against_the_start(page: Reproduction) -> None:
     """Fig. 1.2: e of (1.3) against N."""
     starts, runs = ([1, 10, 100, 1000], 10) if page.quick else ([1, 3, 10, 30, 100, 300, 1000], 100)
-    found = errors(starts, runs)
+    errors_of = errors(starts, runs)
     note = f"N = {', '.join(map(str, starts))}; {runs} experiments"
-    arx2, fir50 = found["ARX(2), L = 10,000"], found["FIR(50), L = 10,000"]
+    arx2, fir50 = errors_of["ARX(2), L = 10,000"], errors_of["FIR(50), L = 10,000"]
     page.claim(
         "Fig. 1.2, ARX(2)",
         "not affected by N",
@@ -162,7 +162,7 @@ def errors_against_the_start(page: Reproduction) -> None:
         note="cut off: the true response without what lies beyond 50 lags",
         values={"N": starts, "error": fir50, "cut off": cut},
     )
-    spectra_least = min(float(found[f"spectra, L = {L:,}"].min()) for L in (SHORT, LONG))
+    spectra_least = min(float(errors_of[f"spectra, L = {L:,}"].min()) for L in (SHORT, LONG))
     page.claim(
         "Fig. 1.2, spectra over time domain",
         "time domain much better",
@@ -170,33 +170,33 @@ def errors_against_the_start(page: Reproduction) -> None:
         agrees=bool(fir50.max() < 1e-2 * spectra_least),
         note="least error of spectra, any N and L, over the greatest of the time domain",
     )
-    less = found["FIR(50) less means, L = 10,000"]
+    less = errors_of["FIR(50) less means, L = 10,000"]
     page.unprinted(
         "Fig. 1.2, FIR(50), means removed",
         f"{less[0]:.2g} at N = 1, then {less[-1]:.2g}",
         note="the means of u and y don't belong to each other at the ends of a record",
         values=less,
     )
-    wrong = found["ARX(1), L = 10,000"]
+    wrong = errors_of["ARX(1), L = 10,000"]
     page.unprinted("Fig. 1.2, ARX(1)", f"{wrong.min():.0f}..{wrong.max():.0f}", note="too low an order", values=wrong)
-    frequency_domain(page, starts, found)
-    page.draw("fig_1_2", figure(starts, found, runs))
+    frequency_domain(page, starts, errors_of)
+    page.draw("fig_1_2", figure(starts, errors_of, runs))
 
 
-def frequency_domain(page: Reproduction, starts: list[int], found: dict[str, FloatArray]) -> None:
+def frequency_domain(page: Reproduction, starts: list[int], errors_of: dict[str, FloatArray]) -> None:
     """Hold cross-spectra against what waiting and longer records would do if they helped."""
-    short, long = found["spectra, L = 10,000"], found["spectra, L = 100,000"]
+    short, long = errors_of["spectra, L = 10,000"], errors_of["spectra, L = 100,000"]
     late = np.array(starts) >= DEAD
     page.claim(
         "Fig. 1.2, spectra, waiting",
         "doesn't help",
         f"{short[late].min():.3g}..{short[late].max():.3g} from N = {np.array(starts)[late][0]} on",
-        agrees=all(one[late].max() < 2.0 * one[late].min() for one in (short, long)),
+        agrees=all(curve[late].max() < 2.0 * curve[late].min() for curve in (short, long)),
         note=f"{short[0]:.3g} at N = 1; 8 Hamming segments; falls with the root of the number of experiments",
         values={"N": starts, f"L = {SHORT}": short, f"L = {LONG}": long},
     )
     longer = float(np.median(long[late]) / np.median(short[late]))
-    rms = [float(np.median(one[late]) / np.sqrt(points(L))) for one, L in ((short, SHORT), (long, LONG))]
+    rms = [float(np.median(curve[late]) / np.sqrt(points(L))) for curve, L in ((short, SHORT), (long, LONG))]
     page.claim(
         "Fig. 1.2, spectra, ten times the length",
         "doesn't help",
@@ -205,7 +205,7 @@ def frequency_domain(page: Reproduction, starts: list[int], found: dict[str, Flo
         note=f"(1.3) sums over M_L points; the RMS of a point falls from {rms[0]:.1e} to {rms[1]:.1e}",
         values={"ratio": longer, "RMS of a point": rms},
     )
-    raw = [found[f"raw ratio, L = {L:,}"] for L in (SHORT, LONG)]
+    raw = [errors_of[f"raw ratio, L = {L:,}"] for L in (SHORT, LONG)]
     page.unprinted(
         "Fig. 1.2, raw ratio of transforms",
         f"{np.median(raw[0][late]):.2g}, L = {LONG:,}: {np.median(raw[1][late]):.2g}",
@@ -214,10 +214,10 @@ def frequency_domain(page: Reproduction, starts: list[int], found: dict[str, Flo
     )
 
 
-def figure(starts: list[int], found: dict[str, FloatArray], runs: int) -> Figure:
+def figure(starts: list[int], errors_of: dict[str, FloatArray], runs: int) -> Figure:
     """Draw every error against N."""
     drawn, ((axis,),) = panels(1, 1, (9.0, 5.5))
-    for i, (name, values) in enumerate(found.items()):
+    for i, (name, values) in enumerate(errors_of.items()):
         axis.loglog(starts, values, "o-" if METHODS[name][1] == SHORT else "s--", color=f"C{i}", label=name)
     axis.set_xlabel("N, where the data begin (samples)")
     axis.set_ylabel(r"$e_{N,L}$, (1.3)")

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gtmbench.kept import Kept, file_name, kept_as
+from gtmbench.artefacts import Artefacts, artefacts_in, file_name
 
 if TYPE_CHECKING:
     from gtmbench.record import Record
 
-_KEPT = pytest.StashKey[Kept]()
+_ARTEFACTS = pytest.StashKey[Artefacts]()
 _SLOW = "slow_flight"
 
 
@@ -53,11 +53,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Tell assertions and fixtures where this test keeps its things."""
+    """Tell assertions and fixtures where this test leaves its artefacts."""
     folder = item.config.rootpath / item.config.getoption("gtmbench_artefacts")
-    test = Kept(folder=folder, name=file_name(item.nodeid), flights=_shared(item.config))
-    item.stash[_KEPT] = test
-    with kept_as(test):
+    test = Artefacts(folder=folder, name=file_name(item.nodeid), flights=_shared(item.config))
+    item.stash[_ARTEFACTS] = test
+    with artefacts_in(test):
         return (yield)
 
 
@@ -70,7 +70,7 @@ def _shared(config: pytest.Config) -> Path | None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Name the recordings in the failure's report, and as properties in JUnit's XML."""
-    test = item.stash.get(_KEPT, Kept())  # none, where another plugin runs tests in its own way
+    test = item.stash.get(_ARTEFACTS, Artefacts())  # none, where another plugin runs tests in its own way
     paths = [str(path) for path in test.recordings]
     item.user_properties += [("gtmbench_recording", path) for path in paths if not _told(item, path)]
     report = yield

@@ -15,8 +15,8 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.stream import BufferedStream
 from gtmbench.shipped import shipped_banks
-from gtmbench.testing.contract import CONTRACT, check_detector, check_property
-from gtmbench.testing.contract_case import contract_case
+from gtmbench.testing.contract.case import contract_case
+from gtmbench.testing.contract.suite import CONTRACT, check_detector, check_property
 from tests.monitors import record
 
 EXAMPLE = Path(__file__).parent.parent / "docs/examples/limit_check.py"

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.kept import Kept, file_name, kept, kept_as
+from gtmbench.artefacts import Artefacts, artefacts, artefacts_in, file_name
 from gtmbench.testing import assert_detects, assert_quiet, assert_residual, flights, fly_once, standard_record
 from tests import monitors
 from tests.test_report import read_back
@@ -20,7 +20,7 @@ from tests.test_report import read_back
 @pytest.fixture(autouse=True)
 def shelf(tmp_path):
     """Where these tests' recordings go, whatever runs them."""
-    with kept_as(Kept(folder=tmp_path / "recordings", name="test")) as _:
+    with artefacts_in(Artefacts(folder=tmp_path / "recordings", name="test")) as _:
         yield tmp_path / "recordings"
 
 
@@ -33,11 +33,11 @@ def operator():
 
 def failure(assertion, *args, **kwargs):
     """Return the message of an assertion that fails, and the recording that it names."""
-    before = len(kept().recordings)
+    before = len(artefacts().recordings)
     with pytest.raises(AssertionError) as failed:
         assertion(*args, **kwargs)
     text = str(failed.value)
-    path = kept().recordings[before]
+    path = artefacts().recordings[before]
     assert text.endswith(f"; recording: {path}")
     assert verified(path)
     return text.removesuffix(f"; recording: {path}"), path
@@ -257,7 +257,7 @@ def test_a_detector_that_isnt_calibrated_is_so_once_a_session(monkeypatch):
 
     healthy = monitors.record(seed=9)
     few = (monitors.record(seed=1), monitors.record(seed=2))
-    monkeypatch.setattr("gtmbench.testing.detects.calibration_records", lambda: few)
+    monkeypatch.setattr("gtmbench.testing.assertions.calibration_records", lambda: few)
     mine = Limit()
     for _ in range(2):
         assert_quiet(mine, healthy)
@@ -332,10 +332,10 @@ def test_a_tests_file_name_is_legal_and_its_own(tests):
 
 
 def test_a_test_may_run_tests():
-    outer = kept()
-    with kept_as(Kept(name="inner")):
-        assert kept().name == "inner"
-    assert kept() is outer
+    outer = artefacts()
+    with artefacts_in(Artefacts(name="inner")):
+        assert artefacts().name == "inner"
+    assert artefacts() is outer
 
 
 def test_flights_are_flown_once_and_read_back_bit_for_bit(tmp_path, monkeypatch):
@@ -347,7 +347,7 @@ def test_flights_are_flown_once_and_read_back_bit_for_bit(tmp_path, monkeypatch)
         flights._flown.cache_clear()
         if shared:
             monkeypatch.setattr(flights, "fly", None)
-        with kept_as(Kept(flights=tmp_path / "flights")):
+        with artefacts_in(Artefacts(flights=tmp_path / "flights")):
             again = fly_once(**arguments)
         assert (again.values == expected.values).all()
         assert (again.channels, again.sample_period_s) == (expected.channels, expected.sample_period_s)

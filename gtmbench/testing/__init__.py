@@ -5,10 +5,9 @@ what failed. In pytest the plugin names the recording after the test; elsewhere 
 `check_detector` holds a detector of your own to what every detector of the package keeps.
 """
 
-from gtmbench.testing.contract import CONTRACT, check_detector
-from gtmbench.testing.detects import assert_detects, assert_quiet
+from gtmbench.testing.assertions import assert_detects, assert_quiet, assert_residual
+from gtmbench.testing.contract.suite import CONTRACT, check_detector
 from gtmbench.testing.flights import fly_once, standard_record
-from gtmbench.testing.residuals import assert_residual
 
 __all__ = [
     "CONTRACT",

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gtmbench.artefacts import artefacts
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.files import atomic_write
-from gtmbench.kept import kept
 from gtmbench.record import Record
 
 STANDARD_EXCITATION = "multisine+turbulence"
@@ -51,7 +51,7 @@ def standard_record() -> Record:
 
 @cache
 def _flown(aircraft: str | Path, excitation: str, duration_s: float, seed: int) -> Record:
-    shared = kept().flights
+    shared = artefacts().flights
     if shared is None:
         return fly(aircraft, excitation, duration_s, seed)
     from filelock import FileLock

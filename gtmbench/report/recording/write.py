@@ -283,7 +283,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
     """Write a watched log with its blueprint; every viewer of the same rerun version opens it ready to read."""
     name = f"{printable(watched.log.path.name)}: {title_text(watched.monitor)}"
     with recorded(path, name, log_blueprint(watched)) as recording:
-        _log_log(recording, watched)
+        _log_segments(recording, watched)
         if watched.watches:
             _log_virtual_sensors(recording, watched)
             colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
@@ -296,7 +296,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
         _log_outcome(recording, watched)
 
 
-def _log_log(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+def _log_segments(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     log, colours = watched.log, tints_of(watched)
     for name in log.channels:
         measured = joined([(segment.time_s, segment[name]) for segment in log.segments], log.sample_period_s)

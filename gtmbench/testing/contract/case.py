@@ -11,7 +11,7 @@ import numpy as np
 
 from gtmbench.bench.sensors import measure
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
@@ -45,18 +45,18 @@ class Case:
     record: Record
 
     @cached_property
-    def seen(self) -> Watch:
+    def watch(self) -> Watch:
         """What the monitor says of the whole record."""
         return self.monitor.watch(self.record)
 
     @cached_property
     def cuts(self) -> tuple[int, ...]:
         """How many samples there are up to just before an alarm, with it, and some time later."""
-        rows = [self.row(alarm.time_s) for alarm in self.seen.alarms[:1]]
-        last = [self.row(alarm.time_s) for alarm in self.seen.alarms[-1:]]
+        rows = [self.row(alarm.time_s) for alarm in self.watch.alarms[:1]]
+        last = [self.row(alarm.time_s) for alarm in self.watch.alarms[-1:]]
         some = round(2.0 / self.record.sample_period_s)
-        found = [rows[0], rows[0] + 1, rows[0] + some, last[0] + some] if rows else [len(self.record) // 2]
-        return tuple(sorted({min(max(count, 1), len(self.record)) for count in found}))
+        counts = [rows[0], rows[0] + 1, rows[0] + some, last[0] + some] if rows else [len(self.record) // 2]
+        return tuple(sorted({min(max(count, 1), len(self.record)) for count in counts}))
 
     def row(self, time_s: float) -> int:
         """Return the sample at which something is known: the first at or after a time."""
@@ -83,16 +83,16 @@ def contract_case(
     InputError
         Where an argument can't be meant.
     """
-    found = as_detector(detector)
+    given = as_detector(detector)
     *healthy, last = standard_records() if records is None else as_records(records)
     if not healthy:
         raise InputError("one record is given; give two or more, for it is calibrated on all but the last")
-    is_recipe = hasattr(found, "calibrate")
-    monitor = cast(Detector, found).calibrate(healthy) if is_recipe else cast(Monitor, found)
+    recipe = given if is_recipe(given) else None
+    monitor = recipe.calibrate(healthy) if recipe is not None else cast(Monitor, given)
     channel = next(name for name in (*monitor.channels, *last.channels) if name in last)
     channel = next((name for name in ("p", "q", "r") if name in (monitor.channels or ("p",))), channel)
     return Case(
-        detector=cast(Detector, found) if is_recipe else None,
+        detector=recipe,
         monitor=monitor,
         healthy=tuple(healthy),
         record=inject(last, _drifts(last, channel) if fault is None else fault),
@@ -113,12 +113,12 @@ def _drifts(record: Record, channel: str) -> list[Fault]:
     return [Drift(channel=channel, onset_s=onset_s, slope=slope, duration_s=0.1 * length_s) for onset_s in onsets_s]
 
 
-def same(found: Sequence[str], wanted: Sequence[str], what: str, other: str) -> None:
+def same(said: Sequence[str], wanted: Sequence[str], what: str, other: str) -> None:
     """Fail where two lists of what was said differ."""
-    if list(found) != list(wanted):
-        odd = next((i for i, pair in enumerate(zip(found, wanted, strict=False)) if pair[0] != pair[1]), None)
-        at = min(len(found), len(wanted)) if odd is None else odd
-        raise AssertionError(f"{what} {_listed(found[at:])}, {other} {_listed(wanted[at:])}")
+    if list(said) != list(wanted):
+        odd = next((i for i, pair in enumerate(zip(said, wanted, strict=False)) if pair[0] != pair[1]), None)
+        at = min(len(said), len(wanted)) if odd is None else odd
+        raise AssertionError(f"{what} {_listed(said[at:])}, {other} {_listed(wanted[at:])}")
 
 
 def refused(what: str, act: Callable[[], object]) -> str:
@@ -146,9 +146,9 @@ def rows_of(record: Record, begin: int, end: int) -> Record:
 
 def _words(alarm: Alarm, until_s: float) -> str:
     judged = [
-        f"{one.time_s:.3f} s {one.sensor or ' or '.join(one.candidates) or 'nothing'}"
-        for one in alarm.judgements
-        if one.time_s <= until_s
+        f"{judgement.time_s:.3f} s {judgement.sensor or ' or '.join(judgement.candidates) or 'nothing'}"
+        for judgement in alarm.judgements
+        if judgement.time_s <= until_s
     ]
     onset = "" if abs(alarm.onset_s - alarm.time_s) < 1e-6 else f" since {alarm.onset_s:.3f} s"
     words = f"{alarm.number}: {alarm.time_s:.3f} s{onset} {alarm.source} {alarm.test}".rstrip()

@@ -7,10 +7,10 @@ from typing import Any
 
 from gtmbench.faults.fault import Fault
 from gtmbench.record import Record
-from gtmbench.testing.contract_calibration import CALIBRATION
-from gtmbench.testing.contract_case import Case, contract_case
-from gtmbench.testing.contract_stream import STREAM
-from gtmbench.testing.contract_watch import WATCH
+from gtmbench.testing.contract.calibration import CALIBRATION
+from gtmbench.testing.contract.case import Case, contract_case
+from gtmbench.testing.contract.stream import STREAM
+from gtmbench.testing.contract.watch import WATCH
 
 CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
 """By name, each a function of a `contract_case`, for ``pytest.mark.parametrize``."""

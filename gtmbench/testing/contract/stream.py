@@ -10,7 +10,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Stream
 from gtmbench.record import Record
-from gtmbench.testing.contract_case import Case, refused, rows_of, same
+from gtmbench.testing.contract.case import Case, refused, rows_of, same
 
 
 def _cut(case: Case, kind: str) -> list[int]:
@@ -53,10 +53,10 @@ def _pushed(stream: Stream, record: Record, edges: Sequence[int], kind: str) -> 
 def _batch(case: Case, record: Record, kind: str) -> None:
     stream = case.monitor.stream()
     _pushed(stream, record, _cut(case, kind), kind)
-    seen = case.seen if record is case.record else case.monitor.watch(record)
+    watch = case.watch if record is case.record else case.monitor.watch(record)
     what = f"in chunks of {kind} the stream's"
-    same(case.told(stream.alarms), case.told(seen.alarms), f"{what} alarms are", "those of watch are")
-    same(_ends(stream.alarms), _ends(seen.alarms), f"{what} faults are", "those of watch are")
+    same(case.told(stream.alarms), case.told(watch.alarms), f"{what} alarms are", "those of watch are")
+    same(_ends(stream.alarms), _ends(watch.alarms), f"{what} faults are", "those of watch are")
 
 
 def _ends(alarms: Iterable[Alarm]) -> list[str]:
@@ -107,7 +107,7 @@ def refused_chunks(case: Case) -> None:
         refused(f"a chunk that {what}", lambda chunk=chunk: stream.push(chunk))  # type: ignore[misc]
     stream.push(rows_of(case.record, half, half))  # no samples are no error
     stream.push(rows_of(case.record, half, len(case.record)))
-    told = case.told(case.seen.alarms)
+    told = case.told(case.watch.alarms)
     same(case.told(stream.alarms), told, "after refused chunks the stream's alarms are", "those of watch are")
 
 
@@ -132,7 +132,7 @@ def armed(case: Case) -> None:
     said = stream.armed
     odd = {name: value for name, value in said.items() if not isinstance(value, bool)}
     assert not odd, f"armed holds {odd}; it must be true or false, by score"
-    source = case.seen.alarms[0].source
+    source = case.watch.alarms[0].source
     assert said.get(source), f"just before an alarm of '{source}', armed is {dict(said)}"
 
 

@@ -1,16 +1,21 @@
-"""The assertions on detectors: they detect in time, and are quiet on what is healthy."""
+"""The assertions: a detector detects in time, is quiet on what is healthy, and a residual stays below a bound."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+import numpy as np
+
+from gtmbench.artefacts import artefacts
+from gtmbench.channels import unit_of
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.kept import kept
+from gtmbench.method.residual import Residual, residual
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record, check_record
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.calibration import prepared
@@ -18,6 +23,8 @@ from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_af
 from gtmbench.testing.flights import calibration_records, standard_record
 
 _TIE = 1e-9  # seconds
+Predictor = Transmissibility | Callable[[Record], Residual]
+Bound = float | Mapping[str, float]
 _calibrated: list[tuple[Any, Monitor]] = []  # detectors that were given uncalibrated, this session
 
 
@@ -78,7 +85,7 @@ def assert_detects(
     failed = [*_untimely(watch, fault, within_s), *_misnamed(watch, fault, healthy, named)]
     if failed:
         said = f"{fault_text(fault)} from {fault.onset_s:.2f} s: {'; '.join(failed)}"
-        _fail(watch, said, fault=fault, healthy=healthy, due_s=due_s)
+        _fail_watch(watch, said, fault=fault, healthy=healthy, due_s=due_s)
 
 
 def assert_quiet(detector: Any, record: Record | None = None) -> None:
@@ -108,24 +115,26 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
     if alarms:
         what = f" ({alarms[0].verdict})" if alarms[0].judgements else ""
         more = f", and {len(alarms) - 1} more" if len(alarms) > 1 else ""
-        _fail(watch, f"healthy record: alarm at {alarms[0].time_s:.2f} s{what}{more} (allowed: none)")
+        _fail_watch(watch, f"healthy record: alarm at {alarms[0].time_s:.2f} s{what}{more} (allowed: none)")
     stuck = [name for name, of in watch.scores.items() if of.is_stuck_above]
     if stuck:
-        _fail(watch, f"healthy record: can't tell, for the score of {stuck[0]} stood above its threshold all the time")
+        _fail_watch(
+            watch, f"healthy record: can't tell, for the score of {stuck[0]} stood above its threshold all the time"
+        )
     if watch.armed_hours == 0.0:
-        _fail(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
+        _fail_watch(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
 
 
 def _monitor(detector: Any) -> Monitor:
     """Return what was given as a monitor, calibrated once a session where it wasn't."""
-    found = prepared(detector)
-    if is_ready(found):
-        return found
+    given = prepared(detector)
+    if is_ready(given):
+        return given
     for before, monitor in _calibrated:
         if before is detector or (isinstance(detector, str | Path) and before == detector):
             return monitor
-    assert is_recipe(found)
-    monitor = found.calibrate(list(calibration_records()))
+    assert is_recipe(given)
+    monitor = given.calibrate(list(calibration_records()))
     _calibrated.append((detector, monitor))
     return monitor
 
@@ -151,7 +160,104 @@ def _misnamed(watch: Watch, fault: Fault, healthy: Record, named: bool) -> Itera
         yield f"verdict: {verdict.verdict} (allowed: {fault.channel} failed)"
 
 
-def _fail(
+def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_below: Bound | None = None) -> None:
+    """Fail where the residual of an operator reaches a bound anywhere on a record.
+
+    Parameters
+    ----------
+    record : Record
+        Of a part only: ``record.between(25, 200)``.
+    operator : Transmissibility or callable
+        Or a function from a record to a `Residual`, such as ``lambda record: gb.innovations(operator, record)``.
+    below : float or mapping of output to float
+        What every ``|e(k)|`` has to stay below, in the output's unit: one spike fails it. Residuals that need a
+        missing sample don't exist and are passed over; some must exist.
+    rms_below : float or mapping of output to float, optional
+        What the root mean square over the record has to stay below.
+
+    Raises
+    ------
+    AssertionError
+        Naming output, figure, bound and recording.
+    InputError
+        Where an argument can't be meant.
+
+    Examples
+    --------
+    >>> from gtmbench import identify
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> record = Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=1)
+    >>> assert_residual(record, operator, below=0.01)
+    """
+    __tracebackhide__ = True
+    check_record(record)
+    residuals = _residuals(record, operator)
+    bounds = _bounds("below", below, residuals.outputs)
+    failed = [complaint for name in residuals.outputs for complaint in _too_large(residuals, name, bounds[name])]
+    if rms_below is not None:
+        rms_bounds = _bounds("rms_below", rms_below, residuals.outputs)
+        failed += [
+            complaint for name in residuals.outputs for complaint in _too_strong(residuals, name, rms_bounds[name])
+        ]
+    if not failed:
+        return
+    said = "; ".join(failed)
+
+    def write(path: Path) -> None:
+        from gtmbench.report.recording.failure import write_residual_recording
+
+        inputs = operator.inputs if isinstance(operator, Transmissibility) else ()
+        write_residual_recording(residuals, path, record=record, inputs=inputs, bounds=bounds, said=said)
+
+    _fail(said, write)
+
+
+def _residuals(record: Record, operator: Predictor) -> Residual:
+    if isinstance(operator, Transmissibility):
+        return residual(operator, record)
+    if not callable(operator):
+        raise InputError(f"a {type(operator).__name__} is no operator; give a Transmissibility, or a function")
+    residuals = operator(record)
+    if not isinstance(residuals, Residual):
+        raise InputError(f"the function returned a {type(residuals).__name__}; it has to return a Residual")
+    return residuals
+
+
+def _bounds(name: str, given: Bound, outputs: tuple[str, ...]) -> dict[str, float]:
+    table = given if isinstance(given, Mapping) else dict.fromkeys(outputs, given)
+    if set(table) != set(outputs):
+        raise InputError(
+            f"{name} is for {', '.join(map(shown, table))}; give a number, or one for each of {', '.join(outputs)}"
+        )
+    return {output: number(f"{name} of {output}", table[output], 0.0, above=True) for output in outputs}
+
+
+def _too_large(residuals: Residual, output: str, bound: float) -> Iterator[str]:
+    sizes = np.abs(residuals.values[:, residuals.outputs.index(output)])
+    if np.isnan(sizes).all():
+        yield f"residual of {output} exists at no sample: samples are missing, or the record is too short"
+        return
+    peak = int(np.nanargmax(sizes))
+    if sizes[peak] >= bound:
+        reached = f"reached {_figure(sizes[peak], output)} at {residuals.time_s[peak]:.2f} s"
+        yield f"residual of {output} {reached} (allowed: below {_figure(bound, output)})"
+
+
+@np.errstate(over="ignore")  # the square of 1e200 is inf: above every bound
+def _too_strong(residuals: Residual, output: str, bound: float) -> Iterator[str]:
+    values = residuals.values[:, residuals.outputs.index(output)]
+    there = values[~np.isnan(values)]
+    rms = float(np.sqrt(np.mean(np.square(there)))) if len(there) else 0.0  # none: that has been told
+    if rms >= bound:
+        yield f"residual of {output} has an RMS of {_figure(rms, output)} (allowed: below {_figure(bound, output)})"
+
+
+def _figure(value: float, output: str) -> str:
+    return f"{value:.4g} {unit_of(output)}".rstrip()
+
+
+def _fail_watch(
     watch: Watch, said: str, *, fault: Fault | None = None, healthy: Record | None = None, due_s: float | None = None
 ) -> NoReturn:
     __tracebackhide__ = True
@@ -161,4 +267,9 @@ def _fail(
 
         write_watch_recording(FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said), path)
 
-    raise AssertionError(f"{said}; {kept().record(write)}")
+    _fail(said, write)
+
+
+def _fail(said: str, write: Callable[[Path], None]) -> NoReturn:
+    __tracebackhide__ = True
+    raise AssertionError(f"{said}; {artefacts().record(write)}")

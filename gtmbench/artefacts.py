@@ -1,4 +1,4 @@
-"""What a test keeps: recordings of what failed, and flights that the processes of its session share.
+"""What a test leaves behind: recordings of what failed, and flights that the processes of its session share.
 
 The pytest plugin imports this in every run of pytest, so it imports next to nothing itself.
 """
@@ -16,8 +16,8 @@ _MOST_LETTERS = 100  # of a test's name in a file's
 
 
 @dataclass(kw_only=True)
-class Kept:
-    """Where the test that runs keeps what.
+class Artefacts:
+    """Where the test that runs leaves what.
 
     Attributes
     ----------
@@ -60,17 +60,17 @@ def file_name(test: str) -> str:
     return f"{words}-{hashlib.sha256(test.encode()).hexdigest()[:8]}"
 
 
-_running = [Kept()]  # the last counts: a test may run tests
+_running = [Artefacts()]  # the last counts: a test may run tests
 
 
-def kept() -> Kept:
-    """Return what the test that runs keeps; outside of pytest, what this process keeps."""
+def artefacts() -> Artefacts:
+    """Return those of the test that runs; outside of pytest, of this process."""
     return _running[-1]
 
 
 @contextmanager
-def kept_as(test: Kept) -> Iterator[None]:
-    """Let a test run that keeps its things there."""
+def artefacts_in(test: Artefacts) -> Iterator[None]:
+    """Let a test run that leaves its artefacts there."""
     _running.append(test)
     try:
         yield

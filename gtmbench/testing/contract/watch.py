@@ -7,17 +7,17 @@ from collections.abc import Callable
 import numpy as np
 
 from gtmbench.record import Record
-from gtmbench.testing.contract_case import Case, refused, rows_of, same
+from gtmbench.testing.contract.case import Case, refused, rows_of, same
 
 
 def detects(case: Case) -> None:
     """Check that it alarms on the fault: without an alarm there is nothing to check."""
-    assert case.seen.alarms, "no alarm on the record with a fault; give fault=, one that it detects, or other records"
+    assert case.watch.alarms, "no alarm on the record with a fault; give fault=, one that it detects, or other records"
 
 
 def in_time(case: Case) -> None:
     """Check that alarms come sorted and numbered from 0, within the record, and that judgements follow them."""
-    alarms, record = case.seen.alarms, case.record
+    alarms, record = case.watch.alarms, case.record
     numbers = [alarm.number for alarm in alarms]
     assert numbers == list(range(len(alarms))), f"alarms are numbered {numbers[:5]}; number them 0, 1, 2 ..."
     times = [alarm.time_s for alarm in alarms]
@@ -38,7 +38,7 @@ def in_time(case: Case) -> None:
 
 def scores_fit(case: Case) -> None:
     """Check that scores stand row for row beside the record, known after their samples, and are the alarms' sources."""
-    record, scores = case.record, case.seen.scores
+    record, scores = case.record, case.watch.scores
     for name, score in scores.items():
         for what, of in (("values", score.values), ("known_s", score.known_s), ("armed", score.armed)):
             assert np.shape(of) == (len(record),), f"{what} of score '{name}' have shape {np.shape(of)}"
@@ -48,7 +48,7 @@ def scores_fit(case: Case) -> None:
         assert not len(known) or known.max() <= record.end_s + 1e-6, (
             f"score '{name}' has values known at {known.max():g} s, after the record's end at {record.end_s:g} s"
         )
-    odd = {alarm.source for alarm in case.seen.alarms} - set(scores)
+    odd = {alarm.source for alarm in case.watch.alarms} - set(scores)
     assert not scores or not odd, f"alarms of {', '.join(odd)}, and scores of {', '.join(scores)}"
 
 
@@ -63,7 +63,9 @@ def untouched(case: Case) -> None:
 def repeatable(case: Case) -> None:
     """Check that watching twice says the same, whatever was watched between."""
     case.monitor.watch(case.healthy[0])
-    same(case.told(case.monitor.watch(case.record).alarms), case.told(case.seen.alarms), "the second time", "the first")
+    same(
+        case.told(case.monitor.watch(case.record).alarms), case.told(case.watch.alarms), "the second time", "the first"
+    )
 
 
 def cut(case: Case) -> None:
@@ -72,7 +74,7 @@ def cut(case: Case) -> None:
         part = rows_of(case.record, 0, count)
         same(
             case.told(case.monitor.watch(part).alarms, part.end_s),
-            case.told(case.seen.alarms, part.end_s),
+            case.told(case.watch.alarms, part.end_s),
             f"of a record cut at {part.end_s:.2f} s the alarms are",
             "those of the whole by then are",
         )
@@ -84,17 +86,17 @@ def later_samples(case: Case) -> None:
     until_s = case.record.start_s + round((count - 1) * case.record.sample_period_s, 9)
     values = np.array(case.record.values)
     values[count:] = 3.0 * values[count:][::-1] + 1.0
-    seen = case.monitor.watch(_with(case.record, values))
+    watch = case.monitor.watch(_with(case.record, values))
     said = f"with other samples after {until_s:.2f} s"
-    told = case.told(case.seen.alarms, until_s)
-    same(case.told(seen.alarms, until_s), told, f"{said} the alarms by then are", "they were")
-    for name, score in case.seen.scores.items():
+    told = case.told(case.watch.alarms, until_s)
+    same(case.told(watch.alarms, until_s), told, f"{said} the alarms by then are", "they were")
+    for name, score in case.watch.scores.items():
         known = score.known_s <= until_s + 1e-6
-        one, other = score.values[known], seen.scores[name].values[known]
-        odd = ~np.isclose(one, other, rtol=1e-6, atol=1e-9, equal_nan=True)
+        values_before, values_now = score.values[known], watch.scores[name].values[known]
+        odd = ~np.isclose(values_before, values_now, rtol=1e-6, atol=1e-9, equal_nan=True)
         assert not odd.any(), (
             f"{said}, score '{name}' of {case.record.time_s[known][odd][0]:.2f} s, known at "
-            f"{score.known_s[known][odd][0]:.2f} s, is {other[odd][0]:g} for {one[odd][0]:g}"
+            f"{score.known_s[known][odd][0]:.2f} s, is {values_now[odd][0]:g} for {values_before[odd][0]:g}"
         )
 
 
@@ -119,7 +121,7 @@ def declared_channels(case: Case) -> None:
     if not case.monitor.channels:
         return
     alone = case.monitor.watch(case.record.select(case.monitor.channels))
-    told = case.told(case.seen.alarms)
+    told = case.told(case.watch.alarms)
     same(case.told(alone.alarms), told, "with its declared channels alone the alarms are", "with all of them")
     for name in case.monitor.channels:
         without = case.record.select([other for other in case.record.channels if other != name])

@@ -13,7 +13,7 @@ from typing import Any
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.errors import InputError
-from gtmbench.testing.contract_case import Case, refused, same
+from gtmbench.testing.contract.case import Case, refused, same
 
 _RATE = 0.01  # false alarms an hour
 
@@ -82,20 +82,20 @@ def saved(case: Case) -> None:
     if case.detector is not None and not hasattr(case.detector, "restore"):
         return
     with TemporaryDirectory() as folder:
-        one, two = Path(folder, "one.json"), Path(folder, "two.json")
-        save_monitor(case.monitor, one)
-        loaded = load_monitor(one, case.detector)
-        save_monitor(loaded, two)
-        assert one.read_bytes() == two.read_bytes(), "saved, loaded and saved again, its file differs"
+        first, again = Path(folder, "first.json"), Path(folder, "again.json")
+        save_monitor(case.monitor, first)
+        loaded = load_monitor(first, case.detector)
+        save_monitor(loaded, again)
+        assert first.read_bytes() == again.read_bytes(), "saved, loaded and saved again, its file differs"
     assert _figures(loaded) == _figures(case.monitor), "loaded, its figures differ"
     _alike(case, loaded, "saved and loaded, it says")
 
 
 def _alike(case: Case, monitor: Monitor, what: str) -> None:
-    seen = monitor.watch(case.record)
-    same(case.told(seen.alarms), case.told(case.seen.alarms), what, "it said")
-    for name, score in case.seen.scores.items():
-        assert seen.scores[name].values.tobytes() == score.values.tobytes(), f"{what} another score '{name}'"
+    watch = monitor.watch(case.record)
+    same(case.told(watch.alarms), case.told(case.watch.alarms), what, "it said")
+    for name, score in case.watch.scores.items():
+        assert watch.scores[name].values.tobytes() == score.values.tobytes(), f"{what} another score '{name}'"
 
 
 def _figures(monitor: Monitor) -> dict[str, Any] | None:
@@ -104,8 +104,8 @@ def _figures(monitor: Monitor) -> dict[str, Any] | None:
         figures = monitor.figures()
     except InputError:
         return None
-    found: dict[str, Any] = json.loads(json.dumps(figures))
-    return found
+    stored: dict[str, Any] = json.loads(json.dumps(figures))
+    return stored
 
 
 def _state(recipe: Any) -> Any:

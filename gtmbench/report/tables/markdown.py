@@ -1,0 +1,86 @@
+"""Tables as Markdown, and how a cell says what share of trials came out well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def markdown(frame: pd.DataFrame) -> str:
+    """Return a frame as a Markdown table, its columns aligned so that a terminal shows it, too.
+
+    >>> import pandas as pd
+    >>> print(markdown(pd.DataFrame([{"fault": "jam", "detected": 3}])))
+    | fault | detected |
+    | ----- | -------- |
+    | jam   | 3        |
+    """
+    head = [str(name) for name in frame.columns]
+    rows = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = [head, ["-" * width for width in widths], *rows]
+    return "\n".join(
+        "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |" for line in lines
+    )
+
+
+def grouped(
+    rows: pd.DataFrame, by: Mapping[str, str], cells: Mapping[str, Callable[[pd.DataFrame], object]]
+) -> pd.DataFrame:
+    """Return a line a group of rows, in the order in which they come.
+
+    Parameters
+    ----------
+    rows : DataFrame
+    by : mapping
+        Columns that say of which group a row is, by the names that they have in the table.
+    cells : mapping
+        By name, what is said of a group's rows.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = pd.DataFrame({"kind": ["jam", "drift", "jam"], "delay_s": [0.2, 6.0, 0.4]})
+    >>> print(markdown(grouped(rows, {"fault": "kind"}, {"trials": len, "worst (s)": lambda of: of["delay_s"].max()})))
+    | fault | trials | worst (s) |
+    | ----- | ------ | --------- |
+    | jam   | 2      | 0.4       |
+    | drift | 1      | 6.0       |
+    """
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            dict(zip(by, key, strict=True)) | {name: cell(own) for name, cell in cells.items()}
+            for key, own in rows.groupby(list(by.values()), sort=False, observed=True)
+        ]
+    )
+
+
+def interval(hits: int, trials: int, *, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the interval of a share that was counted (Clopper and Pearson 1934): at least so confident.
+
+    >>> [round(bound, 4) for bound in interval(324, 324)]
+    [0.9887, 1.0]
+    """
+    from scipy.special import betaincinv
+
+    beyond = (1.0 - confidence) / 2.0
+    low = float(betaincinv(hits, trials - hits + 1, beyond)) if hits else 0.0
+    high = float(betaincinv(hits + 1, trials - hits, 1.0 - beyond)) if hits < trials else 1.0
+    return low, high
+
+
+def share_text(hits: int, trials: int) -> str:
+    """Write a share with its 95 % interval; a dash where nothing was tried.
+
+    >>> share_text(322, 324)
+    '99.4 % [97.8, 99.9] of 324'
+    """
+    if not trials:
+        return "-"
+    low, high = interval(hits, trials)
+    return f"{100 * hits / trials:.1f} % [{100 * low:.1f}, {100 * high:.1f}] of {trials}"
