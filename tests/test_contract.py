@@ -36,7 +36,7 @@ OF_SLOW = ("detects", "scores fit", "cut", "stream by 7", "stream with gaps", "r
 @cache
 def case_of(detector):
     """Banks watch a minute at whose end one fault lies, for diagnosing takes them long; others two of the GTM."""
-    if detector not in shipped_banks():
+    if detector not in shipped_banks() or detector == "paper":  # made-up motion of p tells it nothing of r
         return contract_case(detector)
     healthy = [record(6000, seed=seed) for seed in (1, 2, 3)]
     fault = gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0)  # bank B is armed from 42 s on
