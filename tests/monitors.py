@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 from filelock import FileLock
-from gtmbench.kept import kept
+from gtmbench.artefacts import artefacts
 
 import gtmbench as gb
 
@@ -51,9 +51,9 @@ def monitor(bank="C"):
 
 def shared(name, make):
     """Return a monitor that is calibrated once a session: its processes share its file."""
-    if kept().flights is None:  # there is one process
+    if artefacts().flights is None:  # there is one process
         return make()
-    path = kept().flights / f"{name}.json"
+    path = artefacts().flights / f"{name}.json"
     path.parent.mkdir(mode=0o700, exist_ok=True)
     with FileLock(path.with_suffix(".lock")):
         if not path.is_file():
