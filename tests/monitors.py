@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 from filelock import FileLock
-from gtmbench.artefacts import artefacts
 
 import gtmbench as gb
+from gtmbench.artefacts import artefacts
 
 NAMES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas")
 NOISE = (0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06)
