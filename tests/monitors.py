@@ -3,6 +3,8 @@
 from functools import cache
 
 import numpy as np
+from filelock import FileLock
+from gtmbench.kept import kept
 
 import gtmbench as gb
 
@@ -39,6 +41,21 @@ def _truth(random, samples, period_s):
 @cache
 def monitor(bank="C"):
     """Return a monitor of a shipped bank."""
-    return gb.calibrate(
-        [record(seed=seed) for seed in range(1, 4)], bank=gb.load_bank(bank), provenance={"a": [1, "b"]}
+    return shared(
+        f"made-up-{bank}",
+        lambda: gb.calibrate(
+            [record(seed=seed) for seed in range(1, 4)], bank=gb.load_bank(bank), provenance={"a": [1, "b"]}
+        ),
     )
+
+
+def shared(name, make):
+    """Return a monitor that is calibrated once a session: its processes share its file."""
+    if kept().flights is None:  # there is one process
+        return make()
+    path = kept().flights / f"{name}.json"
+    path.parent.mkdir(mode=0o700, exist_ok=True)
+    with FileLock(path.with_suffix(".lock")):
+        if not path.is_file():
+            gb.save_monitor(make(), path)
+    return gb.load_monitor(path)

@@ -29,15 +29,18 @@ def far(seen):
 
 
 SHIPPED = ["dissertation", f"{EXAMPLE}:LimitCheck", far, *shipped_banks()]
+SLOW = ("B", "leave-one-out")  # to diagnose; the code is that of the other banks, so a property of each sort will do
+OF_SLOW = ("detects", "scores fit", "cut", "stream by 7", "stream with gaps", "refused chunks", "saved and loaded")
 
 
 @cache
 def case_of(detector):
-    """Banks watch half a minute, for diagnosing takes them long; the others two minutes of the GTM."""
-    if detector not in shipped_banks():
+    """Banks watch a minute at whose end one fault lies, for diagnosing takes them long; others two of the GTM."""
+    if detector not in shipped_banks() or detector == "paper":  # made-up motion of p tells it nothing of r
         return contract_case(detector)
     healthy = [record(6000, seed=seed) for seed in (1, 2, 3)]
-    return contract_case(detector, [*healthy, record(1500, seed=4)], fault=FAULT)
+    fault = gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0)  # bank B is armed from 42 s on
+    return contract_case(detector, [*healthy, record(2750, seed=4)], fault=fault)
 
 
 def called(part):
@@ -46,7 +49,7 @@ def called(part):
 
 @pytest.mark.parametrize(
     ("detector", "name"),
-    [(detector, name) for detector in SHIPPED for name in CONTRACT],
+    [(detector, name) for detector in SHIPPED for name in (OF_SLOW if detector in SLOW else CONTRACT)],
     ids=called,
 )
 def test_every_detector_keeps_the_contract(detector, name):

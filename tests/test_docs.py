@@ -48,3 +48,27 @@ def test_links_lead_somewhere():
     for page in (*PAGES, ROOT / "README.md"):
         for target in re.findall(r"\]\(([^)#]+\.md)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / target).is_file(), target
+
+
+def test_files_that_are_named_exist():
+    """Whole paths anywhere; in the table of rooms, what to begin with stands below its room."""
+    for page in PAGES:
+        text = page.read_text()
+        named = set(re.findall(r"`((?:gtmbench|aircraft|docs|experiments|faults|tests)/[\w./-]+)`", text)) - {
+            "aircraft/NAME/"
+        }
+        for room, first in re.findall(r"^\| `(gtmbench/\w+/)`[^|]*\|[^|]*\| (`[^|]*`) \|$", text, flags=re.MULTILINE):
+            named |= {room + name for name in re.findall(r"`([\w./]+)`", first)}
+        assert [name for name in named if not (ROOT / name).exists()] == []
+    assert len(named) > 0
+
+
+def test_every_room_stands_in_the_design():
+    text = (ROOT / "docs/design.md").read_text()
+    rooms = [path.parent for path in (ROOT / "gtmbench").glob("*/__init__.py")]
+    assert len(rooms) > 9
+    for room in rooms:
+        assert re.search(rf"^\| `gtmbench/{room.name}/`", text, flags=re.MULTILINE), room.name
+        inner = [path.parent.name for path in room.glob("*/__init__.py")]
+        line = re.search(rf"^\| `gtmbench/{room.name}/`.*$", text, flags=re.MULTILINE)[0]
+        assert [name for name in inner if f"{name}/`" not in line] == []

@@ -20,7 +20,7 @@ from gtmbench.shipped import share
 from tests.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent
-EXAMPLES = 400  # a reader
+EXAMPLES = 100  # a reader
 
 
 READERS = {

@@ -35,7 +35,9 @@ def mentioned():
 @pytest.mark.parametrize("line", sorted({line for line in (*commands(), *mentioned()) if line.startswith("gtmbench")}))
 def test_every_command_parses(line):
     _, command, *arguments = shlex.split(line)
-    app.commands[command].make_context(command, arguments)
+    assert command in app.commands
+    if arguments or line in commands():
+        app.commands[command].make_context(command, arguments)
 
 
 def test_every_make_target_exists():

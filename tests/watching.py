@@ -11,6 +11,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.protocol import Score
 from gtmbench.method.alarms import came_down, rising
+from tests.monitors import shared
 
 EXAMPLE = Path(__file__).parents[1] / "docs/examples/limit_check.py"
 SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
@@ -52,10 +53,14 @@ limit = 500.0
 @cache
 def monitor():
     """Bank C, calibrated on six flights of two minutes."""
-    flights = [gb.fly(excitation=EXCITATION, duration_s=120, seed=900 + i) for i in range(6)]
-    return gb.calibrate(
-        [gb.measure(flight, noise="t2", seed=900 + i) for i, flight in enumerate(flights)], bank=gb.load_bank("C")
-    )
+
+    def make():
+        flights = [gb.fly(excitation=EXCITATION, duration_s=120, seed=900 + i) for i in range(6)]
+        return gb.calibrate(
+            [gb.measure(flight, noise="t2", seed=900 + i) for i, flight in enumerate(flights)], bank=gb.load_bank("C")
+        )
+
+    return shared("gtm-C", make)
 
 
 @cache

@@ -20,11 +20,17 @@ def rate_limited(values: FloatArray, step: float, start: float) -> tuple[FloatAr
     at = start
     limited = []
     for y in values.tolist():
-        if not math.isnan(y):
-            at = y if math.isnan(at) or abs(y - at) <= step else at + math.copysign(step, y - at)
-            limited.append(at)
+        move = y - at
+        if -step <= move <= step:
+            at = y
+        elif move == move:  # it is a number
+            at = at + step if move > 0.0 else at - step
+        elif y == y:  # the first value that is there
+            at = y
         else:
             limited.append(y)
+            continue
+        limited.append(at)
     return np.array(limited), at
 
 
