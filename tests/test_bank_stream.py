@@ -35,9 +35,9 @@ def by(statistic):
 @cache
 def uncertain():
     """Return a monitor that stands on one minute."""
-    found = calibrate(record(3000, seed=1), bank=load_bank("C"))
-    assert found.uncertainties
-    return found
+    monitor = calibrate(record(3000, seed=1), bank=load_bank("C"))
+    assert monitor.uncertainties
+    return monitor
 
 
 @cache
@@ -116,24 +116,24 @@ def said(alarms, until_s=np.inf):
     """Return what alarms say by a time, but for figures that round otherwise in other chunks."""
     return [
         (
-            one.number,
-            one.time_s,
-            one.onset_s,
-            one.source,
-            one.test,
+            alarm.number,
+            alarm.time_s,
+            alarm.onset_s,
+            alarm.source,
+            alarm.test,
             [
                 (each.time_s, each.sensor, each.candidates, each.kind)
-                for each in one.judgements
+                for each in alarm.judgements
                 if each.time_s <= until_s
             ],
         )
-        for one in alarms
-        if one.time_s <= until_s
+        for alarm in alarms
+        if alarm.time_s <= until_s
     ]
 
 
 def ends(alarms):
-    return [(one.fault, one.ended_s, one.end_known_s) for one in alarms]
+    return [(alarm.fault, alarm.ended_s, alarm.end_known_s) for alarm in alarms]
 
 
 def check_stream(used, name, size):
@@ -141,8 +141,8 @@ def check_stream(used, name, size):
     stream, told = fed(used, given, size)
     assert said(stream.alarms) == said(watched.alarms)
     assert ends(stream.alarms) == ends(watched.alarms)
-    for one, other in zip(stream.alarms, watched.alarms, strict=True):
-        for each, its in zip(one.judgements, other.judgements, strict=True):
+    for alarm, other in zip(stream.alarms, watched.alarms, strict=True):
+        for each, its in zip(alarm.judgements, other.judgements, strict=True):
             # a search may take another turn where residuals differ by a rounding error
             assert each.parameters == pytest.approx(its.parameters, rel=5e-3, nan_ok=True)
     last = {alarm.number: alarm for of in told for alarm in of}
@@ -187,9 +187,9 @@ def test_a_monitor_in_doubt_streams():
 
 def test_two_faults_are_two_and_an_ended_one_makes_room_for_the_next():
     two = watched_by(monitor("C"), "two at once")
-    assert {one.sensor for one in two.faults} == {"p", "r"}
+    assert {alarm.sensor for alarm in two.faults} == {"p", "r"}
     ended = watched_by(monitor("C"), "ended, then another")
-    assert [one.sensor for one in ended.faults] == ["q", "q"]
+    assert [alarm.sensor for alarm in ended.faults] == ["q", "q"]
     assert ended.alarms[0].ended_s == pytest.approx(38.0, abs=1.0)
     assert ended.alarms[1].ended_s is None
 
@@ -214,8 +214,8 @@ def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight
 def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
     watched = watched_by(monitor("C"), "wild from the start")
     score = watched.scores["p"]
-    for output, one in watched.scores.items():
-        first = one.armed_s
+    for output, score in watched.scores.items():
+        first = score.armed_s
         for alarm in watched.alarms:
             if alarm.source == output:
                 assert first is not None
@@ -225,21 +225,21 @@ def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
 
 
 def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter_isnt():
-    one = Arming(output="p", track=Track(monitor("C"), "p"))
-    assert not one.take(2.0, 0)  # above from the start
-    assert not one.take(0.5, 1)
-    assert one.take(2.0, 2)
-    one.disarm(3, 2)
-    assert [one.take(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
-    one.rearm(6)
-    assert not one.take(2.0, 6)  # it has never come down since
-    one.disarm(7, 7)
-    assert [one.take(level, 7) for level in (0.5, 2.0)] == [False] * 2
-    one.rearm(9)
-    assert one.take(2.0, 9)
-    one.begin_anew(10)
-    assert not one.armed
-    assert [one.take(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
+    arming = Arming(output="p", track=Track(monitor("C"), "p"))
+    assert not arming.take(2.0, 0)  # above from the start
+    assert not arming.take(0.5, 1)
+    assert arming.take(2.0, 2)
+    arming.disarm(3, 2)
+    assert [arming.take(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
+    arming.rearm(6)
+    assert not arming.take(2.0, 6)  # it has never come down since
+    arming.disarm(7, 7)
+    assert [arming.take(level, 7) for level in (0.5, 2.0)] == [False] * 2
+    arming.rearm(9)
+    assert arming.take(2.0, 9)
+    arming.begin_anew(10)
+    assert not arming.armed
+    assert [arming.take(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
 
 
 def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():
@@ -266,14 +266,14 @@ def test_levels_of_single_samples_are_those_of_the_batch(name):
     used = monitor(name)
     whole = residual_scores(used, gappy(healthy()), bank_residuals(used, gappy(healthy())))
     stream = used.stream()
-    found = []
+    taken = []
     take = stream._rows.take
-    stream._rows.take = lambda row: found.append(take(row)) or found[-1]
+    stream._rows.take = lambda row: taken.append(take(row)) or taken[-1]
     for chunk in chunks(gappy(healthy()), 1):
         stream.push(chunk)
     for i, output in enumerate(sorted(whole)):
         ahead = round(used.look_ahead_of(output) / PERIOD_S)
-        there = [(row - ahead, one[i]) for row, one in enumerate(found) if one is not None]
+        there = [(row - ahead, values[i]) for row, values in enumerate(taken) if values is not None]
         rows, values = np.array([row for row, _ in there]), np.array([value for _, value in there])
         np.testing.assert_allclose(values, whole[output].values[rows], rtol=0, atol=1e-10)
 
@@ -292,7 +292,11 @@ def test_a_streams_memory_doesnt_grow():
             start += len(part)
         tracks = stream._tracks.values()
         sizes.append(
-            (len(stream._memory._table), max(len(one._rows) for one in tracks), max(len(one.values) for one in tracks))
+            (
+                len(stream._memory._table),
+                max(len(track._rows) for track in tracks),
+                max(len(track.values) for track in tracks),
+            )
         )
     assert sizes[5:] == sizes[5:6] * 5
 
@@ -304,7 +308,7 @@ def test_a_record_full_of_alarms_is_diagnosed_a_few_times_only():
         wild[row : row + 20, rng.integers(0, 3)] += 20.0 * rng.standard_normal(20)
     given = Record(wild, channels=healthy().channels, sample_period_s=PERIOD_S)
     watched = monitor("C").watch(given)
-    assert sum(len(one.judgements) > 1 for one in watched.alarms) <= 8
+    assert sum(len(alarm.judgements) > 1 for alarm in watched.alarms) <= 8
 
 
 # what is refused

@@ -244,7 +244,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(cli, scenario, tmp_path, monkey
 ASCII = """
 import sys
 from gtmbench.cli.app import main
-for arguments in (["trim", "--modes"], ["list"], ["run", sys.argv[1]]):
+for arguments in (["trim", "--modes"], ["list"], ["run", sys.argv[1], "--no-figures", "--no-recording"]):
     try:
         main(arguments)
     except SystemExit as ended:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,12 +27,23 @@ def one_processor(monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 1)
 
 
-@pytest.fixture
-def logs(tmp_path):
-    """Write three logs and return their names."""
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Write three logs, and some that can't be calibrated on with them; return their folder."""
+    folder = tmp_path_factory.mktemp("logs")
     for seed in (1, 2, 3):
-        gb.write_log(record(3000, seed=seed), tmp_path / f"log{seed}.csv")
-    return [f"log{seed}.csv" for seed in (1, 2, 3)]
+        gb.write_log(record(3000, seed=seed), folder / f"log{seed}.csv")
+    gb.write_log(record(3000, period_s=0.05), folder / "slow.csv")
+    gb.write_log(record(3000, seed=4).select(["p", "q", "r", "beta"]), folder / "gyros.csv")
+    gb.write_log(record(15), folder / "short.csv")
+    gb.write_log(record(60), folder / "brief.csv")
+    return folder
+
+
+@pytest.fixture
+def logs(written, tmp_path):
+    """Lay three logs there and return their names."""
+    return [shutil.copy(path, tmp_path) and path.name for path in sorted(written.glob("log?.csv"))]
 
 
 def names(folder):
@@ -153,15 +165,11 @@ BAD = {
 }
 
 
-@pytest.mark.usefixtures("logs")
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_line_and_leaves_nothing(cli, name, tmp_path):
+def test_bad_input_is_one_line_and_leaves_nothing(cli, written, name, tmp_path):
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
     (tmp_path / "folder.json").mkdir()
     (tmp_path / "junk.csv").write_text("time_s,p\n0,much\n")
-    gb.write_log(record(3000, period_s=0.05), tmp_path / "slow.csv")
-    gb.write_log(record(3000, seed=4).select(["p", "q", "r", "beta"]), tmp_path / "gyros.csv")
-    gb.write_log(record(15), tmp_path / "short.csv")
-    gb.write_log(record(60), tmp_path / "brief.csv")
     before = names(tmp_path)
     arguments, message = BAD[name]
     code, out, err = cli("calibrate", *arguments)

@@ -1,6 +1,7 @@
 """`gtmbench monitor`: outcomes and exit codes, what it writes, what it refuses, and what it lists."""
 
 import json
+import shutil
 from functools import cache
 
 import numpy as np
@@ -21,10 +22,17 @@ def flight(broken=False):
     return gb.inject(record, gb.Drift(channel="q", onset_s=43.0, slope=0.5)) if broken else record
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    gb.write_log(flight(), folder / "healthy.csv")
+    gb.write_log(flight(broken=True), folder / "broken.csv")
+    return folder
+
+
 @pytest.fixture
-def logs(tmp_path):
-    gb.write_log(flight(), tmp_path / "healthy.csv")
-    gb.write_log(flight(broken=True), tmp_path / "broken.csv")
+def logs(written, tmp_path):
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
 
 
 def names(folder):

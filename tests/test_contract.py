@@ -22,10 +22,10 @@ from tests.monitors import record
 EXAMPLE = Path(__file__).parent.parent / "docs/examples/limit_check.py"
 
 
-def far(seen):
+def far(record):
     """Alarm where p is beyond 30 deg/s, once a second at most."""
-    above = np.flatnonzero(np.abs(seen["p"]) > 30.0)
-    return seen.time_s[above[np.diff(above, prepend=-1000) > 50]][:1]
+    above = np.flatnonzero(np.abs(record["p"]) > 30.0)
+    return record.time_s[above[np.diff(above, prepend=-1000) > 50]][:1]
 
 
 SHIPPED = ["dissertation", f"{EXAMPLE}:LimitCheck", far, *shipped_banks()]
@@ -103,7 +103,7 @@ class Limit(SimpleDetector):
     memory_s: float = 0.0
 
     def learn(self, records):
-        return {"p": self.factor * max(float(np.abs(one["p"]).max()) for one in records)}
+        return {"p": self.factor * max(float(np.abs(record["p"]).max()) for record in records)}
 
     def scores(self, record, learned):
         return {"p": np.abs(record["p"]) / learned["p"]}
@@ -132,7 +132,7 @@ class Centred(Limit):
         return {"mean": np.abs(np.lib.stride_tricks.sliding_window_view(padded, 51).mean(axis=1)) / learned["p"] * 2.0}
 
 
-@pytest.mark.parametrize("detector", [Limit(), Average(), Centred()], ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize("detector", [Limit(), Average(), Centred()], ids=lambda detector: type(detector).__name__)
 def test_what_is_right_is_let_through(detector):
     assert broken(detector) == set()
 
@@ -237,8 +237,8 @@ class Prophet(Base):
 
     def alarms(self, record):
         return [
-            replace(one, judgements=(Judgement(time_s=one.time_s - 1.0, sensor="p", candidates=("p",)),))
-            for one in super().alarms(record)
+            replace(alarm, judgements=(Judgement(time_s=alarm.time_s - 1.0, sensor="p", candidates=("p",)),))
+            for alarm in super().alarms(record)
         ]
 
 
@@ -247,17 +247,17 @@ class Accuser(Base):
 
     def alarms(self, record):
         return [
-            replace(one, judgements=(Judgement(time_s=one.time_s, sensor="r", candidates=("r",)),))
-            for one in super().alarms(record)
+            replace(alarm, judgements=(Judgement(time_s=alarm.time_s, sensor="r", candidates=("r",)),))
+            for alarm in super().alarms(record)
         ]
 
 
 class Writes(Base):
     def alarms(self, record):
-        found = super().alarms(record)
+        alarms = super().alarms(record)
         record.values.setflags(write=True)
         record.values[:, 0] *= 0.5
-        return found
+        return alarms
 
 
 class Throws(Base):
@@ -265,7 +265,7 @@ class Throws(Base):
 
     def alarms(self, record):
         shift = random.random()
-        return [replace(one, onset_s=one.time_s - shift) for one in super().alarms(record)]
+        return [replace(alarm, onset_s=alarm.time_s - shift) for alarm in super().alarms(record)]
 
 
 COUNTED = []
@@ -276,7 +276,7 @@ class Counts(Base):
 
     def alarms(self, record):
         COUNTED.append(len(record))
-        return [replace(one, source=f"{len(COUNTED)}") for one in super().alarms(record)]
+        return [replace(alarm, source=f"{len(COUNTED)}") for alarm in super().alarms(record)]
 
 
 class Forgets(Base):
@@ -293,7 +293,7 @@ class Late(Base):
     """Tells of an alarm before its record holds it."""
 
     def alarms(self, record):
-        return [replace(one, time_s=one.time_s + 30.0) for one in super().alarms(record)]
+        return [replace(alarm, time_s=alarm.time_s + 30.0) for alarm in super().alarms(record)]
 
 
 class KeyErrors(Base):
@@ -350,7 +350,7 @@ class Wrapped(Base):
 
     def alarms(self, record):
         record[self.reads]
-        return [self.change(one) for one in super().alarms(record)]
+        return [self.change(alarm) for alarm in super().alarms(record)]
 
 
 class Streamed(Base):
@@ -446,6 +446,6 @@ BROKEN = {
 @pytest.mark.parametrize("name", BROKEN)
 def test_what_is_broken_is_caught_by_its_property(name):
     make, properties = BROKEN[name]
-    found = broken(make())
-    assert properties <= found
-    assert next(one for one in CONTRACT if one in found) in properties  # that check_detector names
+    breaches = broken(make())
+    assert properties <= breaches
+    assert next(breach for breach in CONTRACT if breach in breaches) in properties  # that check_detector names

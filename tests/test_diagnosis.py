@@ -80,28 +80,28 @@ def test_a_fault_of_an_angle_is_one_of_the_reference(monitor, healthy, channel, 
 
 
 def test_a_healthy_record_gives_no_finding(monitor, healthy):
-    found = gb.watch(monitor, healthy)
-    assert found.alarms == ()
-    assert found.alarm_s is None
-    assert all(np.nanmax(score.values) <= 1.0 for score in found.scores.values())
+    watch = gb.watch(monitor, healthy)
+    assert watch.alarms == ()
+    assert watch.alarm_s is None
+    assert all(np.nanmax(score.values) <= 1.0 for score in watch.scores.values())
 
 
 def test_two_gyros_at_once_are_two_findings(monitor, healthy):
     broken = gb.inject(
         gb.inject(healthy, gb.Jam(channel="p", onset_s=60.0)), gb.Drift(channel="r", onset_s=60.0, slope=0.5)
     )
-    found = gb.watch(monitor, broken)
-    assert {finding.sensor for finding in found.alarms} == {"p", "r"}
-    assert len(found.alarms) == 2
+    watch = gb.watch(monitor, broken)
+    assert {finding.sensor for finding in watch.alarms} == {"p", "r"}
+    assert len(watch.alarms) == 2
 
 
 @pytest.mark.parametrize("channel", GYROS)
 def test_a_fault_that_ends_is_said_to_end_and_the_next_is_found(monitor, healthy, channel):
     once = gb.inject(healthy, gb.Jam(channel=channel, onset_s=51.0, duration_s=15.0))
     again = gb.inject(once, gb.Drift(channel=channel, onset_s=90.0, slope=1.0))
-    found = gb.watch(monitor, again)
-    assert [finding.sensor for finding in found.alarms] == [channel, channel]
-    first, second = found.alarms
+    watch = gb.watch(monitor, again)
+    assert [finding.sensor for finding in watch.alarms] == [channel, channel]
+    first, second = watch.alarms
     assert first.ended_s == pytest.approx(66.0, abs=1.0)
     assert first.last.kind == "jam"
     assert second.time_s > 90.0
@@ -118,17 +118,23 @@ def until(record, time_s):
 def said(watched, time_s):
     """Return what had been said by a time: alarms and judgements."""
     return [
-        (one.time_s, one.onset_s, one.source, one.test, [each for each in one.judgements if each.time_s <= time_s])
-        for one in watched.alarms
-        if one.time_s <= time_s
+        (
+            alarm.time_s,
+            alarm.onset_s,
+            alarm.source,
+            alarm.test,
+            [each for each in alarm.judgements if each.time_s <= time_s],
+        )
+        for alarm in watched.alarms
+        if alarm.time_s <= time_s
     ]
 
 
-def same(one, other):
+def same(said, other):
     """Compare as written out (NaN, too), figures to nine digits: products of other lengths round otherwise."""
     figures = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
-    return figures.sub(lambda found: f"{float(found[0]):.9g}", repr(one)) == figures.sub(
-        lambda found: f"{float(found[0]):.9g}", repr(other)
+    return figures.sub(lambda figure: f"{float(figure[0]):.9g}", repr(said)) == figures.sub(
+        lambda figure: f"{float(figure[0]):.9g}", repr(other)
     )
 
 
@@ -151,8 +157,8 @@ def test_a_judgement_stands_on_the_record_up_to_its_time(monitor, truth, healthy
 def test_what_is_said_before_and_after_an_end_stands_on_the_record_up_to_then(monitor, healthy):
     once = gb.inject(healthy, gb.Jam(channel="q", onset_s=50.0, duration_s=15.0))
     again = gb.inject(once, gb.Drift(channel="q", onset_s=66.0, slope=5.0))  # before the end can be known
-    found = check_causal(monitor, again.between(0.0, 100.0))
-    for first, second in zip(found.alarms, found.alarms[1:], strict=False):
+    watch = check_causal(monitor, again.between(0.0, 100.0))
+    for first, second in zip(watch.alarms, watch.alarms[1:], strict=False):
         assert second.time_s >= first.end_known_s
 
 
@@ -165,11 +171,11 @@ def paper():
 
 
 def test_the_papers_operator_cant_say_who(paper, healthy):
-    found = gb.watch(paper, gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=5.0)))
-    assert found.alarms[0].time_s > ONSET_S
-    assert set(found.alarms[0].last.candidates) == {"p", "q", "r", "beta"}
-    assert found.alarms[0].verdict.startswith("undecided: ")
-    assert found.alarms[0].isolated_s is None
+    watch = gb.watch(paper, gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=5.0)))
+    assert watch.alarms[0].time_s > ONSET_S
+    assert set(watch.alarms[0].last.candidates) == {"p", "q", "r", "beta"}
+    assert watch.alarms[0].verdict.startswith("undecided: ")
+    assert watch.alarms[0].isolated_s is None
 
 
 def test_leave_one_out_finds_a_drift(healthy):
@@ -194,19 +200,19 @@ def test_bank_b_stands_on_the_record_up_to_the_time_too(healthy):
 
 @pytest.mark.parametrize("channel", GYROS)
 def test_the_virtual_sensor_of_a_jammed_gyro_is_close_to_the_truth(monitor, truth, healthy, channel):
-    found = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel=channel, onset_s=ONSET_S)))
-    error = found.virtual(channel)[3000:-6] - truth[channel][3000:-6]
+    watch = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel=channel, onset_s=ONSET_S)))
+    error = watch.virtual(channel)[3000:-6] - truth[channel][3000:-6]
     # better than the gyro itself, its noise being averaged over the operator's 11 samples
     assert np.sqrt(np.mean(np.square(error))) < gb.CHANNELS[channel].noise
-    assert np.isnan(found.virtual(channel)[-6:]).all()
-    assert found.virtual("tas").shape == (len(healthy),)
+    assert np.isnan(watch.virtual(channel)[-6:]).all()
+    assert watch.virtual("tas").shape == (len(healthy),)
 
 
 def test_the_virtual_sensor_of_a_jammed_angle_is_carried_on_by_the_gyros(monitor, truth, healthy):
-    found = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel="psi", onset_s=ONSET_S)))
+    watch = gb.watch(monitor, gb.inject(healthy, gb.Jam(channel="psi", onset_s=ONSET_S)))
     # noise n of a gyro at 50 Hz walks by n sqrt(t / 50) deg; q's counts too in a bank: 5 deviations
     walk = 5.0 * np.hypot(gb.CHANNELS["r"].noise, gb.CHANNELS["q"].noise) * np.sqrt(10.0 / 50.0)
-    error = (found.virtual("psi") - truth["psi"])[3000:3500]
+    error = (watch.virtual("psi") - truth["psi"])[3000:3500]
     assert np.abs(error).max() < walk + 5.0 * gb.CHANNELS["psi"].noise
 
 
@@ -239,9 +245,9 @@ def test_a_channel_that_goes_missing_raises_no_alarm_and_no_exception(monitor, h
 @pytest.mark.parametrize("samples", [0, 1, 30, 500])
 def test_a_record_too_short_to_judge_is_quiet(monitor, healthy, samples):
     part = Record(healthy.values[:samples], channels=healthy.channels, sample_period_s=0.02)
-    found = gb.watch(monitor, part)
-    assert found.alarms == ()
-    assert found.virtual("p").shape == (samples,)
+    watch = gb.watch(monitor, part)
+    assert watch.alarms == ()
+    assert watch.virtual("p").shape == (samples,)
 
 
 def test_a_record_that_ends_with_its_alarm_leaves_it_to_the_signatures(monitor, healthy):
@@ -261,7 +267,9 @@ def test_at_a_low_rate_it_judges_as_well():
     # 10 Hz: the first horizon holds 5 samples only
     records = [monitors.record(2400, seed=seed, period_s=0.1) for seed in range(1, 5)]
     bank = gb.load_bank("C")
-    bank = replace(bank, residuals=tuple(replace(one, look_back_s=0.3, look_ahead_s=0.3) for one in bank.residuals))
+    bank = replace(
+        bank, residuals=tuple(replace(residual, look_back_s=0.3, look_ahead_s=0.3) for residual in bank.residuals)
+    )
     monitor = gb.calibrate(records[:3], bank=bank)
     finding = gb.watch(monitor, gb.inject(records[3], gb.Drift(channel="q", onset_s=150.0, slope=1.0))).alarms[0]
     assert (finding.sensor, finding.last.kind) == ("q", "drift")

@@ -53,20 +53,20 @@ def test_two_runs_of_one_seed_are_equal(cli, paths, frames):
     code, out, err = cli("diff", paths["one"], paths["again"])
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].startswith("equal: ")
-    found = compare(frames["one"], frames["again"])
+    comparison = compare(frames["one"], frames["again"])
     names = frames["one"].groupby(["entity", "series"], observed=True).size().reset_index()
     verdicts = names.entity.astype(str).str.endswith("/verdict")
-    assert (found.series, found.fields) == ((~verdicts & (names.entity != "/events")).sum(), verdicts.sum())
-    assert found.events == (frames["one"].entity == "/events").sum() == 5
-    assert found.equal
+    assert (comparison.series, comparison.fields) == ((~verdicts & (names.entity != "/events")).sum(), verdicts.sum())
+    assert comparison.events == (frames["one"].entity == "/events").sum() == 5
+    assert comparison.equal
 
 
 @pytest.mark.usefixtures("read_already")
 def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, frames):
     code, out, err = cli("diff", paths["one"], paths["two"], "--json")
-    found = json.loads(out)
-    assert (code, err, found["equal"]) == (1, "", False)
-    differing = {(one["entity"], one["series"]): one for one in found["lines"]}
+    comparison = json.loads(out)
+    assert (code, err, comparison["equal"]) == (1, "", False)
+    differing = {(series["entity"], series["series"]): series for series in comparison["lines"]}
     assert ("/sensors/rates", "p") in differing
     assert ("/trials/short/r/residual", "r") in differing
     assert not [entity for entity, _ in differing if entity.startswith(("/truth", "/path", "/attitude", "/surfaces"))]
@@ -80,8 +80,8 @@ def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, fram
         "difference": distance[at],
     }
     assert worst["relative"] == distance[at] / max(a.value.abs().max(), b.value.abs().max())
-    assert {one["field"] for one in found["verdicts"]} >= {"threshold", "peak_ratio"}
-    relative = [np.inf if one["relative"] is None else one["relative"] for one in found["lines"]]
+    assert {verdict["field"] for verdict in comparison["verdicts"]} >= {"threshold", "peak_ratio"}
+    relative = [np.inf if series["relative"] is None else series["relative"] for series in comparison["lines"]]
     assert relative == sorted(relative, reverse=True)
 
 
@@ -100,18 +100,18 @@ def test_the_table_says_what_differs_and_shortens_long_lists(cli, paths):
 @settings(max_examples=30)
 @given(data=st.data())
 def test_one_changed_bit_in_one_sample_is_found_with_its_time(frames, data):
-    one = frames["one"][frames["one"].entity.str.startswith("/trials")]
-    numbers = np.flatnonzero(one.value.notna() & one.time_s.notna())
+    frame = frames["one"][frames["one"].entity.str.startswith("/trials")]
+    numbers = np.flatnonzero(frame.value.notna() & frame.time_s.notna())
     at = int(numbers[data.draw(st.integers(0, len(numbers) - 1))])
-    values = one.value.to_numpy(copy=True)
+    values = frame.value.to_numpy(copy=True)
     values.view(np.int64)[at] ^= np.int64(1) << data.draw(st.integers(0, 62))
-    found = compare(one, one.assign(value=values))
-    (differs,) = found.lines
-    row = one.iloc[at]
+    comparison = compare(frame, frame.assign(value=values))
+    (differs,) = comparison.lines
+    row = frame.iloc[at]
     assert (differs.entity, differs.series, differs.worst.at) == (row.entity, row.series, row.time_s)
     assert (differs.differing, differs.only_a, differs.only_b) == (1, 0, 0)
     np.testing.assert_array_equal([differs.worst.a, differs.worst.b], [row.value, values[at]])
-    assert found.verdicts == found.told == found.only_a == found.only_b == ()
+    assert comparison.verdicts == comparison.told == comparison.only_a == comparison.only_b == ()
 
 
 FLOATS = st.floats(width=16)  # NaN, infinities, both zeros
@@ -121,16 +121,16 @@ FLOATS = st.floats(width=16)  # NaN, infinities, both zeros
 @given(st.lists(st.tuples(FLOATS, FLOATS), min_size=1), st.floats(0.0, 10.0))
 def test_values_within_the_tolerance_are_equal_and_no_others(pairs, absolute):
     a, b = np.array(pairs).T
-    found = compare(line(a), line(b), Tolerance(absolute=absolute))
+    comparison = compare(line(a), line(b), Tolerance(absolute=absolute))
 
     def alike(x, y):
         both = str(x) == str(y)  # tells -0.0 from 0.0, and no NaN from another
         return both or (absolute > 0.0 and np.isfinite([x, y]).all() and abs(x - y) <= absolute)
 
     expected = sum(not alike(x, y) for x, y in pairs)
-    assert sum(one.differing for one in found.lines) == expected
+    assert sum(series.differing for series in comparison.lines) == expected
     mirrored = compare(line(b), line(a), Tolerance(absolute=absolute))
-    assert sum(one.differing for one in mirrored.lines) == expected
+    assert sum(series.differing for series in mirrored.lines) == expected
     assert compare(line(a), line(a)).equal
 
 
@@ -143,9 +143,9 @@ def test_a_relative_tolerance_is_of_the_series_greatest_magnitude():
 
 def test_samples_that_one_lacks_are_counted_and_the_others_held_against_each_other():
     a, b = line([1.0, 2.0, 3.0, 4.0, 5.0]), line([1.0, 2.0, 3.5, 4.0, 5.0])
-    (found,) = compare(a.drop(index=0), b.drop(index=[3, 4])).lines
-    assert (found.samples, found.differing, found.only_a, found.only_b) == (2, 1, 2, 1)
-    assert (found.worst.at, found.worst.a, found.worst.b, found.relative) == (0.02, 3.0, 3.5, np.inf)
+    (series,) = compare(a.drop(index=0), b.drop(index=[3, 4])).lines
+    assert (series.samples, series.differing, series.only_a, series.only_b) == (2, 1, 2, 1)
+    assert (series.worst.at, series.worst.a, series.worst.b, series.relative) == (0.02, 3.0, 3.5, np.inf)
     (moved,) = compare(a.iloc[:1], a.iloc[1:2], Tolerance(absolute=10.0)).lines
     assert (moved.samples, moved.worst, moved.only_a, moved.only_b) == (0, None, 1, 1)
 
@@ -157,15 +157,17 @@ def test_series_verdicts_and_events_of_one_only():
     a = pd.concat([line([1.0]), told(events), told(verdict, "/trials/x/p/verdict")])
     now = [("alarm_time_s", none, none, None), ("kind", none, none, "drift"), ("extra", none, 1.0, None)]
     b = pd.concat([line([1.0], "q"), told(events[:2]), told(now, "/trials/x/p/verdict")])
-    found = compare(a, b)
-    assert found.only_a == (("/sensors/rates", "p"), ("/trials/x/p/verdict", "sensor"))
-    assert found.only_b == (("/sensors/rates", "q"), ("/trials/x/p/verdict", "extra"))
-    assert [(one.field, one.a, one.b) for one in found.verdicts] == [
+    comparison = compare(a, b)
+    assert comparison.only_a == (("/sensors/rates", "p"), ("/trials/x/p/verdict", "sensor"))
+    assert comparison.only_b == (("/sensors/rates", "q"), ("/trials/x/p/verdict", "extra"))
+    assert [(verdict.field, verdict.a, verdict.b) for verdict in comparison.verdicts] == [
         ("alarm_time_s", 5.0, None),
         ("kind", "jam", "drift"),
     ]
-    assert [(one.only_in, one.time_s, one.level, one.text) for one in found.told] == [("A", 2.0, "ERROR", "alarm")]
-    assert found.events == 2
+    assert [(event.only_in, event.time_s, event.level, event.text) for event in comparison.told] == [
+        ("A", 2.0, "ERROR", "alarm")
+    ]
+    assert comparison.events == 2
 
 
 BAD = {
@@ -234,7 +236,7 @@ def test_an_overlay_of_equal_recordings_and_of_recordings_without_a_common_serie
 def test_the_viewer_opens_an_overlay_with_the_differences(frames, tmp_path):
     path = tmp_path / "over.rrd"
     write_overlay(frames["one"], frames["two"], compare(frames["one"], frames["two"]), path)
-    seen = looked_at(path, 30.0)
+    picture = looked_at(path, 30.0)
     for which in ("A", "B", "difference"):
         colour = tuple(int(TINTS[which][i : i + 2], 16) for i in (1, 3, 5))
-        assert close(seen, colour) > 150, f"no line in the colour of {which}"
+        assert close(picture, colour) > 150, f"no line in the colour of {which}"

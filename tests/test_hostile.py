@@ -103,7 +103,7 @@ def recording(tmp_path_factory):
 def test_a_recording_that_was_tampered_with_is_read_or_refused(tmp_path, record_property, capfd, recording):
     path, tried = tmp_path / "given.rrd", Tried(longest_s=30.0)  # a process each
 
-    @settings(max_examples=8, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=5, suppress_health_check=list(HealthCheck))
     @given(damaged(recording))
     def try_it(given_bytes):
         path.write_bytes(given_bytes)

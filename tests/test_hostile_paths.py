@@ -85,8 +85,10 @@ def log(path):
 def test_whatever_stands_in_a_files_place_is_refused(cli, tmp_path, record_property, ending):
     log("log.csv")
     tried = 0
-    for make in MADE.values():
+    for what, make in MADE.items():
         for name in NAMES.values():
+            if ending == ".rrd" and what in ("zeros", "commands for a terminal") and name != "given":
+                continue  # a process each, which hears no name
             given = Path(f"{name}{ending}")
             make(given)
             for command in READING[ending]:

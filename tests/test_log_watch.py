@@ -62,7 +62,10 @@ def a_log(start_s, period_s, gaps):
 def kept(log, span):
     """Return the samples of every segment that lie in a span."""
     slack = 1e-6 * log.sample_period_s
-    return [one["p"][(one.time_s >= span[0] - slack) & (one.time_s <= span[1] + slack)] for one in log.segments]
+    return [
+        segment["p"][(segment.time_s >= span[0] - slack) & (segment.time_s <= span[1] + slack)]
+        for segment in log.segments
+    ]
 
 
 bounds = st.one_of(st.floats(-0.2, 1.2), st.integers(0, 199).map(lambda k: k / 199.0), st.just(np.inf))
@@ -76,19 +79,21 @@ bounds = st.one_of(st.floats(-0.2, 1.2), st.integers(0, 199).map(lambda k: k / 1
 )
 def test_every_sample_is_identified_on_or_watched_never_both(start_s, period_s, gaps, given_spans):
     log = a_log(start_s, period_s, gaps)
-    spans = [tuple(sorted(start_s + 199 * period_s * one for one in pair)) for pair in given_spans]
+    spans = [tuple(sorted(start_s + 199 * period_s * share for share in pair)) for pair in given_spans]
     assume(all(b - a > 3 * period_s for a, b in spans))
     there = [any(k.size > 1 for k in kept(log, span)) for span in spans]
     if not all(there):
         with pytest.raises(InputError, match=r"hold nothing of x\.csv"):
             healthy_spans(log, spans)
         return
-    found = healthy_spans(log, spans)
-    assert all(end < later for (_, end), (later, _) in pairwise(found))
-    learnt, watched = ([v for part in parts for v in part["p"]] for parts in (within(log, found), without(log, found)))
+    healthy = healthy_spans(log, spans)
+    assert all(end < later for (_, end), (later, _) in pairwise(healthy))
+    learnt, watched = (
+        [v for part in parts for v in part["p"]] for parts in (within(log, healthy), without(log, healthy))
+    )
     assert len(set(learnt)) == len(learnt)
     assert not set(learnt) & set(watched)
-    alone = 2 * (len(found) + len(log.segments)) + 2 * len(found)  # single samples, and those beside a span's ends
+    alone = 2 * (len(healthy) + len(log.segments)) + 2 * len(healthy)  # single samples, and those beside a span's ends
     assert len(learnt) + len(watched) >= sum(map(len, log.segments)) - alone
     slack = 1e-6 * period_s + 1e-6
     asked = [k for k in learnt if any(a - slack <= start_s + k * period_s <= b + slack for a, b in spans)]
@@ -104,24 +109,24 @@ def test_a_span_that_ends_on_a_sample_has_it_and_the_watch_begins_with_the_next(
 
 
 def test_a_bank_learns_from_what_is_healthy_and_watches_the_rest(logs):
-    seen = watch_log(logs("broken"), C, healthy=[(100.0, 130.0)])
-    assert seen.outcome is Outcome.FAILED
-    assert [one.sensor for one in seen.alarms] == ["q"]
-    assert seen.identified_s == ((100.0, 130.0),)
-    assert [(one.record.start_s, one.record.end_s) for one in seen.watches] == [(130.04, 160.0)]
-    assert seen.monitor.provenance["healthy_s"] == [[100.0, 130.0]]
-    assert seen.reasons == ()
+    watched = watch_log(logs("broken"), C, healthy=[(100.0, 130.0)])
+    assert watched.outcome is Outcome.FAILED
+    assert [alarm.sensor for alarm in watched.alarms] == ["q"]
+    assert watched.identified_s == ((100.0, 130.0),)
+    assert [(watch.record.start_s, watch.record.end_s) for watch in watched.watches] == [(130.04, 160.0)]
+    assert watched.monitor.provenance["healthy_s"] == [[100.0, 130.0]]
+    assert watched.reasons == ()
     healthy = watch_log(logs("healthy"), C, healthy=[(100.0, 130.0)])
     assert (healthy.outcome, healthy.alarms) == (Outcome.HEALTHY, ())
     assert 25.0 < 3600.0 * healthy.armed_hours < 30.0
 
 
 def test_it_is_the_same_as_cutting_by_hand(logs):
-    seen = watch_log(logs("healthy"), QUICK, healthy=[(100.0, 130.0)])
+    watched = watch_log(logs("healthy"), QUICK, healthy=[(100.0, 130.0)])
     record = gb.read_log(logs("healthy")).select(QUICK.channels)
     monitor = gb.calibrate(record.between(100.0, 130.0), bank=QUICK, false_alarms_per_hour=1.0)  # as for all energies
     by_hand = gb.watch(monitor, record.between(130.04, 160.0))
-    np.testing.assert_allclose(seen.watches[0].scores["r"].values, by_hand.scores["r"].values, rtol=1e-9)
+    np.testing.assert_allclose(watched.watches[0].scores["r"].values, by_hand.scores["r"].values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -136,49 +141,49 @@ def test_it_is_the_same_as_cutting_by_hand(logs):
     ids=["from the start", "to the end", "two", "overlapping", "twice"],
 )
 def test_spans_may_be_open_several_and_overlap(logs, spans, same, watched):
-    seen = watch_log(logs("healthy"), QUICK, healthy=spans)
-    assert seen.identified_s == tuple(same)
-    assert [(round(one.record.start_s, 6), round(one.record.end_s, 6)) for one in seen.watches] == watched
+    log = watch_log(logs("healthy"), QUICK, healthy=spans)
+    assert log.identified_s == tuple(same)
+    assert [(round(watch.record.start_s, 6), round(watch.record.end_s, 6)) for watch in log.watches] == watched
     other = watch_log(logs("healthy"), QUICK, healthy=same)
-    assert other.monitor.thresholds == seen.monitor.thresholds
+    assert other.monitor.thresholds == log.monitor.thresholds
 
 
 def test_other_logs_teach_and_all_of_this_one_is_watched(logs):
-    seen = watch_log(logs("broken"), C, healthy=[logs("other")])
-    assert seen.identified_s == ()
-    assert (seen.watches[0].record.start_s, seen.watches[0].record.end_s) == (100.0, 160.0)
-    assert [one.sensor for one in seen.alarms] == ["q"]
-    assert [log["name"] for log in seen.monitor.provenance["logs"]] == ["other.csv"]
+    watched = watch_log(logs("broken"), C, healthy=[logs("other")])
+    assert watched.identified_s == ()
+    assert (watched.watches[0].record.start_s, watched.watches[0].record.end_s) == (100.0, 160.0)
+    assert [alarm.sensor for alarm in watched.alarms] == ["q"]
+    assert [log["name"] for log in watched.monitor.provenance["logs"]] == ["other.csv"]
     both = watch_log(logs("broken"), QUICK, healthy=[(100.0, 130.0), str(logs("other"))])
     assert [log["name"] for log in both.monitor.provenance["logs"]] == ["other.csv", "broken.csv"]
     assert both.monitor.provenance["records"] == 2
 
 
 def test_a_gap_inside_a_span_makes_two_records_of_it(logs):
-    seen = watch_log(logs("gap"), QUICK, healthy=[(100.0, 130.0)])
-    assert seen.monitor.provenance["records"] == 2
-    assert [round(one.record.start_s, 6) for one in seen.watches] == [130.04]
+    watched = watch_log(logs("gap"), QUICK, healthy=[(100.0, 130.0)])
+    assert watched.monitor.provenance["records"] == 2
+    assert [round(watch.record.start_s, 6) for watch in watched.watches] == [130.04]
     outside = watch_log(logs("gap"), QUICK, healthy=[(125.0, 160.0)])
-    assert [round(one.record.end_s, 6) for one in outside.watches] == [115.96, 124.96]
+    assert [round(watch.record.end_s, 6) for watch in outside.watches] == [115.96, 124.96]
 
 
 def test_what_is_too_short_beside_the_longest_isnt_identified_on_and_that_is_said(logs):
-    seen = watch_log(logs("healthy"), QUICK, healthy=[(100.0, 130.0), (150.0, 152.0)])
-    assert seen.monitor.provenance["records"] == 1
-    assert len(seen.watches) == 2
-    assert "1 of 2 healthy stretches weren't identified on" in seen.reasons[-1]
+    watched = watch_log(logs("healthy"), QUICK, healthy=[(100.0, 130.0), (150.0, 152.0)])
+    assert watched.monitor.provenance["records"] == 1
+    assert len(watched.watches) == 2
+    assert "1 of 2 healthy stretches weren't identified on" in watched.reasons[-1]
 
 
 def test_without_a_word_the_first_part_is_taken_as_healthy_and_that_is_said(logs):
-    seen = watch_log(logs("healthy"), QUICK)
-    assert seen.identified_s == ((100.0, 124.0),)
-    assert "100..124 s were taken as healthy, for nothing else was said" in seen.reasons
+    watched = watch_log(logs("healthy"), QUICK)
+    assert watched.identified_s == ((100.0, 124.0),)
+    assert "100..124 s were taken as healthy, for nothing else was said" in watched.reasons
     assert first_part(a_log(0.0, 10.0, [])) == (0.0, 300.0)
 
 
 def test_rates_follow_the_log_up_to_100_hz_and_the_monitor(logs, folder):
     fast = flight(3, 100)
-    doubled = np.column_stack([np.interp(np.arange(12_000) / 2.0, np.arange(6001), one) for one in fast.values.T])
+    doubled = np.column_stack([np.interp(np.arange(12_000) / 2.0, np.arange(6001), column) for column in fast.values.T])
     twice = gb.Record(doubled, channels=fast.channels, sample_period_s=0.005)
     gb.write_log(twice, folder / "double.csv")
     assert watch_log(logs("healthy"), QUICK).log.sample_period_s == 0.04
@@ -201,10 +206,10 @@ def test_nothing_left_and_too_little_left_cant_be_told(logs):
 
 
 def test_motion_beyond_what_was_identified_on_is_said(logs):
-    seen = watch_log(logs("healthy"), C, healthy=[(100.0, 110.5)])  # nobody had rolled
-    wide = max(float(np.mean(one > 3.0)) for one in seen.watches[0].widening.values())
+    watched = watch_log(logs("healthy"), C, healthy=[(100.0, 110.5)])  # nobody had rolled
+    wide = max(float(np.mean(spread > 3.0)) for spread in watched.watches[0].widening.values())
     assert wide > 0.1
-    assert any("% of the time the motion was beyond what identification held" in one for one in seen.reasons)
+    assert any("% of the time the motion was beyond what identification held" in reason for reason in watched.reasons)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +225,7 @@ def test_motion_beyond_what_was_identified_on_is_said(logs):
     ],
 )
 def test_what_isnt_there_or_isnt_fair_is_refused(logs, healthy, words):
-    healthy = [logs("healthy") if one == "healthy" else one for one in healthy]
+    healthy = [logs("healthy") if source == "healthy" else source for source in healthy]
     with pytest.raises(InputError, match=words):
         watch_log(logs("healthy"), QUICK, healthy=healthy)
 
@@ -239,22 +244,22 @@ class Limit(gb.SimpleDetector):
     name, channels, memory_s = "limit", ("p",), 0.0
 
     def learn(self, records):
-        return {"p": 1.2 * max(np.nanmax(np.abs(one["p"])) for one in records)}
+        return {"p": 1.2 * max(np.nanmax(np.abs(record["p"])) for record in records)}
 
     def scores(self, record, learned):
         return {"p": np.abs(record["p"]) / learned["p"]}
 
 
 def test_a_detector_of_ones_own_learns_from_what_is_healthy_and_watches_the_rest(logs):
-    seen = watch_log(logs("healthy"), Limit(), healthy=[(100.0, 120.0), logs("other")])
-    assert (seen.outcome, seen.reasons) == (Outcome.HEALTHY, ())
+    watched = watch_log(logs("healthy"), Limit(), healthy=[(100.0, 120.0), logs("other")])
+    assert (watched.outcome, watched.reasons) == (Outcome.HEALTHY, ())
     largest = max(
         np.abs(gb.read_log(logs("other"))["p"]).max(), np.abs(gb.read_log(logs("healthy")).between(100, 120)["p"]).max()
     )
-    assert seen.monitor.learned["p"] == pytest.approx(1.2 * largest)
-    assert seen.monitor.provenance["healthy_s"] == [[100.0, 120.0]]
-    assert [log["name"] for log in seen.monitor.provenance["logs"]] == ["other.csv", "healthy.csv"]
-    assert 3600.0 * seen.armed_hours == pytest.approx(40.0, abs=0.1)
+    assert watched.monitor.learned["p"] == pytest.approx(1.2 * largest)
+    assert watched.monitor.provenance["healthy_s"] == [[100.0, 120.0]]
+    assert [log["name"] for log in watched.monitor.provenance["logs"]] == ["other.csv", "healthy.csv"]
+    assert 3600.0 * watched.armed_hours == pytest.approx(40.0, abs=0.1)
     with pytest.raises(InputError, match=r"'limit' can't promise 0\.1 false alarms an hour; leave the rate out"):
         watch_log(logs("healthy"), Limit(), false_alarms_per_hour=0.1)
 
@@ -263,10 +268,12 @@ def test_a_function_learns_nothing_and_watches_all_of_it(logs):
     def fast(record):
         return record.time_s[[20, 300]]
 
-    seen = watch_log(logs("gap"), fast)
-    assert seen.identified_s == ()
-    assert [one.time_s for one in seen.alarms] == [one.record.time_s[k] for one in seen.watches for k in (20, 300)]
-    assert (seen.outcome, seen.monitor.name, len(seen.watches)) == (Outcome.FAILED, "fast", 2)
+    watched = watch_log(logs("gap"), fast)
+    assert watched.identified_s == ()
+    assert [alarm.time_s for alarm in watched.alarms] == [
+        watch.record.time_s[k] for watch in watched.watches for k in (20, 300)
+    ]
+    assert (watched.outcome, watched.monitor.name, len(watched.watches)) == (Outcome.FAILED, "fast", 2)
     assert watch_log(logs("gap"), lambda _: []).outcome is Outcome.HEALTHY
     assert watch_log(logs("fast"), fast, rate_hz=50.0).log.sample_period_s == 0.02
     with pytest.raises(InputError, match="isn't identified anew"):
@@ -275,8 +282,8 @@ def test_a_function_learns_nothing_and_watches_all_of_it(logs):
 
 def test_the_dissertations_operator_takes_two_healthy_stretches(logs):
     between = gb.DissertationOperator(inputs=("p", "beta", "ny"), causal_order=10, noncausal_order=10, window=50)
-    seen = watch_log(logs("healthy"), between, healthy=[(100.0, 115.0), (120.0, 140.0)])
-    assert (seen.outcome, seen.alarms) == (Outcome.HEALTHY, ())
+    watched = watch_log(logs("healthy"), between, healthy=[(100.0, 115.0), (120.0, 140.0)])
+    assert (watched.outcome, watched.alarms) == (Outcome.HEALTHY, ())
     by_hand = gb.identify(
         gb.read_log(logs("healthy")).between(100.0, 115.0),
         inputs=between.inputs,
@@ -284,7 +291,7 @@ def test_the_dissertations_operator_takes_two_healthy_stretches(logs):
         causal_order=10,
         noncausal_order=10,
     )
-    np.testing.assert_allclose(seen.monitor.operator.markov, by_hand.markov, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(watched.monitor.operator.markov, by_hand.markov, rtol=1e-9, atol=1e-12)
     with pytest.raises(InputError, match="takes its threshold from another; 1 given"):
         watch_log(logs("healthy"), between, healthy=[(100.0, 115.0)])
 
@@ -294,9 +301,14 @@ def test_a_score_that_stands_above_from_the_start_cant_be_told_and_that_is_said(
     ready = watch_log(logs("healthy"), Limit()).monitor
     shaken = gb.read_log(logs("healthy"))
     gb.write_log(shaken.replace("p", shaken["p"] + 50.0), folder / "shaken.csv")
-    seen = watch_log(folder / "shaken.csv", ready)
-    assert (seen.outcome, seen.alarms, seen.armed_hours, seen.stuck_above) == (Outcome.UNKNOWN, (), 0.0, ("p",))
-    (reason,) = seen.reasons
+    watched = watch_log(folder / "shaken.csv", ready)
+    assert (watched.outcome, watched.alarms, watched.armed_hours, watched.stuck_above) == (
+        Outcome.UNKNOWN,
+        (),
+        0.0,
+        ("p",),
+    )
+    (reason,) = watched.reasons
     assert reason.startswith(
         "the score of p stood above its threshold from 100.00 s on and never came down, so nothing"
     )

@@ -19,32 +19,32 @@ def bank(*residuals, **more):
     return bank_of("mine", {"residuals": blocks, **more})
 
 
-def said(found, *words):
+def said(signatures, *words):
     """Return the blind spots that hold all the words."""
-    return [line for line in found.blind_spots if all(word in line for word in words)]
+    return [line for line in signatures.blind_spots if all(word in line for word in words)]
 
 
 @pytest.mark.parametrize("name", BANKS)
 def test_the_pattern_is_what_injected_errors_do(name):
-    found = gb.signatures(monitor(name))
+    signatures = gb.signatures(monitor(name))
     healthy = record(1500, seed=5)
     before = bank_residuals(monitor(name), healthy).raw
     ramp = np.linspace(0.0, 30.0, len(healthy))
-    for channel in found.channels:
+    for channel in signatures.channels:
         for kind, error in (("level", np.full(len(healthy), 3.0)), ("slope", ramp)):
             after = bank_residuals(monitor(name), healthy.replace(channel, healthy[channel] + error)).raw
-            for output, entry in zip(found.outputs, found.pattern[channel], strict=True):
+            for output, entry in zip(signatures.outputs, signatures.pattern[channel], strict=True):
                 moved = np.nanmax(np.abs(after[output] - before[output])) > 1e-6
                 assert moved == (entry != "" and not (kind == "level" and entry == "slope")), (channel, output, kind)
 
 
 def test_bank_c_puts_one_gyro_into_every_residual():
-    found = gb.signatures(gb.load_bank("C"))
-    gyros = [[bool(entry) for entry in found.pattern[name]] for name in "pqr"]
+    signatures = gb.signatures(gb.load_bank("C"))
+    gyros = [[bool(entry) for entry in signatures.pattern[name]] for name in "pqr"]
     assert gyros == np.eye(3, dtype=bool).tolist()
-    assert said(found, "phi, psi and theta enter the same residuals (p, q, r)")
-    assert said(found, "Of psi only changes enter")
-    assert not said(found, "Nothing predicts")
+    assert said(signatures, "phi, psi and theta enter the same residuals (p, q, r)")
+    assert said(signatures, "Of psi only changes enter")
+    assert not said(signatures, "Nothing predicts")
 
 
 def test_the_table_is_the_matrix():
@@ -56,7 +56,7 @@ def test_the_table_is_the_matrix():
 
 def test_strengths_are_the_jams_done_by_hand():
     healthy = record(3000, seed=4)
-    found = gb.signatures(monitor("C"), healthy)
+    signatures = gb.signatures(monitor("C"), healthy)
     half = len(healthy) // 2
     jammed = healthy.replace("psi", np.where(np.arange(len(healthy)) < half, healthy["psi"], healthy["psi"][half]))
 
@@ -64,15 +64,17 @@ def test_strengths_are_the_jams_done_by_hand():
         white = monitor("C").whiteners["r"].whiten(bank_residuals(monitor("C"), of).raw["r"])[half:]
         return np.sqrt(np.nanmean(white**2))
 
-    assert found.strength[found.channels.index("psi"), 2] == pytest.approx(rms(jammed) / rms(healthy), rel=1e-12)
+    assert signatures.strength[signatures.channels.index("psi"), 2] == pytest.approx(
+        rms(jammed) / rms(healthy), rel=1e-12
+    )
 
 
 def test_strengths_are_one_where_nothing_enters_and_more_where_a_gyro_is_predicted():
-    found = gb.signatures(monitor("C"), record(3000))
-    for i, channel in enumerate(found.channels):
-        for j, entry in enumerate(found.pattern[channel]):
-            assert found.strength[i, j] > 0.0 if entry else found.strength[i, j] == 1.0
-    assert (np.diag(found.strength[:3]) > 3.0).all()
+    signatures = gb.signatures(monitor("C"), record(3000))
+    for i, channel in enumerate(signatures.channels):
+        for j, entry in enumerate(signatures.pattern[channel]):
+            assert signatures.strength[i, j] > 0.0 if entry else signatures.strength[i, j] == 1.0
+    assert (np.diag(signatures.strength[:3]) > 3.0).all()
 
 
 def test_missing_samples_and_short_records_are_told():
@@ -88,29 +90,29 @@ def test_missing_samples_and_short_records_are_told():
 
 def test_what_nothing_predicts_is_said_of_any_bank():
     mine = bank(("r", "r_lat", "beta"), suspects=["r", "beta", "phi"])
-    found = gb.signatures(mine)
-    assert said(found, "Nothing predicts phi or beta") or said(found, "Nothing predicts beta or phi")
-    assert said(found, "alpha, ny, tas and theta are no suspects", "rises in r")
+    signatures = gb.signatures(mine)
+    assert said(signatures, "Nothing predicts phi or beta") or said(signatures, "Nothing predicts beta or phi")
+    assert said(signatures, "alpha, ny, tas and theta are no suspects", "rises in r")
     whole = gb.signatures(bank(("p", "p_att"), ("q", "q_att"), ("r", "r_att"), suspects=["p", "phi"]))
     assert not said(whole, "Nothing predicts")
 
 
 def test_a_pattern_within_another_is_said():
-    found = gb.signatures(bank(("p", "p_turn"), ("q", "q_turn"), suspects=["p", "q", "phi"]))
-    assert said(found, "Until a fault of", "has risen in all of p and q, it looks like one of p or q")
+    signatures = gb.signatures(bank(("p", "p_turn"), ("q", "q_turn"), suspects=["p", "q", "phi"]))
+    assert said(signatures, "Until a fault of", "has risen in all of p and q, it looks like one of p or q")
 
 
 @pytest.mark.parametrize(("statistic", "ignores"), [("glr", True), ("cusum", True), ("energy", False)])
 def test_a_bias_since_turn_on_is_ignored_by_tests_with_a_baseline(statistic, ignores):
-    found = gb.signatures(bank(("r", "p"), alarm={"statistic": statistic, "baseline_s": 90.0}))
-    assert bool(said(found, "since turn-on", "90 s")) == ignores
-    assert bool(said(found, "In the first 15 s")) == ignores
+    signatures = gb.signatures(bank(("r", "p"), alarm={"statistic": statistic, "baseline_s": 90.0}))
+    assert bool(said(signatures, "since turn-on", "90 s")) == ignores
+    assert bool(said(signatures, "In the first 15 s")) == ignores
 
 
 def test_a_channel_that_enters_by_its_derivative_alone_is_found():
-    found = gb.signatures(bank(("r", "beta_rate", "p")))
-    assert found.pattern == {"r": ("level",), "beta": ("slope",), "p": ("level",)}
-    assert said(found, "Of beta only changes enter")
+    signatures = gb.signatures(bank(("r", "beta_rate", "p")))
+    assert signatures.pattern == {"r": ("level",), "beta": ("slope",), "p": ("level",)}
+    assert said(signatures, "Of beta only changes enter")
 
 
 @pytest.mark.parametrize("output", ["p", "q", "r"])
@@ -123,8 +125,8 @@ def test_the_slowest_drift_is_where_a_noiseless_ramp_begins_to_cross(output):
     def crosses(times):
         white = used.whiteners[output].whiten(times * slope * time_s)
         series = test.scores(white, white, period_s, used.tolerances[output])
-        means = [one for one in series if one.label.startswith("mean")]
-        return any(np.nanmax(one.values) > used.thresholds[output][one.label] for one in means)
+        means = [score for score in series if score.label.startswith("mean")]
+        return any(np.nanmax(score.values) > used.thresholds[output][score.label] for score in means)
 
     assert not crosses(0.98)
     assert crosses(1.02)
@@ -141,7 +143,7 @@ def test_the_tolerated_shift_is_in_the_sensors_unit():
 def test_windows_that_no_record_filled_are_told():
     few = gb.calibrate(record(1000), bank=gb.load_bank("C"))  # 20 s; the longest window holds 20.48
     never = [label for label, value in few.thresholds["p"].items() if np.isinf(value)]
-    found = gb.signatures(few)
+    signatures = gb.signatures(few)
     assert never
-    assert said(found, "too short for some tests")
-    assert all(said(found, label) for label in never)
+    assert said(signatures, "too short for some tests")
+    assert all(said(signatures, label) for label in never)

@@ -22,13 +22,13 @@ def noise(samples=300, seed=3):
 def series(name, e, white=None, tolerance=NONE, **settings):
     """Return values and reach of every series by its label."""
     test = Statistic(name=name, **{**GIVEN, **settings})
-    found = test.scores(e, e if white is None else white, TS, tolerance)
-    assert len({one.label for one in found}) == len(found)
-    return {one.label: one for one in found}
+    scores = test.scores(e, e if white is None else white, TS, tolerance)
+    assert len({score.label for score in scores}) == len(scores)
+    return {score.label: score for score in scores}
 
 
 def values(name, e, **settings):
-    return {label: one.values for label, one in series(name, e, **settings).items()}
+    return {label: score.values for label, score in series(name, e, **settings).items()}
 
 
 def base_of(w, end, rows=60):
@@ -54,9 +54,9 @@ def test_glr_of_the_mean_is_what_one_more_mean_gains_in_likelihood(rows):
     expected = np.full(len(w), np.nan)
     for k, base, window in windows(w, rows):
         together = np.concatenate([base, window])
-        one = norm.logpdf(together, together.mean()).sum()
+        single = norm.logpdf(together, together.mean()).sum()
         two = norm.logpdf(base, base.mean()).sum() + norm.logpdf(window, window.mean()).sum()
-        expected[k] = two - one
+        expected[k] = two - single
     np.testing.assert_allclose(values("glr", w)[f"mean {rows * TS:g} s"], expected, rtol=0, atol=1e-9)
 
 
@@ -72,7 +72,7 @@ def test_glr_of_the_energy_is_what_another_variance_gains_in_likelihood(rows):
 
 def test_glr_judges_only_what_lies_outside_the_tolerance():
     w, rows = noise() * np.repeat([1.0, 2.0, 0.4], 100) + np.repeat([0.0, 0.5, 1.5], 100), 10
-    found = values("glr", w, tolerance=SOME)
+    tests = values("glr", w, tolerance=SOME)
     one_sided = values("glr", w, tolerance=SOME, two_sided=False)
     for k, base, window in windows(w, rows):
         beyond = max(abs(window.mean() - base.mean()) - SOME.mean, 0.0)
@@ -80,8 +80,8 @@ def test_glr_judges_only_what_lies_outside_the_tolerance():
         nearest = min(max(spread, SOME.low), SOME.high)
         ratio = spread / nearest
         energy = rows / 2.0 * (ratio - 1.0 - math.log(ratio))
-        assert found["mean 1 s"][k] == pytest.approx(beyond**2 / 2.0 / (1.0 / rows + 1.0 / len(base)), abs=1e-9)
-        assert found["energy 1 s"][k] == pytest.approx(energy, rel=1e-9, abs=1e-9)
+        assert tests["mean 1 s"][k] == pytest.approx(beyond**2 / 2.0 / (1.0 / rows + 1.0 / len(base)), abs=1e-9)
+        assert tests["energy 1 s"][k] == pytest.approx(energy, rel=1e-9, abs=1e-9)
         assert one_sided["energy 1 s"][k] == pytest.approx(energy if spread > SOME.low else 0.0, rel=1e-9, abs=1e-9)
 
 
@@ -90,7 +90,7 @@ def test_cusum_is_pages_recursion_on_log_likelihood_ratios(tolerance):
     w = noise() + np.repeat([0.0, 1.0, -1.0], 100)
     w[220:] *= 0.2
     shift, ratio = 0.5, 3.0
-    found = series("cusum", w, shift=shift, ratio=ratio, tolerance=tolerance)
+    sums = series("cusum", w, shift=shift, ratio=ratio, tolerance=tolerance)
     low, high = math.sqrt(tolerance.low), math.sqrt(tolerance.high)
     steps = {
         "mean up": lambda x: norm.logpdf(x - tolerance.mean, shift) - norm.logpdf(x - tolerance.mean),
@@ -103,14 +103,14 @@ def test_cusum_is_pages_recursion_on_log_likelihood_ratios(tolerance):
         for k in range(len(w)):
             base = base_of(w, k)
             if base is None:
-                assert np.isnan(found[f"cusum {label}"].values[k])
+                assert np.isnan(sums[f"cusum {label}"].values[k])
                 continue
             at = max(at + step(w[k] - base.mean()), 0.0)
             zero = k if at == 0.0 else zero
-            assert found[f"cusum {label}"].values[k] == pytest.approx(at, rel=1e-9, abs=1e-8)
+            assert sums[f"cusum {label}"].values[k] == pytest.approx(at, rel=1e-9, abs=1e-8)
             if at > 1e-6:
-                assert k - found[f"cusum {label}"].reach[k] == max(zero, 9)  # the last row before there is a baseline
-    assert set(found) == {f"cusum {label}" for label in steps}
+                assert k - sums[f"cusum {label}"].reach[k] == max(zero, 9)  # the last row before there is a baseline
+    assert set(sums) == {f"cusum {label}" for label in steps}
 
 
 def test_energies_are_sums_over_windows():
@@ -140,14 +140,14 @@ def test_missing_rows_are_passed_over(name):
     gap[[0, 57, 58, 59, 150, 299]] = True
     gap[200:231] = True
     e[gap] = np.nan
-    found, compressed = series(name, e, tolerance=SOME), series(name, e[~gap], tolerance=SOME)
+    gappy, compressed = series(name, e, tolerance=SOME), series(name, e[~gap], tolerance=SOME)
     where = np.flatnonzero(~gap)
-    for label, one in found.items():
-        assert np.isnan(one.values[gap]).all()
-        np.testing.assert_array_equal(one.values[~gap], compressed[label].values)
+    for label, score in gappy.items():
+        assert np.isnan(score.values[gap]).all()
+        np.testing.assert_array_equal(score.values[~gap], compressed[label].values)
         # the change began at the same sample: rows, gaps counted
         began = np.maximum(np.arange(len(where)) - compressed[label].reach, 0)
-        np.testing.assert_array_equal(where - one.reach[~gap], where[began])
+        np.testing.assert_array_equal(where - score.reach[~gap], where[began])
 
 
 @every_statistic
@@ -156,10 +156,10 @@ def test_a_row_stands_on_rows_up_to_it(name):
     whole = series(name, e)
     for stop in (1, 5, 77, 150, 299):
         part, other = series(name, e[:stop]), series(name, np.concatenate([e[:stop], 1e3 * noise(300 - stop)]))
-        for label, one in whole.items():
+        for label, score in whole.items():
             for shorter in (part[label], other[label]):
-                np.testing.assert_array_equal(shorter.values[:stop], one.values[:stop])
-                np.testing.assert_array_equal(shorter.reach[:stop], one.reach[:stop])
+                np.testing.assert_array_equal(shorter.values[:stop], score.values[:stop])
+                np.testing.assert_array_equal(shorter.reach[:stop], score.reach[:stop])
 
 
 @every_statistic
@@ -168,23 +168,23 @@ def test_a_spike_is_forgotten_with_its_windows(name, spike):
     e = noise(400)
     whole = values(name, e)
     e[100] = spike
-    found = values(name, e)
-    for label, one in found.items():
-        np.testing.assert_array_equal(one[:100], whole[label][:100])
+    spiked = values(name, e)
+    for label, score in spiked.items():
+        np.testing.assert_array_equal(score[:100], whole[label][:100])
         if name == "cusum":
             continue  # it has no window; it comes down as healthy samples say so
         # window and baseline; where a spike is missing (inf), they hold one sample more of the past
         late = slice(100 + 25 + 60 + 2, None)
-        np.testing.assert_allclose(one[late], whole[label][late], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(score[late], whole[label][late], rtol=0, atol=1e-9)
 
 
 def test_a_spike_weighs_as_much_in_a_cusum_as_100_deviations():
     e = noise(400)
     e[100] = 1e12
-    found = values("cusum", e)
+    clipped = values("cusum", e)
     e[100] = 100.0
-    for label, one in values("cusum", e).items():
-        np.testing.assert_array_equal(found[label], one)
+    for label, score in values("cusum", e).items():
+        np.testing.assert_array_equal(clipped[label], score)
 
 
 @every_statistic
@@ -192,8 +192,8 @@ def test_a_change_of_sign_changes_sides_and_nothing_else(name):
     e = noise() + np.repeat([0.0, 0.7, 0.2], 100)
     there, back = values(name, e), values(name, -e)
     other = {"cusum mean up": "cusum mean down", "cusum mean down": "cusum mean up"}
-    for label, one in there.items():
-        np.testing.assert_allclose(one, back[other.get(label, label)], rtol=0, atol=1e-9)
+    for label, score in there.items():
+        np.testing.assert_allclose(score, back[other.get(label, label)], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["glr", "cusum", "whitened_energy", "energy"])
@@ -203,8 +203,8 @@ def test_two_sided_tests_notice_that_noise_is_gone(name):
     quiet, loud = values(name, e, two_sided=True), values(name, e, two_sided=False)
     before, after = slice(100, 150), slice(180, 300)  # 2.5 s and a baseline lie before
 
-    def risen(found):
-        return [label for label, one in found.items() if np.nanmin(one[after]) > np.nanmax(one[before])]
+    def risen(scores):
+        return [label for label, score in scores.items() if np.nanmin(score[after]) > np.nanmax(score[before])]
 
     assert risen(loud) == []
     assert (
@@ -220,26 +220,26 @@ def test_two_sided_tests_notice_that_noise_is_gone(name):
 
 @pytest.mark.parametrize("label", ["mean 0.4 s", "mean 1 s", "mean 2.5 s"])
 def test_at_its_greatest_a_window_reaches_back_to_the_step(label):
-    found = series("glr", np.repeat([0.0, 1.0], 150))[label]
-    peak = int(np.nanargmax(found.values))
-    assert peak - found.reach[peak] == 149  # the last row before
+    score = series("glr", np.repeat([0.0, 1.0], 150))[label]
+    peak = int(np.nanargmax(score.values))
+    assert peak - score.reach[peak] == 149  # the last row before
 
 
 def test_a_cusum_reaches_back_to_the_step_as_long_as_it_lasts():
-    found = series("cusum", np.repeat([0.0, 1.0], 150))["cusum mean up"]
+    score = series("cusum", np.repeat([0.0, 1.0], 150))["cusum mean up"]
     for row in range(150, 160):
-        assert row - found.reach[row] == 149
+        assert row - score.reach[row] == 149
 
 
 @every_statistic
 @pytest.mark.parametrize("samples", [0, 1, 3, 5])
 def test_a_record_shorter_than_the_windows_has_no_values(name, samples):
-    for one in series(name, noise(samples), windows_s=(2.5,), tolerance=SOME).values():
-        assert one.values.shape == (samples,)
-        assert one.reach.shape == (samples,)
-        assert np.isnan(one.values).all()
-    for one in series(name, np.full(samples, np.nan)).values():
-        assert np.isnan(one.values).all()
+    for score in series(name, noise(samples), windows_s=(2.5,), tolerance=SOME).values():
+        assert score.values.shape == (samples,)
+        assert score.reach.shape == (samples,)
+        assert np.isnan(score.values).all()
+    for score in series(name, np.full(samples, np.nan)).values():
+        assert np.isnan(score.values).all()
 
 
 def test_windows_have_at_least_4_samples_each_length_once():
@@ -255,12 +255,12 @@ def test_white_noise_passes_the_least_threshold_no_more_often_than_stated():
     rate, samples = 1e-3, 200_000  # crossings a row
     white = noise(samples, seed=5)
     for name in ("glr", "cusum"):
-        for one in series(name, white, windows_s=(0.4, 1.0, 2.5, 10.0)).values():
-            above = one.values > one.least_threshold(rate)
+        for score in series(name, white, windows_s=(0.4, 1.0, 2.5, 10.0)).values():
+            above = score.values > score.least_threshold(rate)
             crossings = int(np.count_nonzero(above[1:] & ~above[:-1]))
             # an upcrossing every 1/rate rows in the mean; six deviations of a Poisson count
-            assert crossings < rate * samples + 6.0 * math.sqrt(rate * samples), one.label
-    assert all(one.least_threshold(rate) == -math.inf for one in series("energy", white).values())
+            assert crossings < rate * samples + 6.0 * math.sqrt(rate * samples), score.label
+    assert all(score.least_threshold(rate) == -math.inf for score in series("energy", white).values())
 
 
 # tolerance
@@ -269,31 +269,31 @@ def test_white_noise_passes_the_least_threshold_no_more_often_than_stated():
 def test_white_noise_needs_next_to_no_tolerance():
     # 4 deviations are left out of some hundred means; powers of 1000 samples scatter by
     # sqrt(2/1000), three times 5 of it
-    found = tolerance_of([noise(50_000, seed=1), noise(50_000, seed=2)], Statistic(), 0.02)
-    assert found.mean == 0.0
+    tolerance = tolerance_of([noise(50_000, seed=1), noise(50_000, seed=2)], Statistic(), 0.02)
+    assert tolerance.mean == 0.0
     scatter = 3.0 * 5.0 * math.sqrt(2.0 / 1000.0)
-    assert 1.0 <= found.high <= 1.0 + scatter
-    assert 1.0 / (1.0 + 1.5 * scatter) <= found.low <= 1.0
+    assert 1.0 <= tolerance.high <= 1.0 + scatter
+    assert 1.0 / (1.0 + 1.5 * scatter) <= tolerance.low <= 1.0
 
 
 def test_what_healthy_records_do_is_tolerated_threefold():
     rows = 50  # a fortieth of 2000 samples
     white = np.zeros(2000)
     white[1000:1200] = 4.0
-    found = tolerance_of([white], Statistic(baseline_s=60.0), TS)
+    tolerance = tolerance_of([white], Statistic(baseline_s=60.0), TS)
     # the greatest change of mean is that of a whole window after the step, less what noise explains
     shift = 4.0 - 4.0 * math.sqrt(1.0 / rows + 1.0 / 600.0)
-    assert found.mean == pytest.approx(3.0 * shift)
-    assert found.high == pytest.approx(1.0 + 3.0 * (16.0 - 1.0))
+    assert tolerance.mean == pytest.approx(3.0 * shift)
+    assert tolerance.high == pytest.approx(1.0 + 3.0 * (16.0 - 1.0))
 
 
 @pytest.mark.parametrize("spike", [1e6, 1e12])
 def test_one_spike_of_a_healthy_record_weighs_as_much_in_its_tolerance_as_in_its_series(spike):
     given = noise(20_000)
     given[9000] = spike
-    found = tolerance_of([given], Statistic(), 0.01)
+    tolerance = tolerance_of([given], Statistic(), 0.01)
     given[9000] = 100.0
-    assert found == tolerance_of([given], Statistic(), 0.01)
+    assert tolerance == tolerance_of([given], Statistic(), 0.01)
 
 
 @pytest.mark.parametrize("samples", [0, 1, 3, 7, 39])
