@@ -98,6 +98,7 @@ class Size:
     compared_faults: int = 2
     angles: int = 6
     filters: int = 4
+    imperfect_healthy: int = 12
     costs: int = 6
     gyros: Sequence[str] = GYROS
     broken_angles: Sequence[str] = ANGLES
@@ -114,13 +115,14 @@ QUICK = Size(
     reference_s=(5.0, 55.0),
     calibration=3,
     own_calibration=2,
-    other_calibration=2,
+    other_calibration=3,
     healthy=1,
     compared_healthy=1,
     faults=1,
     compared_faults=0,
     angles=1,
     filters=1,
+    imperfect_healthy=1,
     costs=1,
     gyros=("q",),
     broken_angles=("psi",),
@@ -313,7 +315,7 @@ def tasks(size: Size, watchers: Mapping[str, Watcher]) -> list[Task]:
         *flights("faults", FAULT_SEED, rest, BANKS, **gyros),
         *flights("attitude", FAULT_SEED + 1000, (0, size.angles), ("C",), **angles),
         *flights("filters", FAULT_SEED + 2000, (0, size.filters), tuple(FILTERS_S), **gyros),
-        *flights("imperfect_healthy", HEALTHY_SEED + 1000, (0, 2 * size.costs), (*IMPERFECT, *sensors)),
+        *flights("imperfect_healthy", HEALTHY_SEED + 1000, (0, size.imperfect_healthy), (*IMPERFECT, *sensors)),
         *flights("imperfect_faults", FAULT_SEED + 3000, costs, tuple(IMPERFECT), **small),
         *flights("tests", FAULT_SEED + 4000, costs, tuple(TESTS), **gyros, judge=alarmed),
     ]
