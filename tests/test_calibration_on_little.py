@@ -18,14 +18,19 @@ FREE = bank_between(["p", "beta", "ny"], ["r"])
 
 @cache
 def calibrated(*manoeuvres, rate_hz=25, duration_s=30, bank=None):
-    records = [airliner(one, 1 + i, rate_hz=rate_hz, duration_s=duration_s) for i, one in enumerate(manoeuvres)]
+    records = [
+        airliner(manoeuvre, 1 + i, rate_hz=rate_hz, duration_s=duration_s) for i, manoeuvre in enumerate(manoeuvres)
+    ]
     return gb.calibrate(records, bank=bank or gb.load_bank("C"))
 
 
 def alarmed(monitor, rate_hz=25, duration_s=30):
     """Return the manoeuvres, with noise of their own, that alarm."""
-    held = {one: airliner(one, 10 + i, rate_hz=rate_hz, duration_s=duration_s) for i, one in enumerate(MANOEUVRES)}
-    return [one for one, seen in held.items() if bank_alarms(monitor, seen)]
+    held = {
+        manoeuvre: airliner(manoeuvre, 10 + i, rate_hz=rate_hz, duration_s=duration_s)
+        for i, manoeuvre in enumerate(MANOEUVRES)
+    }
+    return [manoeuvre for manoeuvre, flight in held.items() if bank_alarms(monitor, flight)]
 
 
 @pytest.mark.parametrize("rate_hz", [25, 50, 100])
@@ -60,17 +65,17 @@ AIRLINER_FAULTS = [
 
 @pytest.mark.parametrize("fault", AIRLINER_FAULTS, ids=lambda fault: f"{type(fault).__name__} {fault.channel}")
 def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault):
-    seen = gb.watch(calibrated("late"), gb.inject(airliner("all", 50), fault))
-    assert [alarm.sensor for alarm in seen.faults] == [fault.channel]
-    assert fault.onset_s < seen.alarm_s < fault.onset_s + 8.0
-    after = seen.record.between(fault.onset_s, 30.0)
+    watch = gb.watch(calibrated("late"), gb.inject(airliner("all", 50), fault))
+    assert [alarm.sensor for alarm in watch.faults] == [fault.channel]
+    assert fault.onset_s < watch.alarm_s < fault.onset_s + 8.0
+    after = watch.record.between(fault.onset_s, 30.0)
     assert np.nanmax(np.abs(after[fault.channel] - airliner("all", 50)[fault.channel][-len(after) :])) > 1.0
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100])
 def test_a_drift_is_found_at_other_rates(rate_hz):
     broken = gb.inject(airliner("all", 50, rate_hz=rate_hz), gb.Drift(channel="r", onset_s=12.0, slope=0.5))
-    assert [one.sensor for one in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
+    assert [alarm.sensor for alarm in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
 
 
 def test_free_operators_stay_quiet_and_find_what_is_large():
@@ -84,8 +89,8 @@ def test_free_operators_stay_quiet_and_find_what_is_large():
 
 def spread(monitor, manoeuvre):
     """Return, of every residual, the spread at rest and the greatest."""
-    seen = gb.watch(monitor, airliner(manoeuvre, 20)).widening
-    return {output: (np.median(white[:50]), white.max()) for output, white in seen.items()}
+    widening = gb.watch(monitor, airliner(manoeuvre, 20)).widening
+    return {output: (np.median(white[:50]), white.max()) for output, white in widening.items()}
 
 
 def test_the_spread_is_one_in_motion_that_was_seen_and_large_in_what_nobody_saw():
@@ -115,7 +120,7 @@ def test_the_gtm_at_100_hz_too():
     monitor = gb.calibrate(flights[0], bank=gb.load_bank("C"))
     assert bank_alarms(monitor, flights[1]) == []
     broken = gb.inject(flights[1], gb.Jam(channel="q", onset_s=20.0))
-    assert [one.sensor for one in gb.watch(monitor, broken).faults] == ["q"]
+    assert [alarm.sensor for alarm in gb.watch(monitor, broken).faults] == ["q"]
 
 
 def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
@@ -123,11 +128,11 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
     gb.save_monitor(monitor, tmp_path / "m.json")
     again = gb.load_monitor(tmp_path / "m.json")
     flight = gb.inject(airliner("all", 3), gb.Drift(channel="p", onset_s=10.0, slope=0.5))
-    one, other = gb.watch(monitor, flight), gb.watch(again, flight)
-    assert repr(one.alarms) == repr(other.alarms) != "()"
-    for output, score in one.scores.items():
+    watch, other = gb.watch(monitor, flight), gb.watch(again, flight)
+    assert repr(watch.alarms) == repr(other.alarms) != "()"
+    for output, score in watch.scores.items():
         assert score.values.tobytes() == other.scores[output].values.tobytes()
-        assert one.widening[output].tobytes() == other.widening[output].tobytes()
+        assert watch.widening[output].tobytes() == other.widening[output].tobytes()
 
 
 def test_a_file_that_says_doubt_is_read_and_saved_with_the_word_of_now(tmp_path):
@@ -179,10 +184,10 @@ def test_records_calibrate_alike_wherever_their_clock_begins_and_in_any_unit_of_
     later = gb.Record(flight.values, channels=flight.channels, sample_period_s=0.04, start_s=5000.0)
     scaled = flight.replace("ny", 1000.0 * flight["ny"])
     held = airliner("all", 2)
-    seen = gb.watch(gb.calibrate(flight, bank=FREE), held).scores["r"].values
+    values = gb.watch(gb.calibrate(flight, bank=FREE), held).scores["r"].values
     for given, judged in ((later, held), (scaled, held.replace("ny", 1000.0 * held["ny"]))):
         other = gb.watch(gb.calibrate(given, bank=FREE), judged).scores["r"].values
-        np.testing.assert_allclose(other, seen, rtol=1e-4)
+        np.testing.assert_allclose(other, values, rtol=1e-4)
 
 
 def gappy(every):

@@ -113,10 +113,10 @@ def test_comments_tolerances_and_order_survive_new_figures():
     after = lines.index("# slow since the filter")
     assert lines[after + 1] == '"jam of p" = { detected = true, delay_s = 6.14, peak_ratio = 5.0 }  # known'
     assert "# trials: jam of p is the customer's" in lines
-    found = tomllib.loads(new)
-    assert "residual" not in found
-    assert list(found["trials"]) == ["jam of p"]
-    assert same(reference_of(Path("x.toml"), found).recorded, [HEALTHY, NORM, JAM])
+    table = tomllib.loads(new)
+    assert "residual" not in table
+    assert list(table["trials"]) == ["jam of p"]
+    assert same(reference_of(Path("x.toml"), table).recorded, [HEALTHY, NORM, JAM])
     assert renewed(new, figures_text(1, [HEALTHY, NORM, JAM])) == new
 
 
@@ -133,14 +133,14 @@ FIGURES = {
 def groups(draw):
     kind = draw(st.sampled_from(list(KINDS)))
     names = draw(st.lists(st.sampled_from(KINDS[kind][1]), min_size=1, unique=True))
-    name = draw(
+    of = draw(
         st.text(st.characters(codec="utf-8"), min_size=1)
         if kind == "trials"
         else st.sampled_from(["r", "r q", "E(k)", "a.b", "ü"])
     )
-    values = {one: draw(FIGURES[RULES[one].form]) for one in names}
-    labels = {one: tuple("x" * len(value)) for one, value in values.items() if isinstance(value, tuple)}
-    return Group(kind=kind, name=name, values=values, labels=labels)
+    values = {name: draw(FIGURES[RULES[name].form]) for name in names}
+    labels = {name: tuple("x" * len(value)) for name, value in values.items() if isinstance(value, tuple)}
+    return Group(kind=kind, name=of, values=values, labels=labels)
 
 
 @settings(max_examples=30)
@@ -148,8 +148,8 @@ def groups(draw):
 def test_any_figures_of_any_scenario_read_back(several):
     """Names of trials are names of files: quotes, backslashes, control characters."""
     for before in (text(), EDITED):
-        found = tomllib.loads(renewed(before, figures_text(3, several)))
-        reference = reference_of(Path("x.toml"), found)
+        table = tomllib.loads(renewed(before, figures_text(3, several)))
+        reference = reference_of(Path("x.toml"), table)
         assert same(reference.recorded, several)
         assert reference.recorded_seed == 3
 
@@ -167,7 +167,7 @@ def test_scenarios_and_monitors_are_found_from_the_baselines_folder(tmp_path, mo
     assert stated["detector"] == "../shop/m.json"
     monkeypatch.chdir(tmp_path / "shop")
     reference = read_reference(path)
-    assert [one.name for one in reference.scenarios] == ["own", "jam"]
+    assert [scenario.name for scenario in reference.scenarios] == ["own", "jam"]
     assert reference.trials == ["own: jam of p", "jam of p", "jam of q", "jam of r"]
     assert Path(reference.detector).resolve() == tmp_path / "shop/m.json"
 
@@ -184,7 +184,7 @@ def test_a_baseline_of_before_reads_as_one_of_now_and_is_renewed_as_such(name, t
     now, path = in_names_of_now(shipped_baselines()[name].read_text()), tmp_path / f"{name}.toml"
     before = former(now)
     assert before != now
-    old, new = (reference_of(path, tomllib.loads(one)) for one in (before, now))
+    old, new = (reference_of(path, tomllib.loads(text)) for text in (before, now))
     assert repr(old) == repr(new)
     assert repr(old.recorded) == repr(new.recorded)
     assert list(old.recorded["score"]) == (["p", "q", "r"] if name == "bank-C" else ["E(k)"])
@@ -301,6 +301,6 @@ def test_bank_c_still_names_the_gyro_that_its_baseline_says_it_names():
     jams = {name: trial for name, trial in whole.recorded["trials"].items() if name.startswith("jam")}
     recorded = {**whole.recorded, "trials": jams}
     reference = replace(whole, scenarios=(load_scenario("jam"),), recorded=recorded)
-    found = check(reference, run_reference(reference))
-    assert found.regressions == []
-    assert [one.figure for one in found.compared].count("isolated") == 3
+    outcome = check(reference, run_reference(reference))
+    assert outcome.regressions == []
+    assert [figure.figure for figure in outcome.compared].count("isolated") == 3

@@ -68,15 +68,15 @@ def test_what_cant_be_told_is_3(cli, identify, reason):
 def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     assert cli("monitor", "healthy.csv", *GYROS, "-q") == (0, "", "")
     code, out, err = cli("monitor", "broken.csv", "--monitor", "C", *HALF, "--json")
-    found = json.loads(out)
-    assert (code, err, found["exit_code"], found["outcome"]) == (1, "", 1, "failed")
-    assert found["identified_s"] == [[0.0, 30.0]]
-    assert [one["verdict"] for one in found["findings"]] == ["q failed"]
-    assert found["stretches"][0]["start_s"] == 0.0
-    assert found["stretches"][-1]["end_s"] == pytest.approx(60.0, abs=0.05)
-    assert {one["residual"] for one in found["residuals"]} == {"p", "q", "r"}
-    assert found["log"]["sample_period_s"] == 0.04
-    assert found["monitor"]["suspects"] == ["p", "q", "r", "phi", "theta", "psi"]
+    printed = json.loads(out)
+    assert (code, err, printed["exit_code"], printed["outcome"]) == (1, "", 1, "failed")
+    assert printed["identified_s"] == [[0.0, 30.0]]
+    assert [finding["verdict"] for finding in printed["findings"]] == ["q failed"]
+    assert printed["stretches"][0]["start_s"] == 0.0
+    assert printed["stretches"][-1]["end_s"] == pytest.approx(60.0, abs=0.05)
+    assert {row["residual"] for row in printed["residuals"]} == {"p", "q", "r"}
+    assert printed["log"]["sample_period_s"] == 0.04
+    assert printed["monitor"]["suspects"] == ["p", "q", "r", "phi", "theta", "psi"]
     error = cli("monitor", "healthy.csv", "--monitor", "Z", "--json")
     assert (error[0], json.loads(error[1])["exit_code"], error[2]) == (2, 2, "")
 
@@ -108,10 +108,10 @@ def test_what_goes_wrong_leaves_nothing_behind(cli, tmp_path):
 def test_a_monitor_that_was_saved_watches_other_logs(cli):
     assert cli("monitor", "healthy.csv", "--monitor", "C", *HALF, "--save", "C.json", "-q")[0] == 0
     code, out, _ = cli("monitor", "broken.csv", "--monitor", "C.json", "--json")
-    found = json.loads(out)
+    printed = json.loads(out)
     assert code == 1
-    assert found["identified_s"] == []
-    assert [one["verdict"] for one in found["findings"]] == ["q failed"]
+    assert printed["identified_s"] == []
+    assert [finding["verdict"] for finding in printed["findings"]] == ["q failed"]
     assert cli("monitor", "healthy.csv", "--monitor", "C.json", "-q")[0] == 0
     code, _, err = cli("monitor", "broken.csv", "--monitor", "C.json", "--rate", 50)
     assert code == 2

@@ -29,23 +29,23 @@ def recording(recording_of):
 
 
 def test_results_say_what_watched_and_what_came_of_it():
-    found = results(study())
-    assert (found["schema"], found["seed"], len(found["detectors"])) == (2, 1, 1)
-    assert (found["detected"], found["isolated"], found["kind_right"], found["kind_right_20s"]) == (3, 3, 3, 3)
-    assert (found["false_alarms"], len(found["trials"])) == (0, 6)
-    assert found["false_alarms_per_hour_at_most"] == pytest.approx(3.0 / found["healthy_hours"], rel=0.01)
-    watched = found["monitor"]
+    told = results(study())
+    assert (told["schema"], told["seed"], len(told["detectors"])) == (2, 1, 1)
+    assert (told["detected"], told["isolated"], told["kind_right"], told["kind_right_20s"]) == (3, 3, 3, 3)
+    assert (told["false_alarms"], len(told["trials"])) == (0, 6)
+    assert told["false_alarms_per_hour_at_most"] == pytest.approx(3.0 / told["healthy_hours"], rel=0.01)
+    watched = told["monitor"]
     assert (watched["bank"], watched["thresholds"], watched["sample_period_s"]) == ("C", 54, 0.01)
-    assert [(one["output"], one["look_ahead_s"]) for one in watched["residuals"]] == [
+    assert [(residual["output"], residual["look_ahead_s"]) for residual in watched["residuals"]] == [
         ("p", 0.11),
         ("q", 0.11),
         ("r", 0.11),
     ]
     assert watched["provenance"]["records"] == 6
-    assert set(found["setup"]["alarm"]) == {"watch_from_s", "healthy_records"}
-    assert "operator" not in found["setup"]
-    slope = found["trials"][0]["parameters"][0]
-    assert (slope["name"], slope["true"], found["trials"][0]["severity"]) == ("slope", 0.3, {"slope": 0.3})
+    assert set(told["setup"]["alarm"]) == {"watch_from_s", "healthy_records"}
+    assert "operator" not in told["setup"]
+    slope = told["trials"][0]["parameters"][0]
+    assert (slope["name"], slope["true"], told["trials"][0]["severity"]) == ("slope", 0.3, {"slope": 0.3})
 
 
 def test_files_say_what_the_study_says(tmp_path):
@@ -110,8 +110,8 @@ def test_what_a_fault_doesnt_enter_stands_there_once(recording):
     root = trial_paths(study().trials)[0]
     assert len(read_back(recording, f"{root}/levels/q")[0]) == 0
     level = study().baseline.watch.scores["q"]
-    _, found = read_back(recording, "/healthy/levels/q")
-    assert (found[:, 0] == level.values[np.isfinite(level.values)]).all()
+    _, values = read_back(recording, "/healthy/levels/q")
+    assert (values[:, 0] == level.values[np.isfinite(level.values)]).all()
     trial = study().trials[0].watch.scores["q"]
     np.testing.assert_array_equal(trial.values, level.values)
 
@@ -152,11 +152,11 @@ def test_several_detectors_share_a_table_a_file_and_a_summary(tmp_path):
     lines = summary_lines(several())
     assert [line for line in lines if not line.startswith(" ")] == [f"{name}:" for name in DETECTORS]
     assert sum("the right sensor named" in line for line in lines) == 1
-    found = results(several())
-    assert [one["name"] for one in found["detectors"]] == DETECTORS
-    assert [one["isolated"] for one in found["detectors"]] == [None, 3, None, None]
-    assert "threshold" not in found
-    assert found["detectors"][3]["provenance"] == {"limit": 100.0, "unknown": None}
+    told = results(several())
+    assert [detector["name"] for detector in told["detectors"]] == DETECTORS
+    assert [detector["isolated"] for detector in told["detectors"]] == [None, 3, None, None]
+    assert "threshold" not in told
+    assert told["detectors"][3]["provenance"] == {"limit": 100.0, "unknown": None}
     write_results(several(), tmp_path)
     with (tmp_path / "trials.csv").open(newline="") as file:
         assert [row["detector"] for row in csv.DictReader(file)] == [row[0] for row in rows]

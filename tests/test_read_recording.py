@@ -144,17 +144,17 @@ def test_a_row_takes_little_memory(frame):
 
 def test_a_monitored_study_comes_back_too(monitored):
     trials = monitored_study().trials
-    found = [row_of(monitored, root) for root in trial_paths(trials)]
-    assert found == [plain(trial.row()) for trial in trials]
-    assert [row["alarm_time_s"] is None for row in found] == [not trial.detected for trial in trials]
+    verdicts = [row_of(monitored, root) for root in trial_paths(trials)]
+    assert verdicts == [plain(trial.row()) for trial in trials]
+    assert [row["alarm_time_s"] is None for row in verdicts] == [not trial.detected for trial in trials]
     for number, output in ((0, "p"), (3, "r")):
-        root, seen = trial_paths(trials)[number], trials[number].watch
-        level, from_s = seen.scores[output], 30.0 - 1e-9  # from 30 s before the onset on
+        root, watch = trial_paths(trials)[number], trials[number].watch
+        level, from_s = watch.scores[output], 30.0 - 1e-9  # from 30 s before the onset on
         late = level.known_s >= from_s
         same_line(rows_of(monitored, f"{root}/levels/{output}", output), level.known_s[late], level.values[late])
-        late, residual, virtual = seen.record.time_s >= from_s, seen.residuals[output], seen.virtual(output)
-        same_line(rows_of(monitored, f"{root}/residuals/{output}", output), seen.record.time_s[late], residual[late])
-        same_line(rows_of(monitored, f"{root}/virtual", output), seen.record.time_s[late], virtual[late])
+        late, residual, virtual = watch.record.time_s >= from_s, watch.residuals[output], watch.virtual(output)
+        same_line(rows_of(monitored, f"{root}/residuals/{output}", output), watch.record.time_s[late], residual[late])
+        same_line(rows_of(monitored, f"{root}/virtual", output), watch.record.time_s[late], virtual[late])
         measured = trials[number].record.between(30.0, 120.0)
         same_line(rows_of(monitored, f"{root}/measured", output), measured.time_s, measured[output])
 
@@ -174,9 +174,9 @@ def test_any_number_and_any_field_comes_back(values, row, tmp_path_factory):
         recording.save(path)
         log_lines(recording, "/a/norm", time_s, values, ["a"], ["#102030"])
         log_verdict(recording, "/a/verdict", row | {"unknown": float("nan"), "none": None, "inf": -np.inf})
-    found = gb.read_recording(path)
-    same_line(rows_of(found, "/a/norm", "norm"), time_s, values)
-    rows = found[found.entity == "/a/verdict"].set_index("series")
+    frame = gb.read_recording(path)
+    same_line(rows_of(frame, "/a/norm", "norm"), time_s, values)
+    rows = frame[frame.entity == "/a/verdict"].set_index("series")
     for name, value in row.items():
         if isinstance(value, str):
             assert rows.text[name] == value
@@ -191,16 +191,16 @@ def test_any_number_and_any_field_comes_back(values, row, tmp_path_factory):
 
 def test_lines_without_channels_are_called_what_the_viewer_shows_or_by_number(small, tmp_path):
     (tmp_path / "small.rrd").write_bytes(small)
-    found = gb.read_recording(tmp_path / "small.rrd")
-    assert set(found[found.entity == "/sensors/rates"].series) == {"p (deg/s)", "q (deg/s)"}
+    frame = gb.read_recording(tmp_path / "small.rrd")
+    assert set(frame[frame.entity == "/sensors/rates"].series) == {"p (deg/s)", "q (deg/s)"}
     path = tmp_path / "bare.rrd"
     with rr.RecordingStream("gtmbench") as recording:
         recording.save(path)
         for step, values in enumerate(([1.0, 2.0], [3.0], [])):  # rows of different lengths
             recording.set_time("time", duration=float(step))
             recording.log("/bare", rr.Scalars(values))
-    found = gb.read_recording(path)
-    assert list(zip(found.series, found.time_s, found.value, strict=True)) == [
+    frame = gb.read_recording(path)
+    assert list(zip(frame.series, frame.time_s, frame.value, strict=True)) == [
         ("bare 0", 0.0, 1.0),
         ("bare 0", 1.0, 3.0),
         ("bare 1", 0.0, 2.0),
@@ -210,9 +210,9 @@ def test_lines_without_channels_are_called_what_the_viewer_shows_or_by_number(sm
 def test_an_empty_recording_is_an_empty_table(tmp_path):
     with rr.RecordingStream("gtmbench") as recording:
         recording.save(tmp_path / "empty.rrd")
-    found = gb.read_recording(tmp_path / "empty.rrd")
-    assert list(found.columns) == ["entity", "series", "time_s", "value", "text"]
-    assert len(found) == 0
+    frame = gb.read_recording(tmp_path / "empty.rrd")
+    assert list(frame.columns) == ["entity", "series", "time_s", "value", "text"]
+    assert len(frame) == 0
 
 
 def messages(content):

@@ -87,15 +87,15 @@ def test_a_residual_that_doesnt_exist_fails_and_one_that_mostly_exists_doesnt():
 def test_a_residuals_recording_holds_it_bit_for_bit():
     record = monitors.record(seed=2)
     _, path = failure(assert_residual, record, operator(), below=0.5)
-    found = gb.residual(operator(), record)
-    for o, name in enumerate(found.outputs):
-        there = ~np.isnan(found.values[:, o])
+    errors = gb.residual(operator(), record)
+    for o, name in enumerate(errors.outputs):
+        there = ~np.isnan(errors.values[:, o])
         times, values = read_back(path, f"/residuals/{name}")
-        assert (times == found.time_s[there]).all()
-        assert (values[:, 0] == found.values[there, o]).all()
+        assert (times == errors.time_s[there]).all()
+        assert (values[:, 0] == errors.values[there, o]).all()
         assert (read_back(path, f"/thresholds/{name}")[1] == [[-0.5, 0.5]] * 2).all()
         peak = read_back(path, f"/peaks/{name}")[1].ravel()
-        assert np.abs(peak) == np.nanmax(np.abs(found.values[:, o]))
+        assert np.abs(peak) == np.nanmax(np.abs(errors.values[:, o]))
     for name in ("r", "beta", "p", "q"):
         assert (read_back(path, f"/sensors/{name}")[1][:, 0] == record[name]).all()
 
@@ -103,7 +103,7 @@ def test_a_residuals_recording_holds_it_bit_for_bit():
 def test_any_function_from_a_record_to_a_residual_will_do():
     record = monitors.record(seed=2)
     slow = gb.identify(gb.decimate(record, 5), inputs=["p"], outputs=["r"], causal_order=3, noncausal_order=3)
-    said, path = failure(assert_residual, record, lambda one: gb.residual(slow, gb.decimate(one, 5)), below=0.1)
+    said, path = failure(assert_residual, record, lambda given: gb.residual(slow, gb.decimate(given, 5)), below=0.1)
     assert said.startswith("residual of r reached ")
     assert len(read_back(path, "/residuals/r")[0]) == len(gb.decimate(record, 5)) - 6
     assert len(read_back(path, "/virtual/r")[0]) == 0
@@ -155,10 +155,10 @@ def test_a_late_alarm_fails_with_its_delay_and_the_bound():
 def test_a_watchs_recording_holds_sensors_levels_and_what_was_healthy():
     healthy = monitors.record(seed=9)
     _, path = failure(assert_detects, monitors.monitor(), jam(), within_s=0.001, record=healthy)
-    seen = gb.watch(monitors.monitor(), gb.inject(healthy, jam()))
-    assert (read_back(path, "/sensors/q")[1][:, 0] == seen.record["q"]).all()
+    watch = gb.watch(monitors.monitor(), gb.inject(healthy, jam()))
+    assert (read_back(path, "/sensors/q")[1][:, 0] == watch.record["q"]).all()
     assert (read_back(path, "/healthy/q")[1][:, 0] == healthy["q"]).all()
-    for kind, of in (("residuals", seen.residuals["q"]), ("levels", seen.scores["q"].values)):
+    for kind, of in (("residuals", watch.residuals["q"]), ("levels", watch.scores["q"].values)):
         values = read_back(path, f"/{kind}/q")[1][:, 0]
         assert (values == of[np.isfinite(of)][: len(values)]).all()
         assert len(values) > 0.9 * len(healthy)
@@ -247,7 +247,7 @@ def test_a_detector_that_isnt_calibrated_is_so_once_a_session(monkeypatch):
 
         def learn(self, records):
             made.append(len(records))
-            return {"q": self.factor * max(np.nanmax(np.abs(one["q"])) for one in records)}
+            return {"q": self.factor * max(np.nanmax(np.abs(record["q"])) for record in records)}
 
         def scores(self, record, learned):
             return {"q": np.abs(record["q"]) / learned["q"]}
@@ -280,7 +280,8 @@ def test_the_standard_flights_calibrate_and_are_none_of_those_that_are_watched(m
     seeds = [arguments[3] for arguments in flown]
     assert len({flights.STANDARD_SEED, *seeds}) == 7
     assert all(
-        (one["p"] == gb.measure(short, noise="t2", seed=s)["p"]).all() for one, s in zip(records, seeds, strict=True)
+        (record["p"] == gb.measure(short, noise="t2", seed=s)["p"]).all()
+        for record, s in zip(records, seeds, strict=True)
     )
 
 
