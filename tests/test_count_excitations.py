@@ -27,8 +27,8 @@ def driven(seed, excitations, snr, *, sensors=5, samples=4000):
         for source in range(excitations):
             zeros = zeros_and_poles(rng, 2)
             zeros = np.where(rng.random(1) < 0.5, zeros, 1.0 / zeros)
-            one = scipy.signal.lfilter(*(np.poly([*z, *z.conj()]).real for z in (zeros, poles)), u[:, source])
-            values[:, sensor] += one / one.std() * rng.uniform(0.5, 2.0)
+            response = scipy.signal.lfilter(*(np.poly([*z, *z.conj()]).real for z in (zeros, poles)), u[:, source])
+            values[:, sensor] += response / response.std() * rng.uniform(0.5, 2.0)
     values = values[200:]
     values += rng.standard_normal(values.shape) * values.std(axis=0) / snr
     return sampled(values, [f"s{i}" for i in range(sensors)])
@@ -43,10 +43,10 @@ def counted(record, channels=None, **changes):
 @pytest.mark.parametrize("excitations", [1, 2, 3])
 def test_as_many_excitations_are_counted_as_there_are(excitations, snr):
     """Zeros next to the unit circle can take more lags than there are: one of ten may be missed."""
-    found = [counted(driven(seed, excitations, snr)) for seed in range(10)]
-    hits = [one.excitations == excitations for one in found]
-    assert sum(hits) >= 9, [one.reason for one in found]
-    assert all(one.reason.startswith(f"{excitations}: ") for one, hit in zip(found, hits, strict=True) if hit)
+    counts = [counted(driven(seed, excitations, snr)) for seed in range(10)]
+    hits = [count.excitations == excitations for count in counts]
+    assert sum(hits) >= 9, [count.reason for count in counts]
+    assert all(count.reason.startswith(f"{excitations}: ") for count, hit in zip(counts, hits, strict=True) if hit)
 
 
 def test_every_choice_is_what_a_separate_identification_finds():
@@ -67,16 +67,16 @@ def test_the_choices_are_one_gram_matrix(grams):
 
 def test_neither_units_nor_the_order_of_channels_change_the_count():
     record = driven(3, 2, 30, samples=1500)
-    one = counted(record)
+    count = counted(record)
     scaled = sampled(record.values * np.array([1e-6, 1.0, 1e3, 1e6, 50.0]) + 3.0, record.channels)
     other = counted(scaled, record.channels[::-1])
-    assert one.excitations == other.excitations == 2
-    np.testing.assert_allclose(one.by_m, other.by_m, rtol=1e-8)
+    assert count.excitations == other.excitations == 2
+    np.testing.assert_allclose(count.by_m, other.by_m, rtol=1e-8)
 
 
 def test_as_many_excitations_as_sensors_are_not_bounded():
-    found = counted(driven(1, 3, 100, sensors=4), ["s0", "s1", "s2"])
-    assert found.excitations is None
+    count = counted(driven(1, 3, 100, sensors=4), ["s0", "s1", "s2"])
+    assert count.excitations is None
     alone = counted(driven(1, 3, 100, sensors=4))
     assert alone.excitations is None
     assert alone.reason.startswith("at least 3: ")
@@ -84,10 +84,10 @@ def test_as_many_excitations_as_sensors_are_not_bounded():
 
 def test_noise_is_predicted_by_nothing():
     noise = sampled(np.random.default_rng(1).standard_normal((400, 4)), ["a", "b", "c", "d"])
-    found = counted(noise, causal_order=10, noncausal_order=10)
-    assert found.excitations is None
-    assert found.reason.startswith("no choice of inputs predicts the others")
-    np.testing.assert_allclose(found.by_m, 1.0, atol=0.1)  # short records feign no drop
+    count = counted(noise, causal_order=10, noncausal_order=10)
+    assert count.excitations is None
+    assert count.reason.startswith("no choice of inputs predicts the others")
+    np.testing.assert_allclose(count.by_m, 1.0, atol=0.1)  # short records feign no drop
 
 
 def test_a_sinusoid_is_one_excitation_however_many_drive():
@@ -126,10 +126,10 @@ def test_what_excitations_cant_be_counted_from_is_refused(asked, message):
 
 
 def test_the_figure_of_a_count_shows_every_choice(tmp_path):
-    found = counted(driven(1, 2, 100))
-    figure = excitation_figure(found)
+    count = counted(driven(1, 2, 100))
+    figure = excitation_figure(count)
     figure.savefig(tmp_path / "excitations.png")
     dots, curve, mark = figure.axes[0].lines
-    assert len(dots.get_xdata()) == len(found.table)
-    pd.testing.assert_series_equal(pd.Series(curve.get_ydata()[1:]), found.by_m, check_names=False, check_index=False)
+    assert len(dots.get_xdata()) == len(count.table)
+    pd.testing.assert_series_equal(pd.Series(curve.get_ydata()[1:]), count.by_m, check_names=False, check_index=False)
     assert mark.get_xdata()[0] == 2

@@ -27,7 +27,11 @@ def coloured(seed, samples, noise=NOISE):
 def repeated():
     """Return least squares and prediction errors of 200 records."""
     records = [coloured(seed, 1000) for seed in range(200)]
-    return records, [siso(one) for one in records], [siso(one, PredictionError(noise_order=2)) for one in records]
+    return (
+        records,
+        [siso(series) for series in records],
+        [siso(series, PredictionError(noise_order=2)) for series in records],
+    )
 
 
 def test_coloured_noise_leaves_the_covariance_of_prediction_errors_right(repeated):
@@ -37,16 +41,16 @@ def test_coloured_noise_leaves_the_covariance_of_prediction_errors_right(repeate
 
 
 def test_coloured_noise_leaves_every_standard_error_of_prediction_errors_right(repeated):
-    z = np.array([(one.markov[:, 0, 0] - MARKOV) / one.standard_error[:, 0, 0] for one in repeated[2]])
+    z = np.array([(operator.markov[:, 0, 0] - MARKOV) / operator.standard_error[:, 0, 0] for operator in repeated[2]])
     for column in z.T:
         low, high = stats.chi2.ppf([RARE / 2, 1 - RARE / 2], len(z))
         assert low < column @ column < high
         assert stats.kstest(column, "norm").pvalue > RARE
 
 
-def gauss_markov(one, taps):
+def gauss_markov(series, taps):
     """Return generalised least squares for noise whose A is known."""
-    whitened = signal.lfilter(taps, 1.0, one.values - one.values.mean(axis=0), axis=0)[len(taps) - 1 :]
+    whitened = signal.lfilter(taps, 1.0, series.values - series.values.mean(axis=0), axis=0)[len(taps) - 1 :]
     phi = lagged(whitened[:, :1], 2, 2)
     return np.linalg.lstsq(phi, whitened[2:-2, 1], rcond=None)[0]
 
@@ -76,31 +80,31 @@ def expected_error(whitened):
 def test_least_squares_and_prediction_errors_err_as_theory_says_and_the_latter_as_if_they_knew_the_noise(repeated):
     """Two hundred records tell an RMS to a few percent; 1/n of bias and the ends take a little more."""
     records, plain, whitened = repeated
-    errors = [np.array([one.markov[:, 0, 0] for one in some]) - MARKOV for some in (plain, whitened)]
-    rms = [np.sqrt(1000 * np.mean(one**2)) for one in errors]
-    expected = [expected_error(one) for one in (False, True)]
+    errors = [np.array([operator.markov[:, 0, 0] for operator in some]) - MARKOV for some in (plain, whitened)]
+    rms = [np.sqrt(1000 * np.mean(error**2)) for error in errors]
+    expected = [expected_error(known) for known in (False, True)]
     np.testing.assert_allclose(rms, expected, rtol=0.15)
     assert rms[0] > 2.0 * rms[1]  # 2.63 by theory
-    best = np.array([gauss_markov(one, NOISE) for one in records]) - MARKOV
+    best = np.array([gauss_markov(series, NOISE) for series in records]) - MARKOV
     assert np.linalg.norm(errors[1] - best) < 0.1 * np.linalg.norm(best)
 
 
 def test_the_noise_model_is_the_inverse_of_the_noise_filter(repeated):
     """An autoregression's asymptotic covariance is sigma^2 / n times the inverse of the noise's correlations."""
-    taps = np.array([one.noise_model.autoregressive[0] for one in repeated[2]])
+    taps = np.array([operator.noise_model.autoregressive[0] for operator in repeated[2]])
     assert (taps[:, 0] == 1.0).all()
     off = taps[:, 1:] - NOISE[1:]
     metric = toeplitz(correlations(NOISE))[:2, :2]
     assert is_chi_square(1000 * np.einsum("ki,ij,kj->k", off, metric, off), 2)
-    std = np.array([one.noise_model.innovation_std[0] for one in repeated[2]])
+    std = np.array([operator.noise_model.innovation_std[0] for operator in repeated[2]])
     assert np.mean(std**2) == pytest.approx(1.0, abs=5 * np.sqrt(2.0 / 1000 / 200) + 10 / 1000)
 
 
 def test_innovations_are_white_and_residuals_arent(repeated):
     """Box and Pierce's statistic over 20 lags, two of them spent on A."""
     statistics = []
-    for one, operator in zip(repeated[0], repeated[2], strict=True):
-        left = residual(operator, one).values
+    for series, operator in zip(repeated[0], repeated[2], strict=True):
+        left = residual(operator, series).values
         innovations = operator.noise_model.innovations(left)
         assert np.isnan(innovations[:4]).all()
         values = innovations[4:-2, 0]
@@ -125,11 +129,11 @@ def test_a_long_autoregression_inverts_a_moving_average():
 
 
 def test_at_the_end_neither_the_parameters_nor_the_noise_model_can_be_improved():
-    one = coloured(0, 3000)
-    operator = siso(one, PredictionError(noise_order=2, tolerance=0.0, most_iterations=500))
+    series = coloured(0, 3000)
+    operator = siso(series, PredictionError(noise_order=2, tolerance=0.0, most_iterations=500))
     taps, h = operator.noise_model.autoregressive[0], operator.markov[:, 0, 0]
-    np.testing.assert_allclose(gauss_markov(one, taps), h, atol=1e-6)
-    centred = one.values - one.values.mean(axis=0)
+    np.testing.assert_allclose(gauss_markov(series, taps), h, atol=1e-6)
+    centred = series.values - series.values.mean(axis=0)
     e = centred[2:-2, 1] - lagged(centred[:, :1], 2, 2) @ h
     np.testing.assert_allclose(
         np.linalg.lstsq(lagged(e[:, None], 2, 0)[:, 1:], -e[2:], rcond=None)[0], taps[1:], atol=1e-6
@@ -160,13 +164,15 @@ def test_one_iteration_isnt_called_converged():
 
 
 def test_no_noise_model_is_least_squares():
-    one = coloured(0, 400)
-    np.testing.assert_allclose(siso(one, PredictionError(noise_order=0)).markov, siso(one).markov, rtol=0, atol=1e-13)
+    series = coloured(0, 400)
+    np.testing.assert_allclose(
+        siso(series, PredictionError(noise_order=0)).markov, siso(series).markov, rtol=0, atol=1e-13
+    )
 
 
 def test_every_output_has_its_own_noise_model():
-    one, other = coloured(0, 800), coloured(1, 800, [1.0, 0.7])
-    both = record(u=one["u"], y=one["y"], w=1e6 * other["y"])
+    series, other = coloured(0, 800), coloured(1, 800, [1.0, 0.7])
+    both = record(u=series["u"], y=series["y"], w=1e6 * other["y"])
     operator = siso(both, PredictionError(noise_order=3), outputs=["y", "w"])
     for o, name in enumerate(["y", "w"]):
         alone = siso(both, PredictionError(noise_order=3), outputs=[name])
@@ -179,11 +185,11 @@ def test_every_output_has_its_own_noise_model():
 
 def test_gaps_and_records_are_never_filtered_across():
     """The same pieces, as records or as what weights of 0 leave, and garbage between: the same estimate."""
-    one = coloured(0, 900)
+    series = coloured(0, 900)
     weights = np.ones(900)
     weights[300:340] = 0.0
-    holed = one.replace("y", np.where(weights > 0, one["y"], np.nan))
-    pieces = [one.between(0, 2.99), one.between(3.4, 8.99)]
+    holed = series.replace("y", np.where(weights > 0, series["y"], np.nan))
+    pieces = [series.between(0, 2.99), series.between(3.4, 8.99)]
     expected = siso(pieces, PredictionError(noise_order=4))
     operator = siso(holed, PredictionError(noise_order=4), weights=weights)
     np.testing.assert_allclose(operator.markov, expected.markov, rtol=0, atol=1e-12)
@@ -192,21 +198,21 @@ def test_gaps_and_records_are_never_filtered_across():
 
 def test_a_wave_of_one_frequency_warns_with_any_noise_model():
     wave = np.sin(2 * np.pi * np.arange(2000) / 50)
-    one = record(u=wave, y=wave + np.random.default_rng(1).standard_normal(2000))
+    series = record(u=wave, y=wave + np.random.default_rng(1).standard_normal(2000))
     with pytest.warns(RankWarning, match="determines 2 of the 5"):
-        assert siso(one, PredictionError(noise_order=2)).rank == 2
+        assert siso(series, PredictionError(noise_order=2)).rank == 2
 
 
 def test_the_innovations_of_a_record_are_those_of_its_residual():
-    one = coloured(0, 800)
-    operator = siso(one, PredictionError(noise_order=3))
-    e, taps = residual(operator, one).values[:, 0], operator.noise_model.autoregressive[0]
-    found = innovations(operator, one)
+    series = coloured(0, 800)
+    operator = siso(series, PredictionError(noise_order=3))
+    e, taps = residual(operator, series).values[:, 0], operator.noise_model.autoregressive[0]
+    whitened = innovations(operator, series)
     expected = [np.nan if k < 3 else taps @ e[k - 3 : k + 1][::-1] for k in range(800)]
-    np.testing.assert_allclose(found.values[:, 0], expected, rtol=0, atol=1e-12)
-    assert np.sqrt(np.nanmean(found.values**2)) == pytest.approx(operator.noise_model.innovation_std[0], rel=0.01)
+    np.testing.assert_allclose(whitened.values[:, 0], expected, rtol=0, atol=1e-12)
+    assert np.sqrt(np.nanmean(whitened.values**2)) == pytest.approx(operator.noise_model.innovation_std[0], rel=0.01)
     with pytest.raises(InputError, match="has no noise model; identify it by PredictionError"):
-        innovations(siso(one), one)
+        innovations(siso(series), series)
     with pytest.raises(InputError, match=r"residuals of shape \(800, 2\) for 1 outputs"):
         operator.noise_model.innovations(np.ones((800, 2)))
 
@@ -214,15 +220,15 @@ def test_the_innovations_of_a_record_are_those_of_its_residual():
 def test_the_noise_models_parameters_count_as_parameters():
     """Mean over 40 draws of white noise: its variance, 1, whatever the order; uncounted, 40 of 400 would miss 10 %."""
     rng = np.random.default_rng(4)
-    found = []
+    variances = []
     for _ in range(40):
         u, e = rng.standard_normal((2, 400))
-        found.append(siso(record(u=u, y=u + e), PredictionError(noise_order=40)).noise_variance[0])
-    assert np.mean(found) == pytest.approx(1.0, abs=4 * np.std(found) / np.sqrt(40))
-    assert 4 * np.std(found) / np.sqrt(40) < 0.06
+        variances.append(siso(record(u=u, y=u + e), PredictionError(noise_order=40)).noise_variance[0])
+    assert np.mean(variances) == pytest.approx(1.0, abs=4 * np.std(variances) / np.sqrt(40))
+    assert 4 * np.std(variances) / np.sqrt(40) < 0.06
 
 
 def test_an_order_may_be_a_numpy_integer():
-    one = coloured(0, 400)
-    plain, other = (siso(one, PredictionError(noise_order=n)) for n in (3, np.int64(3)))
+    series = coloured(0, 400)
+    plain, other = (siso(series, PredictionError(noise_order=n)) for n in (3, np.int64(3)))
     np.testing.assert_array_equal(plain.markov, other.markov)

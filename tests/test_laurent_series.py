@@ -41,7 +41,7 @@ class Fractions:
     def laurent(self, r, d):
         """(z - p)^-k: C(i-1, k-1) p^(i-k) for i >= k inside; (-1)^k C(k-1-i, k-1) p^(i-k) for i <= 0 outside."""
         lags = np.arange(-d, r + 1)
-        found = np.where((lags == 0)[:, None, None], self.D, 0.0)
+        total = np.where((lags == 0)[:, None, None], self.D, 0.0)
         for pole, residues in self.terms:
             for k, residue in enumerate(residues, 1):
                 if abs(pole) < 1.0:
@@ -50,8 +50,8 @@ class Fractions:
                 else:
                     series = (lags <= 0) * (-1.0) ** k * comb(k - 1 - lags, k - 1) * pole ** (lags - float(k))
                 term = series[:, None, None] * residue
-                found = found + (term.real if pole.imag == 0.0 else 2.0 * term.real)
-        return found
+                total = total + (term.real if pole.imag == 0.0 else 2.0 * term.real)
+        return total
 
     def system(self):
         """Jordan blocks in a random orthonormal basis; a complex one stands for a pair, by real and imaginary part."""
@@ -60,12 +60,12 @@ class Fractions:
         for pole, residues in self.terms:
             k = len(residues)
             block = np.kron(pole * np.eye(k) + np.eye(k, k=1), np.eye(inputs))
-            enters, seen = np.kron(np.eye(k)[:, -1:], np.eye(inputs)), np.hstack(list(residues[::-1]))
+            enters, leaves = np.kron(np.eye(k)[:, -1:], np.eye(inputs)), np.hstack(list(residues[::-1]))
             if pole.imag != 0.0:
                 block = np.block([[block.real, -block.imag], [block.imag, block.real]])
-                enters, seen = np.vstack([enters, 0.0 * enters]), np.hstack([2.0 * seen.real, -2.0 * seen.imag])
+                enters, leaves = np.vstack([enters, 0.0 * enters]), np.hstack([2.0 * leaves.real, -2.0 * leaves.imag])
             here = slice(done, done + len(block))
-            A[here, here], B[here], C[:, here] = block.real, enters, seen.real
+            A[here, here], B[here], C[:, here] = block.real, enters, leaves.real
             done += len(block)
         return StateSpace(self.basis @ A @ self.basis.T, self.basis @ B, C @ self.basis.T, self.D)
 
@@ -100,8 +100,8 @@ def test_any_circle_without_poles_has_a_series_and_it_is_the_scaled_systems(draw
     """L_i of G(z / alpha) in the annulus of the circle of radius alpha, equation (3.31)."""
     expected = drawn.laurent(40, 40)
     wide = scaled(drawn.system(), 1.0 / alpha)
-    found = laurent(wide, causal_order=40, noncausal_order=40, radius=alpha)
-    back = alpha ** -found.lags[:, None, None].astype(float) * found.coefficients
+    series = laurent(wide, causal_order=40, noncausal_order=40, radius=alpha)
+    back = alpha ** -series.lags[:, None, None].astype(float) * series.coefficients
     assert_allclose(back, expected, rtol=0, atol=SHARP * np.abs(expected).max())
 
 
@@ -109,7 +109,7 @@ def test_any_circle_without_poles_has_a_series_and_it_is_the_scaled_systems(draw
 @given(fractions(low=0.05))
 def test_reflection_turns_the_series_round_and_swaps_the_radii(drawn):
     system = drawn.system()
-    there, back = (laurent(one, causal_order=30, noncausal_order=30) for one in (system, reflected(system)))
+    there, back = (laurent(plant, causal_order=30, noncausal_order=30) for plant in (system, reflected(system)))
     largest = np.abs(there.coefficients).max()
     assert_allclose(back.coefficients[::-1], there.coefficients, rtol=0, atol=1e-9 * largest)  # A^-1 costs digits
     if system.order:
@@ -182,16 +182,16 @@ def test_theorem_2_needs_its_assumption_that_no_pole_lies_on_the_circle():
 @pytest.mark.parametrize(("plant", "digits"), [(example_3_1(), SHARP), (example_3_2(), 3e-11)], ids=["3.1", "3.2"])
 def test_the_examples_have_the_series_of_two_oracles(plant, digits):
     """Roots of a polynomial of degree 7 are right to 3e-11 of the result, Cauchy's integral is to rounding."""
-    found = laurent(plant.system, causal_order=50, noncausal_order=50).coefficients
-    largest = np.abs(found).max()
-    assert_allclose(found, plant.laurent(50, 50), rtol=0, atol=digits * largest)
-    assert_allclose(found, plant.laurent_by_contour(50, 50), rtol=0, atol=SHARP * largest)
+    coefficients = laurent(plant.system, causal_order=50, noncausal_order=50).coefficients
+    largest = np.abs(coefficients).max()
+    assert_allclose(coefficients, plant.laurent(50, 50), rtol=0, atol=digits * largest)
+    assert_allclose(coefficients, plant.laurent_by_contour(50, 50), rtol=0, atol=SHARP * largest)
 
 
 def test_far_coefficients_keep_their_digits():
     """0.19^100 is 1e-71; example 3.1's partial fractions have closed forms with two roots."""
-    found = laurent(example_3_1().system, causal_order=100, noncausal_order=100).coefficients
-    assert_allclose(found, example_3_1().laurent(100, 100), rtol=1e-12)
+    coefficients = laurent(example_3_1().system, causal_order=100, noncausal_order=100).coefficients
+    assert_allclose(coefficients, example_3_1().laurent(100, 100), rtol=1e-12)
 
 
 def test_examples_3_4_1_and_3_4_2_in_all_their_annuli():
@@ -204,8 +204,8 @@ def test_examples_3_4_1_and_3_4_2_in_all_their_annuli():
         series = np.where(lags == 0, 1.0, 0.0)
         for residue, pole, inner in zip((-1.5, 5.0), (2.0, 3.0), causal, strict=True):
             series += residue * np.where((lags >= 1) == bool(inner), (1 if inner else -1) * pole ** (lags - 1.0), 0.0)
-        found = laurent(G, causal_order=20, noncausal_order=20, radius=radius)
-        assert_allclose(found.coefficients[:, 0, 0], series, rtol=0, atol=1e-13 * np.abs(series).max())
+        expansion = laurent(G, causal_order=20, noncausal_order=20, radius=radius)
+        assert_allclose(expansion.coefficients[:, 0, 0], series, rtol=0, atol=1e-13 * np.abs(series).max())
     stable, unstable = split(transfer_matrix([[[1.0]]], np.poly([0.5, 1.5])))
     assert_allclose([stable.at(2.0)[0, 0], unstable.at(2.0)[0, 0], unstable.at(0.0)[0, 0]], [-2 / 3, 2.0, -2 / 3])
 
@@ -218,14 +218,14 @@ def test_a_factor_z_k_shifts_the_series_whatever_it_makes_improper(drawn, k):
     rng = np.random.default_rng(1)
     numerators = [[rng.standard_normal(len(denominator)) for _ in row] for row in drawn.D]
     plain = laurent(transfer_matrix(numerators, denominator), causal_order=20 + k, noncausal_order=20 + k)
-    ahead = transfer_matrix([[np.pad(one, (0, k)) for one in row] for row in numerators], denominator)
+    ahead = transfer_matrix([[np.pad(numerator, (0, k)) for numerator in row] for row in numerators], denominator)
     behind = transfer_matrix(numerators, np.pad(denominator, (0, k)))
     parts = (plain.coefficients, ahead.polynomial, ahead.proper.D)  # the last two nearly cancel the unstable part's
-    largest = max(np.abs(one).max() for one in parts if one.size)
+    largest = max(np.abs(part).max() for part in parts if part.size)
     for shifted, lag in ((ahead, -k), (behind, k)):
-        found = laurent(shifted, causal_order=20, noncausal_order=20).coefficients
+        coefficients = laurent(shifted, causal_order=20, noncausal_order=20).coefficients
         expected = plain.coefficients[k - lag : len(plain.lags) - k - lag]
-        assert_allclose(found, expected, rtol=0, atol=SHARP * largest)
+        assert_allclose(coefficients, expected, rtol=0, atol=SHARP * largest)
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_a_pole_on_the_circle_is_refused_and_every_radius_offered_works(poles):
     system = transfer_matrix([[[1.0]]], np.poly(poles).real)
     with pytest.raises(InputError, match="poles of magnitude 1, on the circle") as refused:
         laurent(system, causal_order=5, noncausal_order=5)
-    offered = [float(one) for one in re.findall(r"radius=(\S+)", str(refused.value))]
+    offered = [float(number) for number in re.findall(r"radius=(\S+)", str(refused.value))]
     assert len(offered) == 2
     assert offered[0] < 1.0 < offered[1]
     for radius in offered:
@@ -252,9 +252,9 @@ def test_poles_beside_the_circle_are_told_from_it(distance):
 
 def test_annuli_count_multiple_poles_pairs_and_mirrored_ones_once_and_not_zero():
     poles = [0.0, 0.0, 0.5, 0.5, 0.5, -0.5, 0.5j, -0.5j, 2.0, 2.0]
-    found = annuli(transfer_matrix([[[1.0]]], np.poly(poles).real).proper)
-    assert_allclose([one.outer for one in found[:-1]], [0.5, 2.0], rtol=1e-6)
-    assert_allclose([one.inner for one in found], [0.0, 0.5, 2.0], rtol=1e-6)
+    rings = annuli(transfer_matrix([[[1.0]]], np.poly(poles).real).proper)
+    assert_allclose([ring.outer for ring in rings[:-1]], [0.5, 2.0], rtol=1e-6)
+    assert_allclose([ring.inner for ring in rings], [0.0, 0.5, 2.0], rtol=1e-6)
     assert len(annuli(example_3_2_2().plant)) == 7  # 0.5, 0.6, 0.7, 1.6, 1.7, 1.8
     assert annuli(StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[2.0]])) == (
         Annulus(inner=0.0, outer=np.inf),
@@ -285,7 +285,9 @@ def test_a_transfer_matrix_is_what_was_written_and_has_no_state_too_many(drawn):
     ]
     G = transfer_matrix(numerators, np.poly(poles))
     z = np.exp(1j * np.linspace(0.1, 6.0, 5))
-    written = np.array([[np.polyval(one, z) / np.polyval(np.poly(poles), z) for one in row] for row in numerators])
+    written = np.array(
+        [[np.polyval(numerator, z) / np.polyval(np.poly(poles), z) for numerator in row] for row in numerators]
+    )
     assert_allclose(G.at(z), np.moveaxis(written, -1, 0), rtol=0, atol=1e-9 * max(np.abs(written).max(), 1e-3))
     assert G.proper.order == len(poles)
 

@@ -68,21 +68,21 @@ def through(u, by, uncertainty, coefficients=ONE, test=None, chunk=None):
 
 def leverage(motion, causal, noncausal, root):
     """Return |F' phi(k)|^2 the slow way, 0 where phi(k) isn't complete."""
-    found = np.zeros(len(motion))
+    squares = np.zeros(len(motion))
     for k in range(causal, len(motion) - noncausal):
         phi = np.concatenate([motion[k - i] for i in range(-noncausal, causal + 1)])
-        found[k] = phi @ root @ root.T @ phi
-    return found
+        squares[k] = phi @ root @ root.T @ phi
+    return squares
 
 
 def shifts(motion, rows, before):
     """Return the mean of the last rows less that of those before, the slow way."""
-    found = np.zeros(motion.shape)
+    differences = np.zeros(motion.shape)
     for k in range(len(motion)):
         begin = max(k + 1 - rows, 0)
         base = motion[max(begin - before, 0) : begin]
-        found[k] = motion[begin : k + 1].mean(axis=0) - (base.mean(axis=0) if len(base) else 0.0)
-    return found
+        differences[k] = motion[begin : k + 1].mean(axis=0) - (base.mean(axis=0) if len(base) else 0.0)
+    return differences
 
 
 def whitened(motion, coefficients):
@@ -97,7 +97,7 @@ def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_o
     u, size = motion(200), 2 * (causal + noncausal + 1)
     root, coefficients = root_of(size), np.array([1.0, -0.6, 0.2])
     test = Statistic(windows_s=(0.4, 2.0), baseline_s=4.0)
-    found = through(
+    spread = through(
         u,
         operator(np.zeros(size), causal, noncausal),
         known_to(root),
@@ -105,10 +105,10 @@ def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_o
         test,
     )
     white = whitened(slow(u), coefficients)
-    np.testing.assert_allclose(found.raw**2 - 1.0, 2.0 * leverage(slow(u), causal, noncausal, root), rtol=1e-9)
-    np.testing.assert_allclose(found.white**2 - 1.0, 3.0 * leverage(white, causal, noncausal, root), rtol=1e-9)
-    assert list(found.means) == [4, 20]
-    for rows, variance in found.means.items():
+    np.testing.assert_allclose(spread.raw**2 - 1.0, 2.0 * leverage(slow(u), causal, noncausal, root), rtol=1e-9)
+    np.testing.assert_allclose(spread.white**2 - 1.0, 3.0 * leverage(white, causal, noncausal, root), rtol=1e-9)
+    assert list(spread.means) == [4, 20]
+    for rows, variance in spread.means.items():
         expected = 3.0 * leverage(shifts(white, rows, 40), causal, noncausal, root)
         np.testing.assert_allclose(variance, expected, rtol=1e-8, atol=1e-12)
 
@@ -119,8 +119,8 @@ def test_the_spread_draws_the_scatter_of_predictions():
     draws = np.random.default_rng(4).standard_normal((4000, 12)) @ root.T
     still = Record(slow(u), channels=["p", "q"], sample_period_s=0.1)
     scatter = np.std([operator(theta, 3, 2).predict(still)[:, 0] for theta in draws], axis=0)
-    found = through(u, operator(np.zeros(12), 3, 2), ParameterUncertainty(root=root, raw=1.0, white=1.0))
-    np.testing.assert_allclose(np.sqrt(found.raw**2 - 1.0)[3:-2], scatter[3:-2], rtol=0.08)
+    spread = through(u, operator(np.zeros(12), 3, 2), ParameterUncertainty(root=root, raw=1.0, white=1.0))
+    np.testing.assert_allclose(np.sqrt(spread.raw**2 - 1.0)[3:-2], scatter[3:-2], rtol=0.08)
 
 
 @pytest.mark.parametrize("samples", [1, 5, 6, 11, 40, 4096, 4097, 4100, 8192, 8197])
@@ -140,9 +140,9 @@ def test_however_the_rows_come_the_spread_is_the_same(samples, gaps):
     whole = through(u, *given)
     for chunk in (7, 50) if samples > 100 else (1, 2, 3):
         parts = through(u, *given, chunk=chunk)
-        for one, other in zip(arrays(parts), arrays(whole), strict=True):
-            assert len(one) == len(other) == samples
-            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+        for values, other in zip(arrays(parts), arrays(whole), strict=True):
+            assert len(values) == len(other) == samples
+            np.testing.assert_allclose(values, other, rtol=1e-9, atol=1e-12)
 
 
 def arrays(spread):
@@ -167,9 +167,9 @@ def test_the_spread_stands_on_nothing_beyond_its_look_ahead(causal, noncausal, m
     whole = arrays(through(u, *given))
     for cut in (*range(1, 40), *range(41, 120, 7)):
         known = max(cut - HALF - noncausal, 0)
-        for one, other in zip(arrays(through(u[:cut], *given)), whole, strict=True):
-            assert len(one) == cut
-            np.testing.assert_allclose(one[:known], other[:known], rtol=1e-9, atol=1e-12)
+        for values, other in zip(arrays(through(u[:cut], *given)), whole, strict=True):
+            assert len(values) == cut
+            np.testing.assert_allclose(values[:known], other[:known], rtol=1e-9, atol=1e-12)
 
 
 def test_a_derivative_takes_one_sample_more():
@@ -188,8 +188,8 @@ def test_a_derivative_takes_one_sample_more():
     assert whole[0].max() > 1.5
     for cut in range(20, 200, 5):
         known = cut - HALF - 2 - 1
-        for one, other in zip(spread(cut), whole, strict=True):
-            np.testing.assert_allclose(one[:known], other[:known], rtol=1e-9, atol=1e-12)
+        for values, other in zip(spread(cut), whole, strict=True):
+            np.testing.assert_allclose(values[:known], other[:known], rtol=1e-9, atol=1e-12)
 
 
 def test_a_stream_remembers_no_more_after_much_than_after_little():
@@ -207,16 +207,16 @@ def test_a_stream_remembers_no_more_after_much_than_after_little():
 def test_rows_that_no_complete_window_tells_of_have_a_spread_of_one(gap):
     u = motion(60)
     u[gap, 1] = np.nan
-    found = through(u, operator(np.zeros(12), 3, 2), known_to(root_of(12)))
+    spread = through(u, operator(np.zeros(12), 3, 2), known_to(root_of(12)))
     there = np.isfinite(operator(np.zeros(12), 3, 2).predict(Record(u, channels=["p", "q"], sample_period_s=0.1))[:, 0])
-    assert (found.raw[~there] == 1.0).all()
-    assert (found.raw[there] > 1.0).all()
+    assert (spread.raw[~there] == 1.0).all()
+    assert (spread.raw[there] > 1.0).all()
 
 
 @pytest.mark.parametrize("samples", [0, 1, 5])
 def test_a_record_shorter_than_a_window_has_a_spread_of_one(samples):
-    found = through(motion(samples), operator(np.zeros(12), 3, 2), known_to(root_of(12)))
-    assert found.raw.tolist() == found.white.tolist() == [1.0] * samples
+    spread = through(motion(samples), operator(np.zeros(12), 3, 2), known_to(root_of(12)))
+    assert spread.raw.tolist() == spread.white.tolist() == [1.0] * samples
 
 
 def frequency_response(frequency):
@@ -229,9 +229,9 @@ def frequency_response(frequency):
 
 @pytest.mark.parametrize("frequency", [0.0, 0.01, 0.03, 0.05])
 def test_slow_motion_passes_without_delay(frequency):
-    found = frequency_response(frequency)
-    assert abs(found) == pytest.approx(1.0, abs=0.15)
-    assert np.angle(found) == pytest.approx(0.0, abs=1e-9)
+    response = frequency_response(frequency)
+    assert abs(response) == pytest.approx(1.0, abs=0.15)
+    assert np.angle(response) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.3, 0.4, 0.5])
@@ -313,7 +313,7 @@ def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
         scaled = test.scores(error, error / spread.white, 0.01, tolerance)
         known = test.scores(error, error, 0.01, tolerance, spread)
         greatest.append(np.nanmax(scaled[0].values))
-        judged.append([np.nanmax(one.values) for one in known])
+        judged.append([np.nanmax(score.values) for score in known])
     assert np.median(greatest) > 20.0  # samples over their spread alone: most draws would alarm
     assert np.quantile(judged, 0.9, axis=0).max() < 12.0
     windows = shifts(np.array(drawn).T, 64, 200)[300:1400]
@@ -327,9 +327,9 @@ def test_a_shift_in_known_motion_alarms_as_without_doubt():
     still = Record(np.zeros((1500, 2)), channels=["p", "q"], sample_period_s=0.01)
     uncertainty = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0)
     spread = uncertainty.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
-    for one, other in zip(
+    for score, other in zip(
         test.scores(noise, shifted, 0.01, Tolerance()),
         test.scores(noise, shifted, 0.01, Tolerance(), spread),
         strict=True,
     ):
-        np.testing.assert_array_equal(one.values, other.values)
+        np.testing.assert_array_equal(score.values, other.values)

@@ -74,11 +74,11 @@ def rounding(record):
 @given(attitude=ATTITUDES, period_s=st.sampled_from([0.01, 0.04]))
 def test_rates_from_the_attitude_are_exact_to_the_error_of_the_central_difference(attitude, period_s):
     record = exact(attitude, period_s)
-    found = derive(record, ["p_att", "q_att", "r_att"])
+    derived = derive(record, ["p_att", "q_att", "r_att"])
     phi, theta, psi = (period_s**2 / 6.0 * wave.third for wave in attitude)
     bounds = {"p": phi + psi, "q": theta + psi, "r": theta + psi}
     for gyro, bound in bounds.items():
-        error = np.abs(found[f"{gyro}_att"] - record[gyro])
+        error = np.abs(derived[f"{gyro}_att"] - record[gyro])
         assert np.isnan(error[[0, -1]]).all()
         assert error[1:-1].max() <= bound + rounding(record)
 
@@ -89,13 +89,13 @@ def test_rates_from_the_attitude_are_exact_to_the_error_of_the_central_differenc
 )
 def test_without_heading_the_yaw_gyro_stands_in_for_it(attitude, period_s):
     record = exact(attitude, period_s)
-    found = derive(record, ["p_turn", "q_turn"])
+    derived = derive(record, ["p_turn", "q_turn"])
     roll, pitch, _ = (period_s**2 / 6.0 * wave.third + rounding(record) for wave in attitude)
     phi, theta = (np.deg2rad(record[name]) for name in ("phi", "theta"))
     q_bound = pitch / np.cos(phi)
     p_bound = roll + np.abs(np.tan(theta) * np.sin(phi)) * q_bound
     for gyro, bound in (("q", q_bound), ("p", p_bound)):
-        error = np.abs(found[f"{gyro}_turn"] - record[gyro])
+        error = np.abs(derived[f"{gyro}_turn"] - record[gyro])
         assert (error[1:-1] <= bound[1:-1] + rounding(record)).all()
 
 
@@ -125,7 +125,7 @@ def flight():
 def test_on_a_real_flight_the_attitude_gives_the_true_rates(flight):
     # a central difference is the mean of the slope over two periods: between the slope's least and greatest value
     # there, where the flight's integrator (second order) takes in the sample before
-    found = derive(flight, ["p_att", "q_att", "r_att"])
+    derived = derive(flight, ["p_att", "q_att", "r_att"])
     phi, theta = (np.deg2rad(flight[name]) for name in ("phi", "theta"))
     p, q, r = (flight[name] for name in "pqr")
     psi_rate = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
@@ -136,15 +136,15 @@ def test_on_a_real_flight_the_attitude_gives_the_true_rates(flight):
     }
 
     def spread(values):
-        seen = np.lib.stride_tricks.sliding_window_view(values, 4)  # k-2..k+1
+        windows = np.lib.stride_tricks.sliding_window_view(values, 4)  # k-2..k+1
         bound = np.full(len(values), np.nan)
-        bound[2:-1] = np.abs(seen - values[2:-1, np.newaxis]).max(axis=1)
+        bound[2:-1] = np.abs(windows - values[2:-1, np.newaxis]).max(axis=1)
         return bound
 
     free = {name: spread(values) for name, values in slopes.items()}
     bounds = {"p": free["phi"] + free["psi"], "q": free["theta"] + free["psi"], "r": free["psi"] + free["theta"]}
     for gyro, bound in bounds.items():
-        error = np.abs(found[f"{gyro}_att"] - flight[gyro])
+        error = np.abs(derived[f"{gyro}_att"] - flight[gyro])
         assert (error[2:-1] <= bound[2:-1] + 1e-6).all()
         assert np.nanmean(np.square(error)) < 0.1 * gb.CHANNELS[gyro].noise ** 2  # 5 % more noise to a real gyro
 
@@ -174,13 +174,13 @@ def steady(turn, phi, theta, alpha, beta, tas):
 )
 def test_the_yaw_rate_of_a_steady_turn_follows_from_lateral_acceleration(turn, phi, theta, alpha, beta, tas):
     record = steady(turn, phi, theta, alpha, beta, tas)
-    found = derive(record, ["r_lat", "q_lat", "p_lat"]).values[2, -3:]
+    rates = derive(record, ["r_lat", "q_lat", "p_lat"]).values[2, -3:]
     # bank stands still, so what is left out is the roll rate of a turn with the nose up: p tan alpha
     left_out = record["p"][0] * np.tan(np.deg2rad(alpha))
-    assert found[0] == pytest.approx(record["r"][0] - left_out, rel=1e-9, abs=1e-9)
+    assert rates[0] == pytest.approx(record["r"][0] - left_out, rel=1e-9, abs=1e-9)
     bank, pitch = np.deg2rad(phi), np.deg2rad(theta)
     q, p = record["q"][0] - left_out * np.tan(bank), record["p"][0] + left_out * np.tan(pitch) / np.cos(bank)
-    np.testing.assert_allclose(found[1:], [q, p], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rates[1:], [q, p], rtol=1e-9, atol=1e-9)
 
 
 def test_wings_level_a_force_to_the_right_turns_to_the_right():
@@ -196,12 +196,12 @@ def test_wings_level_a_force_to_the_right_turns_to_the_right():
 def test_on_a_real_flight_lateral_acceleration_balances():
     # in still air: r_lat = r + v'/u + (phi' - p) tan alpha, but for gravity (0.3 % over the earth) and the derivative
     flight = gb.fly("gtm", "multisine", 30, seed=4)
-    found = derive(flight, ["r_lat", "phi_rate"])
+    derived = derive(flight, ["r_lat", "phi_rate"])
     angle = {name: np.deg2rad(flight[name]) for name in ("alpha", "beta", "phi", "theta")}
     u = flight["tas"] * KT * np.cos(angle["alpha"]) * np.cos(angle["beta"])
     slip = np.gradient(flight["tas"] * KT * np.sin(angle["beta"]), 0.01)
-    expected = flight["r"] + np.rad2deg(slip / u) + (found["phi_rate"] - flight["p"]) * np.tan(angle["alpha"])
-    error = (found["r_lat"] - expected)[2:-2]
+    expected = flight["r"] + np.rad2deg(slip / u) + (derived["phi_rate"] - flight["p"]) * np.tan(angle["alpha"])
+    error = (derived["r_lat"] - expected)[2:-2]
     gravity = 0.005 * np.rad2deg(G / u.min()) * np.abs(np.sin(angle["phi"])).max()
     derivative = np.abs(np.diff(np.rad2deg(slip / u))).max()
     assert np.abs(error).max() < gravity + derivative
@@ -233,12 +233,12 @@ def test_a_missing_sample_spoils_its_neighbours_only(name):
     for raw in raw_needs(name):
         gap = np.array(record[raw])
         gap[17] = np.nan
-        found = derive(record.replace(raw, gap), [name])[name]
-        spoilt = np.flatnonzero(np.isnan(found[1:-1])) + 1
+        derived = derive(record.replace(raw, gap), [name])[name]
+        spoilt = np.flatnonzero(np.isnan(derived[1:-1])) + 1
         assert 0 < len(spoilt) <= 3
         assert set(spoilt) <= {16, 17, 18}
-        kept = ~np.isnan(found)
-        np.testing.assert_array_equal(found[kept], whole[kept])
+        kept = ~np.isnan(derived)
+        np.testing.assert_array_equal(derived[kept], whole[kept])
 
 
 @pytest.mark.parametrize("name", PSEUDO_INPUTS)
@@ -273,18 +273,18 @@ def test_other_channels_and_times_stay_bit_for_bit():
         sample_period_s=0.02,
         start_s=7.0,
     )
-    found = derive(given, ["q_lat", "p_att", "phi"])  # somebody's own p_att, and a channel, are left as they are
-    assert found.channels == (*given.channels, "q_lat")
-    np.testing.assert_array_equal(found.values[:, :-1], given.values)
-    np.testing.assert_array_equal(found.time_s, given.time_s)
+    derived = derive(given, ["q_lat", "p_att", "phi"])  # somebody's own p_att, and a channel, are left as they are
+    assert derived.channels == (*given.channels, "q_lat")
+    np.testing.assert_array_equal(derived.values[:, :-1], given.values)
+    np.testing.assert_array_equal(derived.time_s, given.time_s)
     assert derive(given, ["p_att"]) is given
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2])
 def test_a_record_without_three_samples_has_no_derivative(samples):
-    found = derive(sensors(samples), list(PSEUDO_INPUTS))
-    assert len(found) == samples
-    assert np.isnan(found.matrix(list(PSEUDO_INPUTS))).all()
+    derived = derive(sensors(samples), list(PSEUDO_INPUTS))
+    assert len(derived) == samples
+    assert np.isnan(derived.matrix(list(PSEUDO_INPUTS))).all()
 
 
 def test_an_operator_takes_a_pseudo_input_like_a_channel(flight):

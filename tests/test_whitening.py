@@ -43,31 +43,31 @@ def test_the_coefficients_solve_the_yule_walker_equations():
         sum((x[i:] - x.mean()) @ (x[: len(x) - i] - x.mean()) for x in parts) / 1500 for i in range(7)
     ]  # each record about its own mean
     taps = np.linalg.solve(toeplitz(covariance[:-1]), covariance[1:])
-    found = fit_whitener(parts, order=6)
-    np.testing.assert_allclose(found.coefficients, [1.0, *-taps], rtol=1e-9)
-    assert found.mean == pytest.approx(mean)
-    assert found.deviation == pytest.approx(np.sqrt(covariance[0] - taps @ covariance[1:]), rel=1e-9)
+    whitener = fit_whitener(parts, order=6)
+    np.testing.assert_allclose(whitener.coefficients, [1.0, *-taps], rtol=1e-9)
+    assert whitener.mean == pytest.approx(mean)
+    assert whitener.deviation == pytest.approx(np.sqrt(covariance[0] - taps @ covariance[1:]), rel=1e-9)
 
 
 def test_whitening_is_the_sum_written_out():
-    found = fit_whitener([coloured(2000)], order=4)
+    whitener = fit_whitener([coloured(2000)], order=4)
     e = coloured(50, seed=9)
     expected = [
-        sum(a * (e[k - i] - found.mean) for i, a in enumerate(found.coefficients)) / found.deviation
+        sum(a * (e[k - i] - whitener.mean) for i, a in enumerate(whitener.coefficients)) / whitener.deviation
         for k in range(4, 50)
     ]
-    white = found.whiten(e)
+    white = whitener.whiten(e)
     assert np.isnan(white[:4]).all()
     np.testing.assert_allclose(white[4:], expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("order", [0, 1, 7])
 def test_a_missing_sample_spoils_the_order_and_one(order):
-    found = fit_whitener([coloured(2000)], order=order)
+    whitener = fit_whitener([coloured(2000)], order=order)
     e = coloured(100, seed=9)
-    whole = found.whiten(e)
+    whole = whitener.whiten(e)
     e[[40, 90]] = np.nan
-    white = found.whiten(e)
+    white = whitener.whiten(e)
     spoilt = np.zeros(100, dtype=bool)
     spoilt[:order] = True
     spoilt[40 : 40 + order + 1] = True
@@ -77,16 +77,16 @@ def test_a_missing_sample_spoils_the_order_and_one(order):
 
 
 def test_gaps_part_a_record_into_stretches():
-    one, other = (x - x.mean() for x in (coloured(3000, seed=1), coloured(2000, seed=2)))
-    joined = np.concatenate([[np.nan], one, [np.nan, np.nan], other, [np.nan]])
-    apart, together = fit_whitener([one, other], order=8), fit_whitener([joined], order=8)
+    series, other = (x - x.mean() for x in (coloured(3000, seed=1), coloured(2000, seed=2)))
+    joined = np.concatenate([[np.nan], series, [np.nan, np.nan], other, [np.nan]])
+    apart, together = fit_whitener([series, other], order=8), fit_whitener([joined], order=8)
     np.testing.assert_allclose(apart.coefficients, together.coefficients, rtol=0, atol=1e-12)
     assert apart.deviation == pytest.approx(together.deviation, rel=1e-12)
 
 
 def test_a_bias_that_differs_from_record_to_record_is_no_noise():
-    one, other = coloured(3000, seed=1), coloured(2000, seed=2)
-    here, there = fit_whitener([one, other], order=8), fit_whitener([one + 5.0, other - 7.0], order=8)
+    series, other = coloured(3000, seed=1), coloured(2000, seed=2)
+    here, there = fit_whitener([series, other], order=8), fit_whitener([series + 5.0, other - 7.0], order=8)
     np.testing.assert_allclose(there.coefficients, here.coefficients, rtol=0, atol=1e-12)
     assert there.mean == pytest.approx(here.mean + (5.0 * 3000 - 7.0 * 2000) / 5000, abs=1e-12)
 
@@ -135,15 +135,15 @@ def residuals(kind, samples, seed):
 )
 def test_the_model_is_stable_whatever_it_is_fitted_to(kind, order, seed):
     given_ = residuals(kind, 400, seed)
-    found = fit_whitener([given_], order=order)
-    assert found.deviation > 0.0
-    roots = np.roots(found.coefficients)
+    whitener = fit_whitener([given_], order=order)
+    assert whitener.deviation > 0.0
+    roots = np.roots(whitener.coefficients)
     assert np.abs(roots).max(initial=0.0) < 1.0
-    assert np.isfinite(found.whiten(given_)[order:]).all()
+    assert np.isfinite(whitener.whiten(given_)[order:]).all()
 
 
 def test_whitening_undoes_the_model_it_states():
-    found = Whitener(coefficients=np.array(AR2), mean=5.0, deviation=3.0)
+    whitener = Whitener(coefficients=np.array(AR2), mean=5.0, deviation=3.0)
     innovations = np.random.default_rng(1).standard_normal(1000)
     e = 5.0 + 3.0 * lfilter([1.0], AR2, innovations)
-    np.testing.assert_allclose(found.whiten(e)[2:], innovations[2:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(whitener.whiten(e)[2:], innovations[2:], rtol=0, atol=1e-9)
