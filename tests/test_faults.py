@@ -26,8 +26,8 @@ class Crosstalk(Fault):
     source: str = other_channel()
     slope: float = severity(per_second=True)
 
-    def distort(self, seen, elapsed_s, sample_period_s, carried):
-        return seen[:, 0] + self.slope * sample_period_s * seen[:, 1], None
+    def distort(self, readings, elapsed_s, sample_period_s, carried):
+        return readings[:, 0] + self.slope * sample_period_s * readings[:, 1], None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +37,8 @@ class BiasStep(Fault):
     kind: ClassVar[str] = "bias_step"
     size: float = severity(per_second=False)
 
-    def distort(self, seen, elapsed_s, sample_period_s, carried):
-        return seen[:, 0] + self.size, None
+    def distort(self, readings, elapsed_s, sample_period_s, carried):
+        return readings[:, 0] + self.size, None
 
 
 FAULTS = {**faults.FAULTS, "crosstalk": Crosstalk, "bias_step": BiasStep}
@@ -65,8 +65,8 @@ def fault(kind, *, onset_s=ONSET_S, duration_s=DURATION_S, channel="q"):
 
 def streamed(broken, record):
     step = broken.stream(record.sample_period_s)
-    seen = record.matrix(broken.reads)
-    return [step(time, sample) for time, sample in zip(record.time_s, seen, strict=True)]
+    readings = record.matrix(broken.reads)
+    return [step(time, sample) for time, sample in zip(record.time_s, readings, strict=True)]
 
 
 @every_kind
@@ -119,13 +119,13 @@ def test_the_streaming_form_agrees_with_the_array_form(kind, onset_s, missing):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_fault_is_the_same_in_whatever_stretches_it_is_taken(kind, seed):
     broken, record = fault(kind, duration_s=None), flight(missing=(200, 260))
-    seen = record.matrix(broken.reads)[ACTIVE.start :]
+    readings = record.matrix(broken.reads)[ACTIVE.start :]
     elapsed_s = record.time_s[ACTIVE.start :] - ONSET_S
-    cuts = np.sort(np.random.default_rng(seed).integers(0, len(seen), 12))
+    cuts = np.sort(np.random.default_rng(seed).integers(0, len(readings), 12))
     carried = broken.begin(record.matrix(broken.reads)[ACTIVE.start - 1])
     pieces = []
-    for rows in np.split(np.arange(len(seen)), cuts):
-        piece, carried = broken.distort(seen[rows], elapsed_s[rows], PERIOD_S, carried)
+    for rows in np.split(np.arange(len(readings)), cuts):
+        piece, carried = broken.distort(readings[rows], elapsed_s[rows], PERIOD_S, carried)
         pieces.append(piece)
     np.testing.assert_array_equal(np.concatenate(pieces), broken.array(record)[ACTIVE.start :])
 
@@ -278,8 +278,8 @@ def test_faults_on_different_channels_dont_meet():
     faults = [fault("jam", channel="p"), fault("drift", channel="r")]
     both = inject(record, faults)
     np.testing.assert_array_equal(both.values, inject(record, faults[::-1]).values)
-    for one in faults:
-        np.testing.assert_array_equal(both[one.channel], inject(record, one)[one.channel])
+    for alone in faults:
+        np.testing.assert_array_equal(both[alone.channel], inject(record, alone)[alone.channel])
     np.testing.assert_array_equal(inject(record, []).values, record.values)
 
 

@@ -103,18 +103,18 @@ def test_a_jump_that_is_named_is_taken():
 
 def quotient(numerator, denominator, count):
     """Return the first coefficients of a quotient of power series, exactly."""
-    found = []
+    coefficients = []
     for i in range(count):
-        known = sum(denominator[i - j] * found[j] for j in range(i) if i - j < len(denominator))
-        found.append((numerator[i] - known if i < len(numerator) else -known) / denominator[0])
-    return found
+        known = sum(denominator[i - j] * coefficients[j] for j in range(i) if i - j < len(denominator))
+        coefficients.append((numerator[i] - known if i < len(numerator) else -known) / denominator[0])
+    return coefficients
 
 
 def polynomial(*roots):
-    found = [Fraction(1)]
+    coefficients = [Fraction(1)]
     for root in roots:
-        found = [a - Fraction(root) * b for a, b in zip([*found, 0], [0, *found], strict=True)]
-    return found
+        coefficients = [a - Fraction(root) * b for a, b in zip([*coefficients, 0], [0, *coefficients], strict=True)]
+    return coefficients
 
 
 def test_without_nonlinearities_the_markov_parameters_are_those_of_6_33():
@@ -131,8 +131,8 @@ def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_
     first, second = companion([1.0, -2.0], [1.0, -0.5]), companion([1.0, 0.0], [1.0, 0.3])
     u = np.random.default_rng(4).standard_normal((200_000, 1))
     record = Record(np.hstack([first.simulate(u), second.simulate(u)]), channels=["a", "b"], sample_period_s=1.0)
-    found = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
-    np.testing.assert_allclose(found, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
+    estimate = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
+    np.testing.assert_allclose(estimate, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
 
 
 @pytest.mark.parametrize("name", ["6.5.1", "6.5.2", "6.5.4"])
@@ -147,8 +147,8 @@ def test_simulated_estimates_scatter_as_the_covariance_says(name):
     u = pair.density.rvs((runs, length + 60), random_state=np.random.default_rng(1))
     y1, y2 = lfilter([1.0], [1.0, -0.4], pair.first(u)), lfilter([1.0, 0.5], [1.0, -0.4], pair.second(u))
     squares = 0.0
-    for one in zip(y1[:, 60:], y2[:, 60:], strict=True):
-        record = Record(np.column_stack(one), channels=["a", "b"], sample_period_s=1.0)
+    for outputs in zip(y1[:, 60:], y2[:, 60:], strict=True):
+        record = Record(np.column_stack(outputs), channels=["a", "b"], sample_period_s=1.0)
         off = siso(record, None, 1, 0, ["a"], ["b"]).markov[:, 0, 0] - pair.scale * np.array([1.0, 0.5])
         squares += off @ inverse @ off
     low, high = chi2.ppf([RARE, 1.0 - RARE], 2 * runs)
@@ -157,13 +157,13 @@ def test_simulated_estimates_scatter_as_the_covariance_says(name):
 
 def test_normalised_markov_parameters_know_the_nonlinearities_by_their_correlation_only():
     theta = without_nonlinearities(FIRST, SECOND, 12)
-    seen = []
+    ratios = []
     for pair in PAIRS.values():
         relative = covariance(pair, FIRST, SECOND, 12) / np.outer(theta, theta) / pair.scale**2
         ratio = relative - relative[0] - relative[:, :1] + relative[0, 0]
-        seen.append(ratio / (1.0 / pair.correlation**2 - 1.0))
-    for one in seen[1:]:
-        np.testing.assert_allclose(one, seen[0], rtol=1e-9, atol=1e-9 * np.abs(seen[0]).max())
+        ratios.append(ratio / (1.0 / pair.correlation**2 - 1.0))
+    for other in ratios[1:]:
+        np.testing.assert_allclose(other, ratios[0], rtol=1e-9, atol=1e-9 * np.abs(ratios[0]).max())
 
 
 def test_systems_that_arent_stationary_or_are_nothing_are_refused():

@@ -48,16 +48,16 @@ def test_one_block_is_soft_thresholding():
     gamma = 0.7 * np.linalg.norm(singular)
     fall = brentq(lambda t: np.linalg.norm(np.minimum(singular, t)) - gamma, 0.0, singular[0])
     expected = left @ np.diag(np.maximum(singular - fall, 0.0)) @ right
-    found = nuclear_norm_path([np.ones((4, 3)), block], [gamma]).markov[0]
-    np.testing.assert_allclose(found[1], expected, atol=1e-5)
-    np.testing.assert_array_equal(found[0], np.ones((4, 3)))  # H_0 isn't in the matrix
+    markov = nuclear_norm_path([np.ones((4, 3)), block], [gamma]).markov[0]
+    np.testing.assert_allclose(markov[1], expected, atol=1e-5)
+    np.testing.assert_array_equal(markov[0], np.ones((4, 3)))  # H_0 isn't in the matrix
 
 
 def test_no_point_of_the_ball_is_better_and_larger_balls_are_no_worse():
     data, gammas = noisy(), [0.01, 0.05, 0.1, 0.3]
     path = nuclear_norm_path(data, gammas[::-1])
     np.testing.assert_array_equal(path.gammas, gammas)
-    norms = [nuclear(one) for one in path.markov]
+    norms = [nuclear(markov) for markov in path.markov]
     assert nuclear(data) > norms[0] > norms[1] > norms[2] > norms[3]
     rng = np.random.default_rng(3)
     for gamma, best, norm in zip(gammas, path.markov[:, 1:, 0, 0], norms, strict=True):
@@ -98,21 +98,21 @@ def test_the_optimum_follows_units_signs_and_turned_signals(shape):
         (1.0, lambda x: P @ x @ Q),
         (1.0, lambda x: x.transpose(0, 2, 1)),
     ):
-        found = nuclear_norm_path(turn(data), [factor * 0.1]).markov[0]
-        np.testing.assert_allclose(found, turn(best), rtol=0, atol=2e-5 * factor)
+        optimum = nuclear_norm_path(turn(data), [factor * 0.1]).markov[0]
+        np.testing.assert_allclose(optimum, turn(best), rtol=0, atol=2e-5 * factor)
 
 
 def random_plant(rng, states, shape, count):
     """Return H_0.. of a random minimal plant: residues of rank 1 at poles of magnitude 0.2..0.9."""
-    found, left = np.zeros((count, *shape)), states
+    markov, left = np.zeros((count, *shape)), states
     while left:
         pair = left > 1 and rng.random() < 0.5
         pole = rng.uniform(0.2, 0.9) * (np.exp(1j * rng.uniform(0.1, 3.0)) if pair else rng.choice([-1.0, 1.0]))
         ends = [rng.standard_normal(side) + 1j * pair * rng.standard_normal(side) for side in shape]
         powers = pole ** np.arange(count - 1.0)
-        found[1:] += (1 + pair) * np.real(powers[:, np.newaxis, np.newaxis] * np.outer(*ends))
+        markov[1:] += (1 + pair) * np.real(powers[:, np.newaxis, np.newaxis] * np.outer(*ends))
         left -= 1 + pair
-    return found
+    return markov
 
 
 def trials(shape, plants, seed=7):
@@ -120,7 +120,7 @@ def trials(shape, plants, seed=7):
 
     Errors of neighbouring lags are correlated by 0, 0.5, 0.9 or -0.9.
     """
-    count, found = 16 if shape == (1, 1) else 8, []
+    count, rows = 16 if shape == (1, 1) else 8, []
     for plant in range(plants):
         rng = np.random.default_rng([seed, plant])
         states = int(rng.integers(1, 6))
@@ -130,8 +130,8 @@ def trials(shape, plants, seed=7):
         between = rng.choice([0.0, 0.5, 0.9, -0.9]) ** np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
         noise = np.tensordot(np.linalg.cholesky(between), rng.standard_normal((count, *shape)), 1)
         data = exact + error * noise / np.sqrt(exact[1:].size)
-        found.append((states, nuclear_norm_path(data, error * np.array([1.0, 2.0, 4.0])).order(error), ratio))
-    return np.array(found).T
+        rows.append((states, nuclear_norm_path(data, error * np.array([1.0, 2.0, 4.0])).order(error), ratio))
+    return np.array(rows).T
 
 
 @pytest.mark.parametrize(

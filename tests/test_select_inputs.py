@@ -27,9 +27,9 @@ def chosen(record, **changes):
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("outputs", [["y"], ["z"], ["y", "z"]])
 def test_the_inputs_that_made_the_data_are_chosen_among_decoys(seed, outputs):
-    found = chosen(decoyed(seed), outputs=outputs)
-    assert found.inputs == ("c", "a")
-    assert found.reason.startswith("c, a: the least BIC of the steps 0..4 is that of step 2")
+    choice = chosen(decoyed(seed), outputs=outputs)
+    assert choice.inputs == ("c", "a")
+    assert choice.reason.startswith("c, a: the least BIC of the steps 0..4 is that of step 2")
 
 
 def test_every_step_is_what_a_separate_identification_finds(grams):
@@ -56,24 +56,24 @@ def test_units_and_order_of_the_candidates_dont_change_the_inputs():
 
 
 def test_no_more_inputs_than_allowed_are_chosen():
-    found = chosen(decoyed(1), most=1)
-    assert found.inputs == ("c",)
-    assert len(found.table) == 1
-    assert "the most that were allowed" in found.reason
+    choice = chosen(decoyed(1), most=1)
+    assert choice.inputs == ("c",)
+    assert len(choice.table) == 1
+    assert "the most that were allowed" in choice.reason
 
 
 def test_where_no_candidate_helps_none_is_chosen():
-    found = chosen(decoyed(1), candidates=["b"], outputs=["y"])
-    assert found.inputs == ()
-    assert found.reason == "no candidate lowers the BIC: none of b predicts y"
+    choice = chosen(decoyed(1), candidates=["b"], outputs=["y"])
+    assert choice.inputs == ()
+    assert choice.reason == "no candidate lowers the BIC: none of b predicts y"
 
 
 def test_a_copy_of_an_input_adds_nothing():
     record = decoyed(1)
     copied = record.replace("b", 2.0 * record["c"])
-    found = chosen(copied)
-    assert set(found.inputs) in ({"a", "b"}, {"a", "c"})
-    assert found.table["gain"].iloc[-1] == pytest.approx(1.0, abs=1e-9)
+    choice = chosen(copied)
+    assert set(choice.inputs) in ({"a", "b"}, {"a", "c"})
+    assert choice.table["gain"].iloc[-1] == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
