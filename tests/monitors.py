@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 from filelock import FileLock
-from gtmbench.kept import kept
 
 import gtmbench as gb
+from gtmbench.artefacts import artefacts
 
 NAMES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas")
 NOISE = (0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06)
@@ -51,9 +51,9 @@ def monitor(bank="C"):
 
 def shared(name, make):
     """Return a monitor that is calibrated once a session: its processes share its file."""
-    if kept().flights is None:  # there is one process
+    if artefacts().flights is None:  # there is one process
         return make()
-    path = kept().flights / f"{name}.json"
+    path = artefacts().flights / f"{name}.json"
     path.parent.mkdir(mode=0o700, exist_ok=True)
     with FileLock(path.with_suffix(".lock")):
         if not path.is_file():

@@ -17,7 +17,7 @@ from gtmbench.record import Record
 PERIOD_S = 0.04
 
 
-def estimate_of(records, by, scale=None):
+def found_on(records, by, scale=None):
     """Return an operator of a bank's residual, F of its covariance F F', its noise variance and the prior's scale."""
     operator, scale = identified(records, by, Bayesian(), scale=scale)
     root, (variance,) = operator.covariance_root(by.output), operator.noise_variance
@@ -44,8 +44,8 @@ def made(theta, u, names, output="p", noise=0.0, seed=5, start_s=0.0):
     return Record(np.column_stack([y, u]), channels=[output, *names], sample_period_s=PERIOD_S, start_s=start_s)
 
 
-def predicts(estimate, record, output="p"):
-    return estimate.operator.predict(record)[:, 0], record[output]
+def predicts(fit, record, output="p"):
+    return fit.operator.predict(record)[:, 0], record[output]
 
 
 PLANT = np.array([[0.1, -0.3], [0.4, 0.2], [0.9, 0.5], [0.3, -0.1], [-0.2, 0.0]])
@@ -54,18 +54,18 @@ PLANT = np.array([[0.1, -0.3], [0.4, 0.2], [0.9, 0.5], [0.3, -0.1], [-0.2, 0.0]]
 def test_much_rich_motion_gives_what_least_squares_give_and_the_plant():
     by = spec(output="r", inputs=("p", "beta"))
     record = made(PLANT, wander(20_000, 2, seed=1), ["p", "beta"], output="r", noise=0.1)
-    estimate = estimate_of([record], by)
+    fit = found_on([record], by)
     plain = identify(record, inputs=["p", "beta"], outputs=["r"], causal_order=2, noncausal_order=2)
     fresh = made(PLANT, wander(3000, 2, seed=2), ["p", "beta"], output="r")
-    predicted, truth = predicts(estimate, fresh, "r")
+    predicted, truth = predicts(fit, fresh, "r")
     there = slice(2, -2)
     assert np.std((predicted - truth)[there]) < 0.02 * np.std(truth)
     assert np.std((predicted - plain.predict(fresh)[:, 0])[there]) < 0.02 * np.std(truth)
     for i in range(2):  # gains at rest, over their standard error
         ones = np.zeros(10)
         ones[i::2] = 1.0
-        deviation = np.linalg.norm(ones @ estimate.root)
-        assert abs(estimate.operator.markov[:, 0, i].sum() - PLANT[:, i].sum()) < 4.0 * deviation < 0.1
+        deviation = np.linalg.norm(ones @ fit.root)
+        assert abs(fit.operator.markov[:, 0, i].sum() - PLANT[:, i].sum()) < 4.0 * deviation < 0.1
 
 
 def test_parameters_drawn_from_the_prior_lie_as_far_off_as_the_covariance_says():
@@ -76,9 +76,9 @@ def test_parameters_drawn_from_the_prior_lie_as_far_off_as_the_covariance_says()
         theta[2] += 0.01 * random.standard_normal()
         theta += 0.05 * random.standard_normal() / PERIOD_S * np.array([0.0, 0.5, 0.0, -0.5, 0.0])
         record = made(theta[:, np.newaxis], 3.0 * wander(800, 1, seed), ["p_att"], noise=0.05, seed=seed)
-        estimate = estimate_of([record], spec())
-        variances.append(estimate.variance)
-        squares.append(np.square(np.linalg.solve(estimate.root, estimate.operator.markov[:, 0, 0] - theta)))
+        fit = found_on([record], spec())
+        variances.append(fit.variance)
+        squares.append(np.square(np.linalg.solve(fit.root, fit.operator.markov[:, 0, 0] - theta)))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
     slow_share = np.mean(np.square(slow(np.random.default_rng(1).standard_normal((20_000, 1)))))
     assert np.median(variances) == pytest.approx(slow_share * 0.05**2, rel=0.2)
@@ -87,12 +87,12 @@ def test_parameters_drawn_from_the_prior_lie_as_far_off_as_the_covariance_says()
 @pytest.mark.parametrize("size", [0.001, 0.1, 10.0])
 def test_a_sensor_at_rest_keeps_its_gain_however_noisy_its_attitude_is(size):
     noise = np.random.default_rng(3).standard_normal((800, 2)) * [0.1, size]
-    estimate = estimate_of([Record(noise, channels=["p", "p_att"], sample_period_s=PERIOD_S)], spec())
-    markov = estimate.operator.markov[:, 0, 0]
+    fit = found_on([Record(noise, channels=["p", "p_att"], sample_period_s=PERIOD_S)], spec())
+    markov = fit.operator.markov[:, 0, 0]
     np.testing.assert_allclose(markov[[0, 2, 4]], [0.0, 1.0, 0.0], atol=0.002)
     assert markov.sum() == pytest.approx(1.0, abs=0.002)
     assert abs(markov[1] - markov[3]) * PERIOD_S < 0.01  # of a second: a delay nearly as it was, of 0.05 s
-    assert np.linalg.norm(np.ones(5) @ estimate.root) > 0.8 * np.hypot(0.01, np.sqrt(5) * 0.005)
+    assert np.linalg.norm(np.ones(5) @ fit.root) > 0.8 * np.hypot(0.01, np.sqrt(5) * 0.005)
 
 
 @pytest.mark.parametrize("size", [1.5, 5.0])
@@ -102,7 +102,7 @@ def test_noise_of_the_attitude_in_motion_shrinks_a_gain_less_than_least_squares_
     noise = size * np.random.default_rng(6).standard_normal(len(clean))
     noisy = clean.replace("p_att", clean["p_att"] + noise)
     plain = identify(noisy, inputs=["p_att"], outputs=["p"], causal_order=2, noncausal_order=2).markov.sum()
-    shrunk = estimate_of([noisy], spec()).operator.markov.sum()
+    shrunk = found_on([noisy], spec()).operator.markov.sum()
     assert 0.0 < 1.01 - shrunk < 0.6 * (1.01 - plain)
 
 
@@ -115,11 +115,11 @@ def mixed(samples=1500, seed=7, names=None, **figures):
     return made(MIX, wander(samples, 3, seed) * [2.0, 1.0, 0.5], names or NAMES, noise=0.05, seed=seed, **figures)
 
 
-def same(estimate, other, scale=1.0):
-    np.testing.assert_allclose(estimate.operator.markov * scale, other.operator.markov, rtol=1e-6, atol=1e-7)
-    np.testing.assert_allclose(np.abs(estimate.variance), other.variance, rtol=1e-6)
-    size = np.ravel(np.broadcast_to(scale, estimate.operator.markov.shape))
-    covariance = size[:, np.newaxis] * (estimate.root @ estimate.root.T) * size
+def same(fit, other, scale=1.0):
+    np.testing.assert_allclose(fit.operator.markov * scale, other.operator.markov, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(np.abs(fit.variance), other.variance, rtol=1e-6)
+    size = np.ravel(np.broadcast_to(scale, fit.operator.markov.shape))
+    covariance = size[:, np.newaxis] * (fit.root @ fit.root.T) * size
     np.testing.assert_allclose(covariance, other.root @ other.root.T, rtol=1e-4, atol=1e-9)
 
 
@@ -129,24 +129,24 @@ def test_units_of_a_free_input_change_its_parameters_and_nothing_else(channel, f
     record = mixed()
     scaled = record.replace(channel, record[channel] * factor)
     scale = [factor if name == channel else 1.0 for name in NAMES]
-    same(estimate_of([scaled], MIXED), estimate_of([record], MIXED), scale)
+    same(found_on([scaled], MIXED), found_on([record], MIXED), scale)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e4])
 def test_units_of_a_free_operators_output_scale_all_of_it(factor):
     free = spec(output="r", inputs=("p", "beta"))
     record = made(PLANT, wander(1500, 2, seed=1), ["p", "beta"], output="r", noise=0.1)
-    estimate = estimate_of([record], free)
-    scaled = estimate_of([record.replace("r", factor * record["r"])], free)
-    np.testing.assert_allclose(scaled.operator.markov, factor * estimate.operator.markov, rtol=1e-6, atol=1e-9 * factor)
-    np.testing.assert_allclose(scaled.root @ scaled.root.T, factor**2 * (estimate.root @ estimate.root.T), rtol=1e-5)
+    fit = found_on([record], free)
+    scaled = found_on([record.replace("r", factor * record["r"])], free)
+    np.testing.assert_allclose(scaled.operator.markov, factor * fit.operator.markov, rtol=1e-6, atol=1e-9 * factor)
+    np.testing.assert_allclose(scaled.root @ scaled.root.T, factor**2 * (fit.root @ fit.root.T), rtol=1e-5)
 
 
 def test_the_order_of_records_and_the_time_they_begin_at_dont_matter():
     records = [mixed(600, seed) for seed in (1, 2, 3)]
-    estimate = estimate_of(records, MIXED)
-    same(estimate_of(records[::-1], MIXED), estimate)
-    same(estimate_of([mixed(600, seed, start_s=1.6e9) for seed in (1, 2, 3)], MIXED), estimate)
+    fit = found_on(records, MIXED)
+    same(found_on(records[::-1], MIXED), fit)
+    same(found_on([mixed(600, seed, start_s=1.6e9) for seed in (1, 2, 3)], MIXED), fit)
 
 
 def test_mean_offsets_go_into_the_means_alone():
@@ -154,17 +154,17 @@ def test_mean_offsets_go_into_the_means_alone():
     shifted = record
     for channel, offset in {"p": 7.0, "p_att": -40.0, "ny": 3.0}.items():
         shifted = shifted.replace(channel, record[channel] + offset)
-    estimate, other = (estimate_of([version], MIXED) for version in (record, shifted))
-    same(other, estimate)
-    np.testing.assert_allclose(other.operator.input_means - estimate.operator.input_means, [-40.0, 3.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(predicts(other, shifted)[0], predicts(estimate, record)[0] + 7.0, atol=1e-5)
+    fit, other = (found_on([given], MIXED) for given in (record, shifted))
+    same(other, fit)
+    np.testing.assert_allclose(other.operator.input_means - fit.operator.input_means, [-40.0, 3.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(predicts(other, shifted)[0], predicts(fit, record)[0] + 7.0, atol=1e-5)
 
 
 def test_the_order_of_inputs_doesnt_matter():
     record, turned = mixed(), [2, 0, 1]
-    estimate = estimate_of([record], MIXED)
-    other = estimate_of([record], spec(inputs=[NAMES[i] for i in turned]))
-    np.testing.assert_allclose(other.operator.markov, estimate.operator.markov[:, :, turned], rtol=1e-6, atol=1e-8)
+    fit = found_on([record], MIXED)
+    other = found_on([record], spec(inputs=[NAMES[i] for i in turned]))
+    np.testing.assert_allclose(other.operator.markov, fit.operator.markov[:, :, turned], rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("channel", ["p", "p_att", "ny"])
@@ -176,26 +176,26 @@ def test_missing_samples_are_as_if_the_record_had_ended_there(channel, rows):
     time_s = record.time_s
     spans = [(0, rows.start), (rows.stop, 1500)]
     parts = [record.between(time_s[a], time_s[b - 1]) for a, b in spans if b > a]
-    estimate, cut = estimate_of([record.replace(channel, values)], MIXED), estimate_of(parts, MIXED)
-    off = np.linalg.solve(cut.root, (estimate.operator.markov - cut.operator.markov).ravel())
+    gappy, cut = found_on([record.replace(channel, values)], MIXED), found_on(parts, MIXED)
+    off = np.linalg.solve(cut.root, (gappy.operator.markov - cut.operator.markov).ravel())
     assert np.abs(off).max() < 0.5  # deviations: only the filter's ends differ
-    np.testing.assert_allclose(estimate.operator.input_means, cut.operator.input_means, atol=1e-9)
-    np.testing.assert_allclose(estimate.operator.output_means, cut.operator.output_means, atol=1e-9)
+    np.testing.assert_allclose(gappy.operator.input_means, cut.operator.input_means, atol=1e-9)
+    np.testing.assert_allclose(gappy.operator.output_means, cut.operator.output_means, atol=1e-9)
 
 
 def test_what_stands_in_a_missing_row_isnt_used():
     record = mixed()
-    nans, other = np.array(record["p"]), np.array(record["p"])
-    nans[300:320], other[300:320] = np.nan, np.inf
-    same(*(estimate_of([record.replace("p", values)], MIXED) for values in (nans, other)))
+    nan, other = np.array(record["p"]), np.array(record["p"])
+    nan[300:320], other[300:320] = np.nan, np.inf
+    same(*(found_on([record.replace("p", values)], MIXED) for values in (nan, other)))
 
 
 def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
     still = mixed().replace("ny", np.full(1500, 2.0))
     with pytest.raises(InputError, match=r"channel 'ny' is constant \(2\) over the record"):
-        estimate_of([still], MIXED)
-    whole = estimate_of([mixed()], MIXED)
-    part = estimate_of([still], MIXED, scale=whole.scale)
+        found_on([still], MIXED)
+    whole = found_on([mixed()], MIXED)
+    part = found_on([still], MIXED, scale=whole.scale)
     assert np.abs(part.operator.markov[:, 0, 1]).max() < 1e-9
     expected = 3.0 * whole.scale[3] / whole.scale[1] / np.sqrt(15)
     np.testing.assert_allclose(np.linalg.norm(part.root, axis=1)[1::3], expected, rtol=1e-6)
@@ -213,7 +213,7 @@ def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
 )
 def test_what_cant_be_identified_is_refused_in_words(record, words):
     with pytest.raises(InputError, match=words):
-        estimate_of([record], MIXED)
+        found_on([record], MIXED)
 
 
 # as an estimator of its own
@@ -234,7 +234,7 @@ def alike(operator, other, rtol=1e-7):
 def test_identify_gives_what_a_bank_gets_of_records_without_gaps():
     records = [mixed(600, seed) for seed in (1, 2)]
     operator = by_estimator(records)
-    alike(operator, estimate_of(records, MIXED).operator)
+    alike(operator, found_on(records, MIXED).operator)
     assert operator.estimator == "Bayesian(gain=0.01, delay_s=0.05, tap=0.005, free=3.0)"
     np.testing.assert_allclose(
         operator.standard_error**2, np.einsum("lili->li", operator.covariance("p"))[:, np.newaxis]

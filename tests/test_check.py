@@ -51,13 +51,13 @@ def study():
 
 def recorded(groups):
     """The figures as a baseline holds them."""
-    return {kind: {one.name: dict(one.values) for one in groups if one.kind == kind} for kind in KINDS}
+    return {kind: {group.name: dict(group.values) for group in groups if group.kind == kind} for kind in KINDS}
 
 
 def worse(was, now):
     """The lines of what got worse, the tables of the file in between."""
     compared = compare(recorded(figures_of(was)), figures_of(now), TOLERANCES)
-    return [regression_line(one) for one in compared if one.regressed]
+    return [regression_line(figure) for figure in compared if figure.regressed]
 
 
 def with_baseline(of, **changes):
@@ -90,13 +90,13 @@ def spiked(of, row, size):
     monitor, watch = of.baseline.monitor, of.baseline.watch
     values = watch.residuals["r"].copy()
     values[row] = size
-    found = replace(residual(monitor.operator, watch.record), values=values[:, np.newaxis])
-    return with_score(with_residual(of, values), values=windowed_norm(found, window=monitor.window).values)
+    errors = replace(residual(monitor.operator, watch.record), values=values[:, np.newaxis])
+    return with_score(with_residual(of, values), values=windowed_norm(errors, window=monitor.window).values)
 
 
 def test_nothing_is_worse_than_itself():
-    for one in (study(), watching.study()):
-        compared = compare(recorded(figures_of(one)), figures_of(one), {})
+    for watched in (study(), watching.study()):
+        compared = compare(recorded(figures_of(watched)), figures_of(watched), {})
         assert not any(each.regressed or each.better for each in compared)
         assert len(compared) >= 40
 
@@ -200,9 +200,9 @@ def test_a_slower_detection_and_a_miss():
 
 def test_a_miss_may_stay_one_and_its_detection_is_better():
     assert not study().trials[3].detected
-    found = with_trial(study(), 3, detected=True, detection_delay_s=2.0)
-    compared = compare(recorded(figures_of(study())), figures_of(found), TOLERANCES)
-    assert [(one.text, one.regressed) for one in compared if one.better] == [
+    better = with_trial(study(), 3, detected=True, detection_delay_s=2.0)
+    compared = compare(recorded(figures_of(study())), figures_of(better), TOLERANCES)
+    assert [(figure.text, figure.regressed) for figure in compared if figure.better] == [
         ("short: jam of altitude, detected", False)
     ]
 
@@ -222,7 +222,7 @@ def test_an_isolation_that_goes_wrong():
 
 def test_a_bank_has_residuals_scores_and_thresholds_of_every_output():
     baseline = watching.study().baseline
-    groups = {one.title: one for one in figures_of(watching.study())}
+    groups = {group.title: group for group in figures_of(watching.study())}
     for name in "pqr":
         assert groups[f"healthy residual of {name}"].unit == "deg/s"
         score = groups[f"healthy score {name}"]
@@ -233,11 +233,11 @@ def test_a_bank_has_residuals_scores_and_thresholds_of_every_output():
 
 
 def test_a_function_has_alarms_and_hours_and_nothing_else_to_compare():
-    found = run_study([watching.scenario("short", SHORT)], detectors=[lambda record: record.time_s[[5, 8000]]])
-    flight, *trials = figures_of(found)
+    watched = run_study([watching.scenario("short", SHORT)], detectors=[lambda record: record.time_s[[5, 8000]]])
+    flight, *trials = figures_of(watched)
     assert flight.values == {"false_alarms": 4, "hours": rounded(2 * 95.01 / 3600)}
     assert {key for trial in trials for key in trial.values} == {"severity", "detected", "delay_s", "peak_ratio"}
-    compared = compare(recorded(figures_of(found)), figures_of(found), {})
+    compared = compare(recorded(figures_of(watched)), figures_of(watched), {})
     assert not any(each.regressed or each.better for each in compared)
 
 
@@ -258,8 +258,8 @@ def test_what_is_better_by_more_than_its_tolerance_is_said_to_be():
     for share, better in ((0.94, True), (0.96, False)):
         slower = with_trial(study(), 1, peak_ratio=share * trial.peak_ratio)
         compared = compare(recorded(figures_of(slower)), figures_of(study()), TOLERANCES)
-        assert [one.text for one in compared if one.better] == ["short: drift of r, peak ratio"] * better
-        assert not any(one.regressed for one in compared)
+        assert [figure.text for figure in compared if figure.better] == ["short: drift of r, peak ratio"] * better
+        assert not any(figure.regressed for figure in compared)
 
 
 def test_a_figure_that_the_baseline_lacks_or_has_too_many_is_an_error_not_a_regression():
@@ -273,7 +273,7 @@ def test_a_figure_that_the_baseline_lacks_or_has_too_many_is_an_error_not_a_regr
     with pytest.raises(gb.InputError, match=r"no figure of 'healthy score E\(k\), window 65..75 s, max' and 5 more"):
         compare(shorter, groups, TOLERANCES)
     with pytest.raises(gb.InputError, match=r"holds 'short: jam of p, detected' and .* more, which this run doesn't"):
-        compare(recorded(groups), [one for one in groups if one.name != "short: jam of p"], TOLERANCES)
+        compare(recorded(groups), [group for group in groups if group.name != "short: jam of p"], TOLERANCES)
     delayless = recorded(groups)
     del delayless["trials"]["short: drift of q"]["delay_s"]
     with pytest.raises(gb.InputError, match="no figure of 'short: drift of q, delay'"):
@@ -288,18 +288,18 @@ def test_tolerances_are_one_sided_and_the_larger_of_both(was, now, share, absolu
     group = figures_of(study())[2]
     tolerance = Tolerance(share=share, absolute=absolute)
     for figure, sign in (("threshold", 1.0), ("margin", -1.0)):
-        (one,) = compare(
+        (comparison,) = compare(
             {"score": {"E(k)": {figure: was}}}, [replace(group, values={figure: now})], {figure: tolerance}
         )
         beyond = sign * (now - was)
         room = max(share * abs(was), absolute)
         slack = 1e-9 * (abs(was) + abs(now) + room)  # of rounding
-        assert not (one.regressed and one.better)
+        assert not (comparison.regressed and comparison.better)
         if beyond > room + slack:
-            assert one.regressed
-            assert one.excess == math.inf if room == 0 else one.excess > 0.99
+            assert comparison.regressed
+            assert comparison.excess == math.inf if room == 0 else comparison.excess > 0.99
         elif beyond < room - slack:
-            assert not one.regressed
+            assert not comparison.regressed
 
 
 def test_trials_of_one_name_are_numbered():
@@ -317,6 +317,6 @@ def test_tolerances_as_they_are_written(given, share, absolute):
     "given", ["5", "%", "a %", "5 % of it", "nan %", "-1 %", -1, True, 10**400, float("nan"), None]
 )
 def test_tolerances_that_arent(given):
-    for one in (given, ["5 %", given], [given, 1], [given], {}):
+    for tolerance in (given, ["5 %", given], [given, 1], [given], {}):
         with pytest.raises(gb.InputError, match=r"^tolerances.rms"):
-            parse_tolerance("tolerances.rms", one)
+            parse_tolerance("tolerances.rms", tolerance)

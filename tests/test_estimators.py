@@ -29,8 +29,8 @@ def repeated():
     records = [coloured(seed, 1000) for seed in range(200)]
     return (
         records,
-        [siso(series) for series in records],
-        [siso(series, PredictionError(noise_order=2)) for series in records],
+        [siso(given) for given in records],
+        [siso(given, PredictionError(noise_order=2)) for given in records],
     )
 
 
@@ -48,9 +48,9 @@ def test_coloured_noise_leaves_every_standard_error_of_prediction_errors_right(r
         assert stats.kstest(column, "norm").pvalue > RARE
 
 
-def gauss_markov(series, taps):
+def gauss_markov(record, taps):
     """Return generalised least squares for noise whose A is known."""
-    whitened = signal.lfilter(taps, 1.0, series.values - series.values.mean(axis=0), axis=0)[len(taps) - 1 :]
+    whitened = signal.lfilter(taps, 1.0, record.values - record.values.mean(axis=0), axis=0)[len(taps) - 1 :]
     phi = lagged(whitened[:, :1], 2, 2)
     return np.linalg.lstsq(phi, whitened[2:-2, 1], rcond=None)[0]
 
@@ -82,10 +82,10 @@ def test_least_squares_and_prediction_errors_err_as_theory_says_and_the_latter_a
     records, plain, whitened = repeated
     errors = [np.array([operator.markov[:, 0, 0] for operator in some]) - MARKOV for some in (plain, whitened)]
     rms = [np.sqrt(1000 * np.mean(error**2)) for error in errors]
-    expected = [expected_error(known) for known in (False, True)]
+    expected = [expected_error(whitened) for whitened in (False, True)]
     np.testing.assert_allclose(rms, expected, rtol=0.15)
     assert rms[0] > 2.0 * rms[1]  # 2.63 by theory
-    best = np.array([gauss_markov(series, NOISE) for series in records]) - MARKOV
+    best = np.array([gauss_markov(given, NOISE) for given in records]) - MARKOV
     assert np.linalg.norm(errors[1] - best) < 0.1 * np.linalg.norm(best)
 
 
@@ -103,8 +103,8 @@ def test_the_noise_model_is_the_inverse_of_the_noise_filter(repeated):
 def test_innovations_are_white_and_residuals_arent(repeated):
     """Box and Pierce's statistic over 20 lags, two of them spent on A."""
     statistics = []
-    for series, operator in zip(repeated[0], repeated[2], strict=True):
-        left = residual(operator, series).values
+    for given, operator in zip(repeated[0], repeated[2], strict=True):
+        left = residual(operator, given).values
         innovations = operator.noise_model.innovations(left)
         assert np.isnan(innovations[:4]).all()
         values = innovations[4:-2, 0]
@@ -129,11 +129,11 @@ def test_a_long_autoregression_inverts_a_moving_average():
 
 
 def test_at_the_end_neither_the_parameters_nor_the_noise_model_can_be_improved():
-    series = coloured(0, 3000)
-    operator = siso(series, PredictionError(noise_order=2, tolerance=0.0, most_iterations=500))
+    given = coloured(0, 3000)
+    operator = siso(given, PredictionError(noise_order=2, tolerance=0.0, most_iterations=500))
     taps, h = operator.noise_model.autoregressive[0], operator.markov[:, 0, 0]
-    np.testing.assert_allclose(gauss_markov(series, taps), h, atol=1e-6)
-    centred = series.values - series.values.mean(axis=0)
+    np.testing.assert_allclose(gauss_markov(given, taps), h, atol=1e-6)
+    centred = given.values - given.values.mean(axis=0)
     e = centred[2:-2, 1] - lagged(centred[:, :1], 2, 2) @ h
     np.testing.assert_allclose(
         np.linalg.lstsq(lagged(e[:, None], 2, 0)[:, 1:], -e[2:], rcond=None)[0], taps[1:], atol=1e-6
@@ -164,15 +164,15 @@ def test_one_iteration_isnt_called_converged():
 
 
 def test_no_noise_model_is_least_squares():
-    series = coloured(0, 400)
+    given = coloured(0, 400)
     np.testing.assert_allclose(
-        siso(series, PredictionError(noise_order=0)).markov, siso(series).markov, rtol=0, atol=1e-13
+        siso(given, PredictionError(noise_order=0)).markov, siso(given).markov, rtol=0, atol=1e-13
     )
 
 
 def test_every_output_has_its_own_noise_model():
-    series, other = coloured(0, 800), coloured(1, 800, [1.0, 0.7])
-    both = record(u=series["u"], y=series["y"], w=1e6 * other["y"])
+    given, other = coloured(0, 800), coloured(1, 800, [1.0, 0.7])
+    both = record(u=given["u"], y=given["y"], w=1e6 * other["y"])
     operator = siso(both, PredictionError(noise_order=3), outputs=["y", "w"])
     for o, name in enumerate(["y", "w"]):
         alone = siso(both, PredictionError(noise_order=3), outputs=[name])
@@ -185,11 +185,11 @@ def test_every_output_has_its_own_noise_model():
 
 def test_gaps_and_records_are_never_filtered_across():
     """The same pieces, as records or as what weights of 0 leave, and garbage between: the same estimate."""
-    series = coloured(0, 900)
+    given = coloured(0, 900)
     weights = np.ones(900)
     weights[300:340] = 0.0
-    holed = series.replace("y", np.where(weights > 0, series["y"], np.nan))
-    pieces = [series.between(0, 2.99), series.between(3.4, 8.99)]
+    holed = given.replace("y", np.where(weights > 0, given["y"], np.nan))
+    pieces = [given.between(0, 2.99), given.between(3.4, 8.99)]
     expected = siso(pieces, PredictionError(noise_order=4))
     operator = siso(holed, PredictionError(noise_order=4), weights=weights)
     np.testing.assert_allclose(operator.markov, expected.markov, rtol=0, atol=1e-12)
@@ -198,21 +198,21 @@ def test_gaps_and_records_are_never_filtered_across():
 
 def test_a_wave_of_one_frequency_warns_with_any_noise_model():
     wave = np.sin(2 * np.pi * np.arange(2000) / 50)
-    series = record(u=wave, y=wave + np.random.default_rng(1).standard_normal(2000))
+    given = record(u=wave, y=wave + np.random.default_rng(1).standard_normal(2000))
     with pytest.warns(RankWarning, match="determines 2 of the 5"):
-        assert siso(series, PredictionError(noise_order=2)).rank == 2
+        assert siso(given, PredictionError(noise_order=2)).rank == 2
 
 
 def test_the_innovations_of_a_record_are_those_of_its_residual():
-    series = coloured(0, 800)
-    operator = siso(series, PredictionError(noise_order=3))
-    e, taps = residual(operator, series).values[:, 0], operator.noise_model.autoregressive[0]
-    whitened = innovations(operator, series)
+    given = coloured(0, 800)
+    operator = siso(given, PredictionError(noise_order=3))
+    e, taps = residual(operator, given).values[:, 0], operator.noise_model.autoregressive[0]
+    white = innovations(operator, given)
     expected = [np.nan if k < 3 else taps @ e[k - 3 : k + 1][::-1] for k in range(800)]
-    np.testing.assert_allclose(whitened.values[:, 0], expected, rtol=0, atol=1e-12)
-    assert np.sqrt(np.nanmean(whitened.values**2)) == pytest.approx(operator.noise_model.innovation_std[0], rel=0.01)
+    np.testing.assert_allclose(white.values[:, 0], expected, rtol=0, atol=1e-12)
+    assert np.sqrt(np.nanmean(white.values**2)) == pytest.approx(operator.noise_model.innovation_std[0], rel=0.01)
     with pytest.raises(InputError, match="has no noise model; identify it by PredictionError"):
-        innovations(siso(series), series)
+        innovations(siso(given), given)
     with pytest.raises(InputError, match=r"residuals of shape \(800, 2\) for 1 outputs"):
         operator.noise_model.innovations(np.ones((800, 2)))
 
@@ -229,6 +229,6 @@ def test_the_noise_models_parameters_count_as_parameters():
 
 
 def test_an_order_may_be_a_numpy_integer():
-    series = coloured(0, 400)
-    plain, other = (siso(series, PredictionError(noise_order=n)) for n in (3, np.int64(3)))
+    given = coloured(0, 400)
+    plain, other = (siso(given, PredictionError(noise_order=n)) for n in (3, np.int64(3)))
     np.testing.assert_array_equal(plain.markov, other.markov)

@@ -41,7 +41,7 @@ class Fractions:
     def laurent(self, r, d):
         """(z - p)^-k: C(i-1, k-1) p^(i-k) for i >= k inside; (-1)^k C(k-1-i, k-1) p^(i-k) for i <= 0 outside."""
         lags = np.arange(-d, r + 1)
-        total = np.where((lags == 0)[:, None, None], self.D, 0.0)
+        value = np.where((lags == 0)[:, None, None], self.D, 0.0)
         for pole, residues in self.terms:
             for k, residue in enumerate(residues, 1):
                 if abs(pole) < 1.0:
@@ -50,8 +50,8 @@ class Fractions:
                 else:
                     series = (lags <= 0) * (-1.0) ** k * comb(k - 1 - lags, k - 1) * pole ** (lags - float(k))
                 term = series[:, None, None] * residue
-                total = total + (term.real if pole.imag == 0.0 else 2.0 * term.real)
-        return total
+                value = value + (term.real if pole.imag == 0.0 else 2.0 * term.real)
+        return value
 
     def system(self):
         """Jordan blocks in a random orthonormal basis; a complex one stands for a pair, by real and imaginary part."""
@@ -109,7 +109,7 @@ def test_any_circle_without_poles_has_a_series_and_it_is_the_scaled_systems(draw
 @given(fractions(low=0.05))
 def test_reflection_turns_the_series_round_and_swaps_the_radii(drawn):
     system = drawn.system()
-    there, back = (laurent(plant, causal_order=30, noncausal_order=30) for plant in (system, reflected(system)))
+    there, back = (laurent(of, causal_order=30, noncausal_order=30) for of in (system, reflected(system)))
     largest = np.abs(there.coefficients).max()
     assert_allclose(back.coefficients[::-1], there.coefficients, rtol=0, atol=1e-9 * largest)  # A^-1 costs digits
     if system.order:
@@ -182,10 +182,10 @@ def test_theorem_2_needs_its_assumption_that_no_pole_lies_on_the_circle():
 @pytest.mark.parametrize(("plant", "digits"), [(example_3_1(), SHARP), (example_3_2(), 3e-11)], ids=["3.1", "3.2"])
 def test_the_examples_have_the_series_of_two_oracles(plant, digits):
     """Roots of a polynomial of degree 7 are right to 3e-11 of the result, Cauchy's integral is to rounding."""
-    coefficients = laurent(plant.system, causal_order=50, noncausal_order=50).coefficients
-    largest = np.abs(coefficients).max()
-    assert_allclose(coefficients, plant.laurent(50, 50), rtol=0, atol=digits * largest)
-    assert_allclose(coefficients, plant.laurent_by_contour(50, 50), rtol=0, atol=SHARP * largest)
+    series = laurent(plant.system, causal_order=50, noncausal_order=50).coefficients
+    largest = np.abs(series).max()
+    assert_allclose(series, plant.laurent(50, 50), rtol=0, atol=digits * largest)
+    assert_allclose(series, plant.laurent_by_contour(50, 50), rtol=0, atol=SHARP * largest)
 
 
 def test_far_coefficients_keep_their_digits():
@@ -204,8 +204,8 @@ def test_examples_3_4_1_and_3_4_2_in_all_their_annuli():
         series = np.where(lags == 0, 1.0, 0.0)
         for residue, pole, inner in zip((-1.5, 5.0), (2.0, 3.0), causal, strict=True):
             series += residue * np.where((lags >= 1) == bool(inner), (1 if inner else -1) * pole ** (lags - 1.0), 0.0)
-        expansion = laurent(G, causal_order=20, noncausal_order=20, radius=radius)
-        assert_allclose(expansion.coefficients[:, 0, 0], series, rtol=0, atol=1e-13 * np.abs(series).max())
+        ours = laurent(G, causal_order=20, noncausal_order=20, radius=radius)
+        assert_allclose(ours.coefficients[:, 0, 0], series, rtol=0, atol=1e-13 * np.abs(series).max())
     stable, unstable = split(transfer_matrix([[[1.0]]], np.poly([0.5, 1.5])))
     assert_allclose([stable.at(2.0)[0, 0], unstable.at(2.0)[0, 0], unstable.at(0.0)[0, 0]], [-2 / 3, 2.0, -2 / 3])
 
@@ -218,7 +218,7 @@ def test_a_factor_z_k_shifts_the_series_whatever_it_makes_improper(drawn, k):
     rng = np.random.default_rng(1)
     numerators = [[rng.standard_normal(len(denominator)) for _ in row] for row in drawn.D]
     plain = laurent(transfer_matrix(numerators, denominator), causal_order=20 + k, noncausal_order=20 + k)
-    ahead = transfer_matrix([[np.pad(numerator, (0, k)) for numerator in row] for row in numerators], denominator)
+    ahead = transfer_matrix([[np.pad(powers, (0, k)) for powers in row] for row in numerators], denominator)
     behind = transfer_matrix(numerators, np.pad(denominator, (0, k)))
     parts = (plain.coefficients, ahead.polynomial, ahead.proper.D)  # the last two nearly cancel the unstable part's
     largest = max(np.abs(part).max() for part in parts if part.size)
@@ -235,7 +235,7 @@ def test_a_pole_on_the_circle_is_refused_and_every_radius_offered_works(poles):
     system = transfer_matrix([[[1.0]]], np.poly(poles).real)
     with pytest.raises(InputError, match="poles of magnitude 1, on the circle") as refused:
         laurent(system, causal_order=5, noncausal_order=5)
-    offered = [float(number) for number in re.findall(r"radius=(\S+)", str(refused.value))]
+    offered = [float(figure) for figure in re.findall(r"radius=(\S+)", str(refused.value))]
     assert len(offered) == 2
     assert offered[0] < 1.0 < offered[1]
     for radius in offered:

@@ -64,8 +64,8 @@ def test_every_alarm_and_every_remark_is_named_with_its_time(case):
         assert f"{alarm.time_s:.2f} s  " in text
         assert all(name in text for name in alarm.candidates)
         assert alarm.last is None or alarm.last.kind is None or f"; {alarm.last.kind}" in text
-    for one in watched.log.remarks:
-        assert f"remark: {one.start_s:.2f} to {one.end_s:.2f} s  {one.kind}" in text
+    for told in watched.log.remarks:
+        assert f"remark: {told.start_s:.2f} to {told.end_s:.2f} s  {told.kind}" in text
     assert all(reason in text for reason in watched.reasons)
     assert all(line in text for line in watched.log.method)
 
@@ -106,10 +106,10 @@ WORDS = {0: "nothing found", 1: "failed at", 3: "could not tell"}
 
 @cases
 def test_the_words_match_the_exit_code(case):
-    found = log_results(case())
-    assert found["exit_code"] == case().outcome
-    assert [code for code, words in WORDS.items() if words in found["verdict"]] == [found["exit_code"]]
-    assert found["verdict"] in log_report(case())
+    results = log_results(case())
+    assert results["exit_code"] == case().outcome
+    assert [code for code, words in WORDS.items() if words in results["verdict"]] == [results["exit_code"]]
+    assert results["verdict"] in log_report(case())
 
 
 @cases
@@ -117,8 +117,8 @@ def test_the_bound_is_that_of_the_length_watched(case):
     watched, text = case(), "\n".join(log_report(case()))
     passed = sum(alarm.has_passed for alarm in watched.alarms)
     bound = rate_bound(passed, watched.armed_hours)
-    found = log_results(watched)
-    assert (found["false_alarms_per_hour_at_most"], found["alarms_unexplained"]) == (bound, passed)
+    results = log_results(watched)
+    assert (results["false_alarms_per_hour_at_most"], results["alarms_unexplained"]) == (bound, passed)
     if bound is None:
         assert "no false-alarm rate is bounded" in text
     else:
@@ -134,24 +134,24 @@ def test_twenty_seconds_without_an_alarm_bound_little():
 
 @cases
 def test_stretches_cover_the_log_and_add_up(case):
-    watched, found = case(), stretches(case())
+    watched, parts = case(), stretches(case())
     log, period_s = watched.log, watched.log.sample_period_s
-    assert (found[0].start_s, found[-1].end_s) == (log.segments[0].start_s, log.segments[-1].end_s)
-    assert all(one.end_s == after.start_s for one, after in pairwise(found))
-    assert all(one.duration_s >= 0.0 for one in found)
-    seconds = {state: sum(one.duration_s for one in found if one.state is state) for state in State}
-    slack = 2.0 * period_s * len(found)
+    assert (parts[0].start_s, parts[-1].end_s) == (log.segments[0].start_s, log.segments[-1].end_s)
+    assert all(part.end_s == after.start_s for part, after in pairwise(parts))
+    assert all(part.duration_s >= 0.0 for part in parts)
+    seconds = {state: sum(part.duration_s for part in parts if part.state is state) for state in State}
+    slack = 2.0 * period_s * len(parts)
     assert seconds[State.WATCHED] == pytest.approx(3600.0 * watched.armed_hours, abs=slack)
     assert seconds[State.IDENTIFIED] == pytest.approx(
         sum(end - start for start, end in watched.identified_s), abs=slack
     )
-    gaps = sum(after.start_s - one.end_s for one, after in pairwise(log.segments))
+    gaps = sum(after.start_s - segment.end_s for segment, after in pairwise(log.segments))
     assert seconds[State.GAP] == pytest.approx(gaps)
 
 
 def test_stretches_say_why_nothing_was_watched():
     def states(case):
-        return [one.state for one in stretches(case())]
+        return [stretch.state for stretch in stretches(case())]
 
     assert states(unwatched) == [State.LEFT_OUT]
     assert states(never_armed) == [State.ARMING]
@@ -161,40 +161,42 @@ def test_stretches_say_why_nothing_was_watched():
     blind = short().log.segments[0].values.copy()
     blind[1000:1010] = np.nan
     log = replace(short().log, segments=(gb.Record(blind, channels=short().log.channels, sample_period_s=0.02),))
-    seen = gb.watch(short().monitor, log.segments[0])
-    found = stretches(replace(short(), log=log, watches=(seen,)))
-    assert [one.state for one in found] == [*part[:2], State.LOST, *part[1:]]
-    assert found[2].start_s <= 20.0 <= 20.18 <= found[2].end_s
+    watch = gb.watch(short().monitor, log.segments[0])
+    parts = stretches(replace(short(), log=log, watches=(watch,)))
+    assert [stretch.state for stretch in parts] == [*part[:2], State.LOST, *part[1:]]
+    assert parts[2].start_s <= 20.0 <= 20.18 <= parts[2].end_s
 
 
 @cases
 def test_results_are_plain_data_and_say_what_the_watch_says(case):
-    watched, found = case(), log_results(case())
-    assert json.loads(json.dumps(found, allow_nan=False)) == found
-    assert (found["schema"], found["study"], found["outcome"]) == (2, "log", watched.outcome.name.lower())
-    for row, alarm in zip(found["findings"], watched.alarms, strict=True):
+    watched, results = case(), log_results(case())
+    assert json.loads(json.dumps(results, allow_nan=False)) == results
+    assert (results["schema"], results["study"], results["outcome"]) == (2, "log", watched.outcome.name.lower())
+    for row, alarm in zip(results["findings"], watched.alarms, strict=True):
         assert (row["alarm_s"], row["sensor"], row["verdict"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
-        assert [one["time_s"] for one in row["judgements"]] == [one.time_s for one in alarm.judgements]
+        assert [judgement["time_s"] for judgement in row["judgements"]] == [
+            judgement.time_s for judgement in alarm.judgements
+        ]
         assert (row["parameters"], row["candidates"]) == (
             alarm.last.parameters if alarm.last else {},
             list(alarm.candidates),
         )
         assert "kind" in row
-    assert [one["text"] for one in found["log"]["remarks"]] == [one.text for one in watched.log.remarks]
-    assert found["log"]["segments_s"] == [[one.start_s, one.end_s] for one in watched.log.segments]
-    assert len(found["residuals"]) == sum(len({*one.scores, *one.residuals}) for one in watched.watches)
-    assert {"gtmbench", "python", "numpy"} <= set(found["versions"])
+    assert [told["text"] for told in results["log"]["remarks"]] == [told.text for told in watched.log.remarks]
+    assert results["log"]["segments_s"] == [[segment.start_s, segment.end_s] for segment in watched.log.segments]
+    assert len(results["residuals"]) == sum(len({*watch.scores, *watch.residuals}) for watch in watched.watches)
+    assert {"gtmbench", "python", "numpy"} <= set(results["versions"])
 
 
 def test_results_measure_every_residual_on_every_segment():
     rows = {(row["start_s"], row["residual"]): row for row in log_results(jammed())["residuals"]}
-    seen = jammed().watches[1]
-    jam, level = rows[146.5, "q"], seen.scores["q"]
+    watch = jammed().watches[1]
+    jam, level = rows[146.5, "q"], watch.scores["q"]
     peak = np.nanmax(level.values)
     assert (jam["peak_level"], jam["unit"]) == (peak, "deg/s")
     assert jam["peak_level_s"] == level.known_s[np.flatnonzero(level.values == peak)[0]] > 170.0
-    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(seen.residuals["q"] ** 2)))
-    assert jam["rms_signal"] == pytest.approx(np.nanstd(seen.record["q"]))
+    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(watch.residuals["q"] ** 2)))
+    assert jam["rms_signal"] == pytest.approx(np.nanstd(watch.record["q"]))
     assert jam["rms"] > 5.0 * jam["rms_identified"] > 4.0 * rows[63.0, "q"]["rms"]
     before, missing = rows[63.0, "q"], rows[63.0, "p"]
     assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
@@ -242,13 +244,16 @@ def lines_of(watched):
     }
     for name in groups:
         if name in watched.log.channels:
-            yield f"/sensors/{groups[name]}/{escaped(name)}", [(one.time_s, one[name]) for one in watched.log.segments]
+            yield (
+                f"/sensors/{groups[name]}/{escaped(name)}",
+                [(segment.time_s, segment[name]) for segment in watched.log.segments],
+            )
     for output in watched.watches[0].residuals:
         name = escaped(output)
-        yield f"/residuals/{name}", [(one.record.time_s, one.residuals[output]) for one in watched.watches]
-        yield f"/virtual/{name}", [(one.record.time_s, one.virtual(output)) for one in watched.watches]
+        yield f"/residuals/{name}", [(watch.record.time_s, watch.residuals[output]) for watch in watched.watches]
+        yield f"/virtual/{name}", [(watch.record.time_s, watch.virtual(output)) for watch in watched.watches]
     for of in watched.watches[0].scores:
-        scores = [one.scores[of] for one in watched.watches]
+        scores = [watch.scores[of] for watch in watched.watches]
         yield f"/levels/{escaped(of)}", [(score.known_s, score.values / score.threshold) for score in scores]
 
 
@@ -264,8 +269,8 @@ def test_signals_come_back_from_the_recording_bit_for_bit(case, read):
     for entity, parts in lines_of(case()):
         time_s, values = (np.concatenate(column) for column in zip(*parts, strict=True))
         there = np.isfinite(values)
-        times, found = of(frame, entity)
-        np.testing.assert_array_equal(found, values[there], err_msg=entity)
+        times, signal = of(frame, entity)
+        np.testing.assert_array_equal(signal, values[there], err_msg=entity)
         np.testing.assert_allclose(times, time_s[there], rtol=0.0, atol=1e-9)
     angle = case().watches[0].virtual("psi") if case is passing else []  # what failed, but isn't predicted
     np.testing.assert_array_equal(of(frame, "/virtual/psi")[1], angle)
@@ -275,13 +280,13 @@ def breaks(path, entity):
     """Return the times of the rows that hold no value."""
     from rerun.chunk import RrdReader
 
-    found = []
+    times = []
     for chunk in RrdReader(path).stream().filter(content=[entity]):
         batch = chunk.to_record_batch()
         if "Scalars:scalars" in batch.schema.names:
             empty = [len(row) == 0 for row in batch.column("Scalars:scalars").to_pylist()]
-            found += [one.value / 1e9 for one, is_empty in zip(batch.column("time"), empty, strict=True) if is_empty]
-    return sorted(found)
+            times += [time.value / 1e9 for time, is_empty in zip(batch.column("time"), empty, strict=True) if is_empty]
+    return sorted(times)
 
 
 def test_no_line_runs_over_a_gap(recorded):
@@ -302,7 +307,7 @@ def words_of(path, entity, component):
         batch = chunk.to_record_batch()
         if component in batch.schema.names and "time" in batch.schema.names:
             texts = [row[0] for row in batch.column(component).to_pylist()]
-            rows += list(zip((one.value / 1e9 for one in batch.column("time")), texts, strict=True))
+            rows += list(zip((time.value / 1e9 for time in batch.column("time")), texts, strict=True))
     return rows
 
 
@@ -312,14 +317,14 @@ def test_the_recording_tells_what_happened_when(recorded, read):
     told = dict(words_of(path, "/events", "TextLog:text")[::-1])
     texts = [text for _, text in words_of(path, "/events", "TextLog:text")]
     assert all(
-        any(one.text in text and f"{one.start_s:.2f} s  remark" in text for text in texts)
-        for one in watched.log.remarks
+        any(told.text in text and f"{told.start_s:.2f} s  remark" in text for text in texts)
+        for told in watched.log.remarks
     )
     assert f"{alarm.time_s:.2f} s  alarm: residual of q, {alarm.test}" in texts
     assert any("q failed; jam" in text for text in texts)
     assert told[239.0] == f"239.00 s  outcome: {outcome_text(watched)}"
     states = words_of(path, "/state", "StateChange:state")
-    assert states[:-1] == [(pytest.approx(one.start_s), str(one.state)) for one in stretches(watched)]
+    assert states[:-1] == [(pytest.approx(stretch.start_s), str(stretch.state)) for stretch in stretches(watched)]
     assert states[-1][1] == ""
     frame = read(jammed)
     for entity, time_s in (("/alarm", alarm.time_s), ("/named", alarm.isolated_s)):
@@ -327,11 +332,11 @@ def test_the_recording_tells_what_happened_when(recorded, read):
 
 
 def test_the_recording_holds_outcome_and_findings_for_programs(read):
-    frame, found = read(passing), log_results(passing())
+    frame, results = read(passing), log_results(passing())
     verdict = frame[frame.entity == "/verdict"].set_index("series")
-    assert (verdict.text["verdict"], verdict.value["exit_code"]) == (found["verdict"], 1.0)
-    assert verdict.value["watched_hours"] == found["watched_hours"]
-    for number, row in enumerate(found["findings"], 1):
+    assert (verdict.text["verdict"], verdict.value["exit_code"]) == (results["verdict"], 1.0)
+    assert verdict.value["watched_hours"] == results["watched_hours"]
+    for number, row in enumerate(results["findings"], 1):
         fields = frame[frame.entity == f"/findings/{number}/verdict"].set_index("series")
         assert (fields.value["alarm_s"], fields.text["sensor"]) == (row["alarm_s"], row["sensor"])
     assert not (frame.entity == "/findings/3/verdict").any()

@@ -68,21 +68,21 @@ def through(u, by, uncertainty, coefficients=ONE, test=None, chunk=None):
 
 def leverage(motion, causal, noncausal, root):
     """Return |F' phi(k)|^2 the slow way, 0 where phi(k) isn't complete."""
-    squares = np.zeros(len(motion))
+    leverages = np.zeros(len(motion))
     for k in range(causal, len(motion) - noncausal):
         phi = np.concatenate([motion[k - i] for i in range(-noncausal, causal + 1)])
-        squares[k] = phi @ root @ root.T @ phi
-    return squares
+        leverages[k] = phi @ root @ root.T @ phi
+    return leverages
 
 
 def shifts(motion, rows, before):
     """Return the mean of the last rows less that of those before, the slow way."""
-    differences = np.zeros(motion.shape)
+    means = np.zeros(motion.shape)
     for k in range(len(motion)):
         begin = max(k + 1 - rows, 0)
         base = motion[max(begin - before, 0) : begin]
-        differences[k] = motion[begin : k + 1].mean(axis=0) - (base.mean(axis=0) if len(base) else 0.0)
-    return differences
+        means[k] = motion[begin : k + 1].mean(axis=0) - (base.mean(axis=0) if len(base) else 0.0)
+    return means
 
 
 def whitened(motion, coefficients):
@@ -140,9 +140,9 @@ def test_however_the_rows_come_the_spread_is_the_same(samples, gaps):
     whole = through(u, *given)
     for chunk in (7, 50) if samples > 100 else (1, 2, 3):
         parts = through(u, *given, chunk=chunk)
-        for values, other in zip(arrays(parts), arrays(whole), strict=True):
-            assert len(values) == len(other) == samples
-            np.testing.assert_allclose(values, other, rtol=1e-9, atol=1e-12)
+        for pieced, other in zip(arrays(parts), arrays(whole), strict=True):
+            assert len(pieced) == len(other) == samples
+            np.testing.assert_allclose(pieced, other, rtol=1e-9, atol=1e-12)
 
 
 def arrays(spread):
@@ -167,9 +167,9 @@ def test_the_spread_stands_on_nothing_beyond_its_look_ahead(causal, noncausal, m
     whole = arrays(through(u, *given))
     for cut in (*range(1, 40), *range(41, 120, 7)):
         known = max(cut - HALF - noncausal, 0)
-        for values, other in zip(arrays(through(u[:cut], *given)), whole, strict=True):
-            assert len(values) == cut
-            np.testing.assert_allclose(values[:known], other[:known], rtol=1e-9, atol=1e-12)
+        for pieced, other in zip(arrays(through(u[:cut], *given)), whole, strict=True):
+            assert len(pieced) == cut
+            np.testing.assert_allclose(pieced[:known], other[:known], rtol=1e-9, atol=1e-12)
 
 
 def test_a_derivative_takes_one_sample_more():
@@ -188,8 +188,8 @@ def test_a_derivative_takes_one_sample_more():
     assert whole[0].max() > 1.5
     for cut in range(20, 200, 5):
         known = cut - HALF - 2 - 1
-        for values, other in zip(spread(cut), whole, strict=True):
-            np.testing.assert_allclose(values[:known], other[:known], rtol=1e-9, atol=1e-12)
+        for pieced, other in zip(spread(cut), whole, strict=True):
+            np.testing.assert_allclose(pieced[:known], other[:known], rtol=1e-9, atol=1e-12)
 
 
 def test_a_stream_remembers_no_more_after_much_than_after_little():
@@ -229,9 +229,9 @@ def frequency_response(frequency):
 
 @pytest.mark.parametrize("frequency", [0.0, 0.01, 0.03, 0.05])
 def test_slow_motion_passes_without_delay(frequency):
-    response = frequency_response(frequency)
-    assert abs(response) == pytest.approx(1.0, abs=0.15)
-    assert np.angle(response) == pytest.approx(0.0, abs=1e-9)
+    gain = frequency_response(frequency)
+    assert abs(gain) == pytest.approx(1.0, abs=0.15)
+    assert np.angle(gain) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.3, 0.4, 0.5])

@@ -136,9 +136,9 @@ def test_on_a_real_flight_the_attitude_gives_the_true_rates(flight):
     }
 
     def spread(values):
-        windows = np.lib.stride_tricks.sliding_window_view(values, 4)  # k-2..k+1
+        around = np.lib.stride_tricks.sliding_window_view(values, 4)  # k-2..k+1
         bound = np.full(len(values), np.nan)
-        bound[2:-1] = np.abs(windows - values[2:-1, np.newaxis]).max(axis=1)
+        bound[2:-1] = np.abs(around - values[2:-1, np.newaxis]).max(axis=1)
         return bound
 
     free = {name: spread(values) for name, values in slopes.items()}
@@ -233,12 +233,12 @@ def test_a_missing_sample_spoils_its_neighbours_only(name):
     for raw in raw_needs(name):
         gap = np.array(record[raw])
         gap[17] = np.nan
-        derived = derive(record.replace(raw, gap), [name])[name]
-        spoilt = np.flatnonzero(np.isnan(derived[1:-1])) + 1
+        gappy = derive(record.replace(raw, gap), [name])[name]
+        spoilt = np.flatnonzero(np.isnan(gappy[1:-1])) + 1
         assert 0 < len(spoilt) <= 3
         assert set(spoilt) <= {16, 17, 18}
-        kept = ~np.isnan(derived)
-        np.testing.assert_array_equal(derived[kept], whole[kept])
+        kept = ~np.isnan(gappy)
+        np.testing.assert_array_equal(gappy[kept], whole[kept])
 
 
 @pytest.mark.parametrize("name", PSEUDO_INPUTS)

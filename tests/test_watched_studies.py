@@ -25,7 +25,7 @@ class Limits(gb.SimpleDetector):
     tied_to_excitation: bool = False
 
     def learn(self, records):
-        return {name: max(np.nanmax(np.abs(one[name])) for one in records) for name in self.channels}
+        return {name: max(np.nanmax(np.abs(record[name])) for record in records) for name in self.channels}
 
     def scores(self, record, learned):
         return {name: np.abs(record[name]) / learned[name] for name in self.channels}
@@ -44,7 +44,7 @@ def trials():
 
 
 def estimates(trial):
-    return {one.name: one for one in trial.parameters}
+    return {estimate.name: estimate for estimate in trial.parameters}
 
 
 def test_faults_are_found_named_and_told_in_kind():
@@ -83,12 +83,12 @@ def test_a_fault_that_ends_is_seen_to_end():
 
 
 def test_misses_say_why():
-    found = trials()
-    assert found["unwatched"].reason == "C doesn't use this channel"
-    assert found["harmless"].reason == "the fault changed no sample"
-    assert found["tiny"].reason == f"the score reached {100 * found['tiny'].peak_ratio:.0f} % of its threshold"
+    misses = trials()
+    assert misses["unwatched"].reason == "C doesn't use this channel"
+    assert misses["harmless"].reason == "the fault changed no sample"
+    assert misses["tiny"].reason == f"the score reached {100 * misses['tiny'].peak_ratio:.0f} % of its threshold"
     for name in ("unwatched", "harmless", "tiny"):
-        trial = found[name]
+        trial = misses[name]
         assert not trial.detected
         assert (trial.alarm_time_s, trial.sensor, trial.kind, trial.parameters) == (None, None, None, ())
         assert [trial.isolated, trial.kind_right, trial.kind_right_20s] == [False, False, False]
@@ -120,14 +120,14 @@ def broken_twice():
 
 def test_alarms_before_the_onset_are_false_and_what_they_took_out_of_the_watch_is_said():
     healthy, fault, broken = broken_twice()
-    seen = gb.watch(monitor(), broken)
-    verdict = gb.score(seen, fault=fault, healthy=healthy, broken=broken)
+    watch = gb.watch(monitor(), broken)
+    verdict = gb.score(watch, fault=fault, healthy=healthy, broken=broken)
     assert not verdict.detected
     assert verdict.false_alarms == 1
-    alarm_s = seen.alarms[0].time_s
-    assert list(seen.disarmed) == ["p"]
-    assert alarm_s <= seen.disarmed["p"] < 80.0
-    since = f"no longer watched since {seen.disarmed['p']:.2f} s"
+    alarm_s = watch.alarms[0].time_s
+    assert list(watch.disarmed) == ["p"]
+    assert alarm_s <= watch.disarmed["p"] < 80.0
+    since = f"no longer watched since {watch.disarmed['p']:.2f} s"
     assert verdict.reason == f"{since}: what an earlier alarm told of was taken to last"
 
 
@@ -146,18 +146,18 @@ def test_a_wrong_name_is_no_isolation_and_gives_no_truth():
     verdict = gb.score(gb.watch(monitor(), broken), fault=claimed, healthy=healthy, broken=broken)
     assert verdict.detected
     assert (verdict.sensor, verdict.isolated, verdict.isolated_s, verdict.kind_right) == ("p", False, None, False)
-    assert all(one.true is None for one in verdict.parameters)
+    assert all(estimate.true is None for estimate in verdict.parameters)
 
 
 def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
     other = scenario("other", JAM.replace("identify_s = [5.0, 50.0]", "identify_s = [9.0, 40.0]"))
     jam = scenario("jam", JAM)
     both = gb.run_study([jam, other], detectors=[monitor()])
-    one, two = (trial.row() for trial in both.trials)
-    assert {**one, "scenario": ""} == {**two, "scenario": ""}
+    first, two = (trial.row() for trial in both.trials)
+    assert {**first, "scenario": ""} == {**two, "scenario": ""}
     again = gb.run_study([jam], detectors=[monitor()], seed=1).trials[0].row()
-    assert again == one
-    assert gb.run_study([jam], detectors=[monitor()], seed=2).trials[0].row() != one
+    assert again == first
+    assert gb.run_study([jam], detectors=[monitor()], seed=2).trials[0].row() != first
     calm = scenario("calm", JAM.replace("+turbulence", ""))
     with pytest.raises(gb.InputError, match="'jam' and 'calm' differ in excitation"):
         gb.run_study([jam, calm], detectors=[monitor()])
@@ -177,7 +177,7 @@ def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
 def test_progress_is_told_step_by_step(given, calibration, each, monkeypatch):
     monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
     told = []
-    gb.run_study([short_jam()], detectors=[one() for one in given], progress=lambda *step: told.append(step))
+    gb.run_study([short_jam()], detectors=[make() for make in given], progress=lambda *step: told.append(step))
     watched = ["healthy record 1"] * each + ["healthy record 2"] * each + ["jam of p"] * each
     steps = ["trim", "fly", *calibration, *watched]
     assert [step for step, _, _ in told] == [*steps, "done"]
@@ -216,21 +216,21 @@ def test_the_example_of_a_detector_of_ones_own_stands_beside_ours(monkeypatch):
     """A file of 25 lines at most: found by its name, calibrated on the study's flights, one row a trial."""
     assert len(EXAMPLE.read_text().splitlines()) <= 25
     monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
-    found = gb.run_study([short_jam()], detectors=[f"{EXAMPLE}:LimitCheck", monitor()])
-    mine, ours = (trial.row() for trial in found.trials)
+    watched = gb.run_study([short_jam()], detectors=[f"{EXAMPLE}:LimitCheck", monitor()])
+    mine, ours = (trial.row() for trial in watched.trials)
     assert (mine["detector"], ours["detector"]) == ("limit check", "C")
     assert (mine["isolated"], ours["isolated"], ours["sensor"]) == (None, True, "p")
     assert mine.keys() == ours.keys()
-    assert found.baseline.monitor.provenance["flights"] == 2
-    assert found.baseline.healthy_hours == pytest.approx(2 * 25.01 / 3600)
+    assert watched.baseline.monitor.provenance["flights"] == 2
+    assert watched.baseline.healthy_hours == pytest.approx(2 * 25.01 / 3600)
     assert (mine["detected"], mine["reason"][:18]) == (False, "the score reached ")
 
 
 def test_one_detector_twice_goes_by_two_names():
-    found = gb.run_study([short_jam()], detectors=[monitor(), monitor(), spikes])
-    assert [base.detector for base in found.baselines] == ["C", "C (2)", "spikes"]
-    one, two, _ = (trial.row() for trial in found.trials)
-    assert {**one, "detector": ""} == {**two, "detector": ""}
+    watched = gb.run_study([short_jam()], detectors=[monitor(), monitor(), spikes])
+    assert [base.detector for base in watched.baselines] == ["C", "C (2)", "spikes"]
+    first, two, _ = (trial.row() for trial in watched.trials)
+    assert {**first, "detector": ""} == {**two, "detector": ""}
 
 
 def test_only_who_asks_gets_surface_commands_and_the_sensors_are_the_same():
@@ -332,9 +332,9 @@ def test_scenarios_that_state_no_noise_have_the_t2s_where_anything_but_their_own
 
 def test_faults_may_be_given_instead_of_the_scenarios():
     given = [gb.Jam(channel="q", onset_s=21.0), gb.Drift(channel="r", onset_s=22.0, slope=0.5)]
-    found = gb.run(short_jam(), detectors=[spikes], faults=given)
-    assert [trial.injected for trial in found] == given
-    assert [(trial.fault, trial.channel, trial.severity) for trial in found] == [
+    trials = gb.run(short_jam(), detectors=[spikes], faults=given)
+    assert [trial.injected for trial in trials] == given
+    assert [(trial.fault, trial.channel, trial.severity) for trial in trials] == [
         ("jam", "q", {}),
         ("drift", "r", {"slope": 0.5}),
     ]

@@ -165,9 +165,13 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     if not new:
         return record
     cache: dict[str, FloatArray] = {}
-    columns = [np.rad2deg(_computed(name, record, cache)) for name in new]
+    slopes: dict[str, FloatArray] = {}
+    values = np.empty((len(record), len(record.channels) + len(new)), order="F")  # as records are: no transposing
+    values[:, : len(record.channels)] = record.values
+    for i, name in enumerate(new, len(record.channels)):
+        values[:, i] = np.rad2deg(_computed(name, record, cache, slopes))
     return Record(
-        np.column_stack([record.values, *columns]),
+        values,
         channels=[*record.channels, *new],
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
@@ -214,16 +218,22 @@ def factor_of(name: str) -> float:
     return _M_S_PER_KT if unit == "kt" else np.pi / 180.0 if "deg" in unit else 1.0
 
 
-def _computed(name: str, record: Record, cache: dict[str, FloatArray]) -> FloatArray:
+def _computed(name: str, record: Record, cache: dict[str, FloatArray], slopes: dict[str, FloatArray]) -> FloatArray:
     """Return a channel or a pseudo input in radians, m/s or g."""
     if name not in cache:
         if name in record:
             cache[name] = record[name] * factor_of(name)
         else:
-            cache[name] = PSEUDO_INPUTS[name].compute(
-                lambda channel: _computed(channel, record, cache),
-                lambda channel: _slope(_computed(channel, record, cache), record.sample_period_s),
-            )
+
+            def read(channel: str) -> FloatArray:
+                return _computed(channel, record, cache, slopes)
+
+            def slope(channel: str) -> FloatArray:
+                if channel not in slopes:
+                    slopes[channel] = _slope(read(channel), record.sample_period_s)
+                return slopes[channel]
+
+            cache[name] = PSEUDO_INPUTS[name].compute(read, slope)
     return cache[name]
 
 

@@ -118,10 +118,12 @@ def residuals_of(
 ) -> BankResiduals:
     """Derive what the operators of a bank need, predict, subtract."""
     raw, predicted = {}, {}
-    known = record.select(bank.channels)
-    for spec in bank.residuals:
-        if outputs is None or spec.output in outputs:
-            hat = operators[spec.output].predict(derive(known, spec.inputs))[:, 0]
-            predicted[spec.output] = frozen(hat)
-            raw[spec.output] = frozen(record[spec.output] - hat)
+    specs = [spec for spec in bank.residuals if outputs is None or spec.output in outputs]
+    inputs = tuple(dict.fromkeys(name for spec in specs for name in spec.inputs))
+    known = record if record.channels == bank.channels else record.select(bank.channels)
+    derived = derive(known, inputs)  # once: the residuals of a bank share angles and slopes
+    for spec in specs:
+        hat = operators[spec.output].predict(derived)[:, 0]
+        predicted[spec.output] = frozen(hat)
+        raw[spec.output] = frozen(record[spec.output] - hat)
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))
