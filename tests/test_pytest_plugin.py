@@ -80,8 +80,9 @@ def recordings(pytester, folder="gtmbench-artefacts"):
 
 
 def test_a_failure_names_figure_bound_and_recording_and_the_recording_is_whole(pytester, project):
+    """In every process."""
     pytester.makepyfile(test_mine=FAILING)
-    result = project("--junitxml=report.xml", "-q")
+    result = project("-p", "xdist", "-n", "2", "--junitxml=report.xml", "-q")
     result.assert_outcomes(passed=1, failed=4)
     result.stdout.fnmatch_lines(
         [
@@ -192,26 +193,14 @@ def test_slow_flights_wait_until_they_are_wanted(pytester, project):
     project("--gtmbench-slow", "-m", "not slow_flight").assert_outcomes(passed=1, deselected=2)
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-def test_a_flight_is_flown_once_a_session_however_many_processes(pytester, project, processes):
+def test_a_flight_is_flown_once_a_session_however_many_processes(pytester, project):
     """With ``--dist each``, every process runs every test, at the same time."""
     log = pytester.path / "flown.log"
     pytester.makeconftest(COUNTING.format(log=str(log)))
     pytester.makepyfile(test_a=FLYING, test_b=FLYING)
-    several = ["-p", "xdist", "-n", "2", "--dist", "each"] if processes == 2 else []
-    project(*several).assert_outcomes(passed=4 * processes)
+    project("-p", "xdist", "-n", "2", "--dist", "each").assert_outcomes(passed=8)
     flown = [f"('gtm', 'multisine+turbulence', {arguments})" for arguments in ("2.0, 5", "200.0, 100000")]
     assert sorted(log.read_text().splitlines()) == sorted(flown)
-
-
-def test_recordings_are_kept_by_every_process(pytester, project):
-    pytester.makepyfile(test_mine=FAILING)
-    result = project("-p", "xdist", "-n", "2", "--junitxml=report.xml")
-    result.assert_outcomes(passed=1, failed=4)
-    kept = recordings(pytester)
-    assert len(kept) == 4
-    assert all(verified(path) for path in kept)
-    assert all(result.stdout.str().count(f"{path}\n") == 1 for path in kept)
 
 
 def test_whoever_doesnt_use_it_doesnt_notice_it(pytester, project):
