@@ -308,7 +308,7 @@ def tasks(size: Size, watchers: Mapping[str, Watcher]) -> list[Task]:
     angles: dict[str, Any] = {"channels": size.broken_angles, "faults": size.angle_faults}
     small: dict[str, Any] = {"channels": size.gyros, "faults": size.magnitudes, "judge": alarmed}
     costs = (0, size.costs)
-    found = [
+    planned = [
         *flights("healthy", HEALTHY_SEED, few, everyone),
         *flights("healthy", HEALTHY_SEED, more, BANKS),
         *flights("faults", FAULT_SEED, some, everyone, **gyros),
@@ -319,7 +319,7 @@ def tasks(size: Size, watchers: Mapping[str, Watcher]) -> list[Task]:
         *flights("imperfect_faults", FAULT_SEED + 3000, costs, tuple(IMPERFECT), **small),
         *flights("tests", FAULT_SEED + 4000, costs, tuple(TESTS), **gyros, judge=alarmed),
     ]
-    return sorted(found, key=lambda task: -task.cost)
+    return sorted(planned, key=lambda task: -task.cost)
 
 
 def flown(tasks: Sequence[Task], jobs: int, tell: Progress) -> dict[str, pd.DataFrame]:

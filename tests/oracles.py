@@ -20,7 +20,7 @@ def record(**channels):
 def means(records, names, weights):
     """Return the weighted means over all samples that count."""
     total = sum(w.sum() for w in weights)
-    sums = [w[w > 0] @ one.matrix(names)[w > 0] for one, w in zip(records, weights, strict=True)]
+    sums = [w[w > 0] @ series.matrix(names)[w > 0] for series, w in zip(records, weights, strict=True)]
     return sum(sums) / total
 
 
@@ -32,15 +32,15 @@ def lagged(values, r, d):
 
 def dense(records, inputs, outputs, r, d, weights=None):
     """Return regressor, targets and weights of every equation whose samples all count, stacked over the records."""
-    weights = [np.ones(len(one)) for one in records] if weights is None else weights
+    weights = [np.ones(len(series)) for series in records] if weights is None else weights
     centre = means(records, [*inputs, *outputs], weights)
     parts = []
-    for one, w in zip(records, weights, strict=True):
-        if len(one) <= r + d:
+    for series, w in zip(records, weights, strict=True):
+        if len(series) <= r + d:
             continue
-        values = one.matrix([*inputs, *outputs]) - centre
+        values = series.matrix([*inputs, *outputs]) - centre
         whole = lagged((w > 0)[:, np.newaxis], r, d).all(axis=1)
-        now = slice(r, len(one) - d)
+        now = slice(r, len(series) - d)
         parts.append((lagged(values[:, : len(inputs)], r, d)[whole], values[now, len(inputs) :][whole], w[now][whole]))
     phi, y, w = (np.concatenate(part) for part in zip(*parts, strict=True))
     return phi, y, w
@@ -71,7 +71,7 @@ def exact_least_squares(values, inputs, r, d):
     stop = len(values) - d
     columns = [exact[c][r - i : stop - i] for i in range(-d, r + 1) for c in range(inputs)]
     columns.append(exact[-1][r:stop])
-    gram = [[sum(a * b for a, b in zip(one, other, strict=True)) for other in columns] for one in columns[:-1]]
+    gram = [[sum(a * b for a, b in zip(row, other, strict=True)) for other in columns] for row in columns[:-1]]
     return np.array(_solved(gram)).reshape(-1, 1, inputs)
 
 
@@ -97,9 +97,9 @@ def distances(operators, output="y", truth=MARKOV):
     """Return the squared errors in the metric of the covariance that each operator states: chi-square variates."""
     return np.array(
         [
-            (one.markov[:, 0, 0] - truth)
-            @ np.linalg.solve(one.covariance(output)[:, 0, :, 0], one.markov[:, 0, 0] - truth)
-            for one in operators
+            (operator.markov[:, 0, 0] - truth)
+            @ np.linalg.solve(operator.covariance(output)[:, 0, :, 0], operator.markov[:, 0, 0] - truth)
+            for operator in operators
         ]
     )
 

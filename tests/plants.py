@@ -23,17 +23,17 @@ class Plant:
         1 / (z - p) is the sum of p^(i-1) z^-i over i >= 1 where |p| < 1, of -p^(i-1) z^-i over i <= 0 where |p| > 1.
         """
         lags = np.arange(-d, r + 1)
-        found = np.zeros((len(lags), *self.system.D.shape), dtype=complex)
-        found[lags == 0] = self.system.D
+        total = np.zeros((len(lags), *self.system.D.shape), dtype=complex)
+        total[lags == 0] = self.system.D
         slope = poly.polyder(self.denominator)
         for p in poly.polyroots(self.denominator):
-            residue = np.array([[poly.polyval(p, one) for one in row] for row in self.numerators])
+            residue = np.array([[poly.polyval(p, numerator) for numerator in row] for row in self.numerators])
             residue = residue / poly.polyval(p, slope)
             inside = abs(p) < 1.0
             series = np.where((lags >= 1) == inside, (1.0 if inside else -1.0) * p ** (lags - 1.0), 0.0)
-            found += series[:, np.newaxis, np.newaxis] * residue
-        assert np.abs(found.imag).max() < 1e-9
-        return found.real
+            total += series[:, np.newaxis, np.newaxis] * residue
+        assert np.abs(total.imag).max() < 1e-9
+        return total.real
 
     def laurent_by_contour(self, r, d, points=4096):
         """Return the same from C (z I - A)^-1 B + D on the unit circle: the trapezoidal rule for Cauchy's integral."""

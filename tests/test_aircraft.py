@@ -48,10 +48,10 @@ def test_modes_are_those_of_an_independent_model():
         "phugoid": (0.23003, 0.07651),
         "spiral": (0.04887, 1.0),
     }
-    found = {mode.name: (mode.natural_frequency_rad_s, mode.damping) for mode in gb.modes("gtm")}
-    assert found.keys() == independent.keys()
+    modes = {mode.name: (mode.natural_frequency_rad_s, mode.damping) for mode in gb.modes("gtm")}
+    assert modes.keys() == independent.keys()
     for name, expected in independent.items():
-        assert found[name] == pytest.approx(expected, rel=0.005), name
+        assert modes[name] == pytest.approx(expected, rel=0.005), name
 
 
 @pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")  # jsbsim returns one
@@ -135,7 +135,7 @@ def test_coefficients_are_the_tables_put_together_in_python():
     random = np.random.default_rng(20261120)
     tables = Tables()
     fdm = engine(CRAFT)
-    found, expected = [], []
+    coefficients, expected = [], []
     spans = {"alpha": (-5, 30), "beta": (-20, 20), "tas": (70, 130), "p": (-40, 40), "q": (-25, 25), "r": (-40, 40),
              "elevator": (-30, 20), "aileron": (-20, 20), "rudder": (-30, 30)}  # fmt: skip
     for _ in range(150):
@@ -143,10 +143,10 @@ def test_coefficients_are_the_tables_put_together_in_python():
         set_condition(fdm, CRAFT, {**at, "altitude": 8000, "psi": 0, "phi": 0, "theta": at["alpha"], "throttle": 0})
         assert fdm["aero/alpha-deg"] == pytest.approx(at["alpha"], abs=1e-9)
         assert fdm["aero/beta-deg"] == pytest.approx(at["beta"], abs=1e-9)
-        found.append([fdm[f"aero/{c}"] for c in SIX])
+        coefficients.append([fdm[f"aero/{c}"] for c in SIX])
         expected.append(list(build_up(tables, at).values()))
     scale = np.ptp(expected, axis=0)
-    assert np.abs((np.array(found) - np.array(expected)) / scale).max() < 1e-9
+    assert np.abs((np.array(coefficients) - np.array(expected)) / scale).max() < 1e-9
 
 
 def test_mirrored_surfaces_mirror_the_aircraft():

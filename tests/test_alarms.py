@@ -61,9 +61,9 @@ def test_without_a_start_every_window_is_watched(values):
 
 @given(values=levels, factor=st.sampled_from([0.25, 4.0, 1024.0]))
 def test_another_unit_changes_no_alarm(values, factor):
-    one, other = alarms(norm(values), 1.0), alarms(norm(np.array(values) * factor), factor)
-    np.testing.assert_array_equal(one.time_s, other.time_s)
-    np.testing.assert_array_equal(one.armed_s, other.armed_s)
+    raised, other = alarms(norm(values), 1.0), alarms(norm(np.array(values) * factor), factor)
+    np.testing.assert_array_equal(raised.time_s, other.time_s)
+    np.testing.assert_array_equal(raised.armed_s, other.armed_s)
 
 
 def test_a_norm_that_is_above_from_the_start_has_to_come_down_first():

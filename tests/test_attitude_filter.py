@@ -117,8 +117,8 @@ def test_a_bias_shifts_the_attitude_by_tau_times_itself_in_level_flight(gyro, an
 @pytest.mark.parametrize("gyro", GYROS)
 def test_a_fault_changes_its_sample_and_later_ones_only(flight, gyro):
     broken = flight.replace(gyro, flight[gyro] + np.where(np.arange(len(flight)) >= 2000, 5.0, 0.0))
-    healthy, seen = (filtered(record, 2.0, 0.5) for record in (flight, broken))
-    changed = (healthy.select(ATTITUDE).values != seen.select(ATTITUDE).values).any(axis=1)
+    healthy, faulty = (filtered(record, 2.0, 0.5) for record in (flight, broken))
+    changed = (healthy.select(ATTITUDE).values != faulty.select(ATTITUDE).values).any(axis=1)
     assert not changed[:2000].any()
     assert changed[2000:].all()
 

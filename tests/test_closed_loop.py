@@ -25,7 +25,7 @@ def loops(plant, samples, count, seed=0):
 
 
 def rms_error(records, estimator, truth, r, d):
-    errors = [siso(given, estimator, r, d).markov - truth for given in records]
+    errors = [siso(series, estimator, r, d).markov - truth for series in records]
     return np.sqrt(np.mean(np.square(errors)))
 
 
@@ -46,7 +46,7 @@ def test_instruments_are_consistent_in_example_3_2(examples, estimator):
     truth = example_3_2().laurent(50, 50)
     short, long = (rms_error(some, estimator, truth, 50, 50) for some in examples.values())
     assert 1.6 < short / long < 2.5
-    mean = np.mean([siso(given, estimator, 50, 50).markov for given in examples[16_000]], axis=0) - truth
+    mean = np.mean([siso(series, estimator, 50, 50).markov for series in examples[16_000]], axis=0) - truth
     assert np.sqrt(np.mean(mean**2)) < 1.5 * long / np.sqrt(24)  # what is left averages out: no bias
 
 
@@ -54,7 +54,7 @@ def test_instruments_are_consistent_in_example_3_2(examples, estimator):
 def test_least_squares_and_prediction_errors_are_biased_in_example_3_2(examples, estimator):
     truth = example_3_2().laurent(50, 50)
     some = examples[16_000][:8]
-    mean = np.mean([siso(given, estimator, 50, 50).markov for given in some], axis=0) - truth
+    mean = np.mean([siso(series, estimator, 50, 50).markov for series in some], axis=0) - truth
     instrumental = rms_error(some, DELAYED, truth, 50, 50)
     assert np.linalg.norm(mean) / np.sqrt(mean.size) > 2.0 * instrumental / np.sqrt(8)
     assert np.abs(mean).max() > 5.0 * instrumental
@@ -77,9 +77,9 @@ def spectra(plant, points=8192):
     return z, 1.0 - to_x @ K[0], -to_x @ K[0], to_x @ C[0], to_x @ C[0]
 
 
-def covariance(z, signal, other, lag):
-    """Return E a(k) b(k - lag) of unit white noise filtered by `one` and by `other`."""
-    return np.mean(signal * np.conj(other) * z**lag).real
+def covariance(z, response, other, lag):
+    """Return E a(k) b(k - lag) of unit white noise filtered by `response` and by `other`."""
+    return np.mean(response * np.conj(other) * z**lag).real
 
 
 def limit(plant, r, d, delay=None):
@@ -103,7 +103,7 @@ def test_estimates_tend_to_what_the_loops_spectra_say(estimator, delay):
     expected = limit(SMALL, 12, 12, delay)
     errors = []
     for samples in (4000, 16_000):
-        some = [siso(given, estimator, 12, 12).markov[:, 0, 0] - expected for given in loops(SMALL, samples, 32)]
+        some = [siso(series, estimator, 12, 12).markov[:, 0, 0] - expected for series in loops(SMALL, samples, 32)]
         errors.append(np.sqrt(np.mean(np.square(some))))
         assert np.sqrt(np.mean(np.mean(some, axis=0) ** 2)) < 2.0 * errors[-1] / np.sqrt(32)
     assert 1.6 < errors[0] / errors[1] < 2.5
@@ -130,7 +130,7 @@ def endogenous():
 def test_the_covariance_of_instruments_is_right_and_least_squares_misses(endogenous):
     truth = np.array([0.0, 2.0, 0.0])
     for estimator, right in ((InstrumentalVariables(instruments=("c",), past=1), True), (None, False)):
-        operators = [siso(given, estimator, 1, 1) for given in endogenous]
+        operators = [siso(series, estimator, 1, 1) for series in endogenous]
         off = [operator.markov[:, 0, 0] - truth for operator in operators]
         squares = [
             x @ np.linalg.solve(operator.covariance("y")[:, 0, :, 0], x)
@@ -146,8 +146,8 @@ def written_out(records, estimator, r, d, inputs, weights):
     names = [*estimator.instruments, *inputs, "y"]
     centre, count, parts = means(records, names, weights), len(estimator.instruments), []
     reach = max(noncausal, d)
-    for given, w in zip(records, weights, strict=True):
-        values = given.matrix(names) - centre
+    for series, w in zip(records, weights, strict=True):
+        values = series.matrix(names) - centre
         z = values[:, :count]
         if estimator.prefilter:
             z = signal.lfilter(*estimator.prefilter, z, axis=0)
@@ -217,17 +217,17 @@ def test_instruments_solve_their_equations_written_out(case, several):
 
 
 def test_inputs_as_their_own_instruments_are_least_squares():
-    loop = loops(SMALL, 600, 1)[0]
-    own = siso(loop, InstrumentalVariables(instruments=("u",)), 10, 10)
-    np.testing.assert_allclose(own.markov, siso(loop, None, 10, 10).markov, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(own.standard_error, siso(loop, None, 10, 10).standard_error, rtol=1e-9)
+    series = loops(SMALL, 600, 1)[0]
+    own = siso(series, InstrumentalVariables(instruments=("u",)), 10, 10)
+    np.testing.assert_allclose(own.markov, siso(series, None, 10, 10).markov, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(own.standard_error, siso(series, None, 10, 10).standard_error, rtol=1e-9)
 
 
 def test_a_constant_factor_in_the_prefilter_and_the_instruments_unit_change_nothing():
-    loop = loops(SMALL, 600, 1)[0]
-    plain = siso(loop, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
+    series = loops(SMALL, 600, 1)[0]
+    plain = siso(series, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
     other = siso(
-        loop.replace("c", 1e9 * loop["c"] - 4.0),
+        series.replace("c", 1e9 * series["c"] - 4.0),
         InstrumentalVariables(instruments=("c",), delay=1, prefilter=([7.0], [2.0])),
         5,
         5,
@@ -239,9 +239,9 @@ def test_instruments_that_move_at_one_frequency_determine_two_parameters():
     rng = np.random.default_rng(0)
     c = np.sin(2 * np.pi * np.arange(2000) / 50)
     u = c + rng.standard_normal(2000)
-    loop = record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000))
+    series = record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000))
     with pytest.warns(RankWarning, match="the instruments c determine 2 of the 11 Markov parameters"):
-        operator = siso(loop, InstrumentalVariables(instruments=("c",)), 5, 5)
+        operator = siso(series, InstrumentalVariables(instruments=("c",)), 5, 5)
     assert operator.rank == 2
 
 

@@ -27,8 +27,8 @@ def driven(seed, excitations, snr, *, sensors=5, samples=4000):
         for source in range(excitations):
             zeros = zeros_and_poles(rng, 2)
             zeros = np.where(rng.random(1) < 0.5, zeros, 1.0 / zeros)
-            motion = scipy.signal.lfilter(*(np.poly([*z, *z.conj()]).real for z in (zeros, poles)), u[:, source])
-            values[:, sensor] += motion / motion.std() * rng.uniform(0.5, 2.0)
+            response = scipy.signal.lfilter(*(np.poly([*z, *z.conj()]).real for z in (zeros, poles)), u[:, source])
+            values[:, sensor] += response / response.std() * rng.uniform(0.5, 2.0)
     values = values[200:]
     values += rng.standard_normal(values.shape) * values.std(axis=0) / snr
     return sampled(values, [f"s{i}" for i in range(sensors)])

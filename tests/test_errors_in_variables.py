@@ -17,7 +17,7 @@ CORRELATED = np.array([[0.09, 0.03, 0.06], [0.03, 0.25, -0.08], [0.06, -0.08, 0.
 UNITS = [1.0, 1e8, 1e-8]
 
 
-def found(records, estimator, r=2, d=2, inputs=("u", "v"), outputs=("y",), weights=None):
+def identified(records, estimator, r=2, d=2, inputs=("u", "v"), outputs=("y",), weights=None):
     return siso(records, estimator, r, d, inputs, outputs, weights)
 
 
@@ -29,20 +29,20 @@ def measured(samples, covariance, seed=0, denominator=(1.0, -0.6)):
     y = lagged(clean, 2, 2) @ truth[:, 0].ravel()
     values = np.column_stack([clean[2:-2], y])
     noise = rng.multivariate_normal(np.zeros(3), covariance, samples)
-    records = [Record(one, channels=["u", "v", "y"], sample_period_s=0.01) for one in (values, values + noise)]
+    records = [Record(rows, channels=["u", "v", "y"], sample_period_s=0.01) for rows in (values, values + noise)]
     return truth, *records
 
 
-def in_units(one, factors):
-    return Record(one.values * factors, channels=one.channels, sample_period_s=0.01)
+def in_units(series, factors):
+    return Record(series.values * factors, channels=series.channels, sample_period_s=0.01)
 
 
-def eigenvectors(one, covariance, r, d, inputs=("u", "v"), output="y", rank=None):
+def eigenvectors(series, covariance, r, d, inputs=("u", "v"), output="y", rank=None):
     """Return theta and how many directions were kept: generalised eigenvectors of the Gram matrix and C.
 
     Directions whose eigenvalue noise explains span w; of w with w_y = -1 the one of the smallest w' C w is theta.
     """
-    phi, y, _ = dense([one], list(inputs), [output], r, d)
+    phi, y, _ = dense([series], list(inputs), [output], r, d)
     rows, count = np.column_stack([phi, y]), len(inputs)
     C = scipy.linalg.block_diag(*[covariance[:count, :count]] * (r + d + 1), covariance[count:, count:])
     C[d * count : (d + 1) * count, -1] = C[-1, d * count : (d + 1) * count] = covariance[:count, count]
@@ -63,7 +63,7 @@ def test_total_least_squares_is_the_generalised_eigenvector(noise, rank, units):
     _, _, noisy = measured(1500, covariance)
     scaled = covariance * np.outer(units, units)
     stated = scaled if noise == "matrix" else dict(zip("uvy", np.sqrt(np.diag(scaled)), strict=True))
-    operator = found(in_units(noisy, units), TotalLeastSquares(noise=stated, rank=rank))
+    operator = identified(in_units(noisy, units), TotalLeastSquares(noise=stated, rank=rank))
     theta, kept = eigenvectors(noisy, covariance, 2, 2, rank=rank)
     theta = theta.reshape(5, 2) * units[2] / units[:2]
     np.testing.assert_allclose(
@@ -83,7 +83,9 @@ def test_total_least_squares_is_consistent_where_least_squares_is_biased(covaria
     errors = {}
     for estimator in (TotalLeastSquares(noise=covariance), None):
         for samples in (4000, 16_000):
-            off = [found(r[2], estimator).markov - r[0] for r in (measured(samples, covariance, s) for s in range(24))]
+            off = [
+                identified(r[2], estimator).markov - r[0] for r in (measured(samples, covariance, s) for s in range(24))
+            ]
             errors[estimator is None, samples] = np.sqrt(np.mean(np.square(off)))
             bias = np.sqrt(np.mean(np.mean(off, axis=0) ** 2))
             share = bias / errors[estimator is None, samples]
@@ -97,7 +99,7 @@ def test_a_covariance_between_channels_matters():
     """Taken for independent, noise that the channels share biases total least squares."""
     independent = np.diag(np.diag(CORRELATED))
     off = {
-        name: np.mean([found(m[2], TotalLeastSquares(noise=C)).markov - m[0] for m in some], axis=0)
+        name: np.mean([identified(m[2], TotalLeastSquares(noise=C)).markov - m[0] for m in some], axis=0)
         for some in [[measured(16_000, CORRELATED, seed) for seed in range(6)]]
         for name, C in (("right", CORRELATED), ("wrong", independent))
     }
@@ -109,7 +111,7 @@ def test_outputs_are_solved_each_with_its_own_noise():
     w = np.roll(noisy["u"], 1) + 0.2 * np.random.default_rng(1).standard_normal(1500)
     both = record(u=noisy["u"], v=noisy["v"], y=noisy["y"], w=w)
     C = scipy.linalg.block_diag(CORRELATED, [[0.04]])
-    operator = found(both, TotalLeastSquares(noise=C), outputs=["y", "w"])
+    operator = identified(both, TotalLeastSquares(noise=C), outputs=["y", "w"])
     for o, name in enumerate(["y", "w"]):
         own = C[np.ix_([0, 1, 2 + o], [0, 1, 2 + o])]
         theta, _ = eigenvectors(both, own, 2, 2, output=name)
@@ -119,8 +121,8 @@ def test_outputs_are_solved_each_with_its_own_noise():
 def test_tiny_noise_on_the_inputs_is_least_squares():
     """With inputs known well and the output badly, the smallest change of all samples is that of the output."""
     _, _, noisy = measured(1500, np.diag([1e-12, 1e-12, 0.16]))
-    operator = found(noisy, TotalLeastSquares(noise={"u": 1e-6, "v": 1e-6, "y": 0.4}, rank=10))
-    np.testing.assert_allclose(operator.markov, found(noisy, None).markov, rtol=0, atol=1e-9)
+    operator = identified(noisy, TotalLeastSquares(noise={"u": 1e-6, "v": 1e-6, "y": 0.4}, rank=10))
+    np.testing.assert_allclose(operator.markov, identified(noisy, None).markov, rtol=0, atol=1e-9)
 
 
 SLOW = signal.butter(10, 0.3)
@@ -133,22 +135,22 @@ def slow(samples, seed):
     y = lagged(clean, 2, 2) @ np.linspace(1.0, -0.5, 10)
     values = np.column_stack([clean[2:-2], y])
     noise = rng.standard_normal(values.shape) * list(LEVELS.values())
-    return [Record(one, channels=["u", "v", "y"], sample_period_s=0.01) for one in (values, values + noise)]
+    return [Record(rows, channels=["u", "v", "y"], sample_period_s=0.01) for rows in (values, values + noise)]
 
 
 def test_noise_is_read_off_where_low_pass_signals_dont_move():
     """A mean over half a spectrum has n / 2 degrees of freedom: an error of 1 / sqrt(n), windows aside."""
-    found_levels = [found(slow(20_000, seed)[1], TotalLeastSquares()).sensor_noise for seed in range(10)]
-    shares = np.array(found_levels) / list(LEVELS.values())
+    levels = [identified(slow(20_000, seed)[1], TotalLeastSquares()).sensor_noise for seed in range(10)]
+    shares = np.array(levels) / list(LEVELS.values())
     np.testing.assert_allclose(shares.mean(axis=0), 1.0, atol=5.0 / np.sqrt(10 * 20_000))
 
 
 def test_estimated_noise_is_used_as_if_it_were_stated_and_predicts_better_than_least_squares():
     clean, noisy = slow(20_000, 0)
-    operator = found(noisy, TotalLeastSquares())
-    stated = found(noisy, TotalLeastSquares(noise=dict(zip("uvy", operator.sensor_noise, strict=True))))
+    operator = identified(noisy, TotalLeastSquares())
+    stated = identified(noisy, TotalLeastSquares(noise=dict(zip("uvy", operator.sensor_noise, strict=True))))
     np.testing.assert_allclose(operator.markov, stated.markov, rtol=0, atol=1e-9)
-    off = [np.nanstd(one.predict(clean)[:, 0] - clean["y"]) for one in (operator, found(noisy, None))]
+    off = [np.nanstd(model.predict(clean)[:, 0] - clean["y"]) for model in (operator, identified(noisy, None))]
     assert off[0] < 0.5 * off[1]
 
 
@@ -163,10 +165,10 @@ def test_noisy_sinusoids_give_a_finite_operator_that_predicts(noise, rank):
     u, v = tones[0] + 0.5 * tones[1] + tones[2], 0.4 * tones[0] - np.roll(tones[1], 3) + np.roll(tones[2], 5)
     values = np.column_stack([u, v, np.roll(tones[0], 4) + np.roll(tones[1], 2) - 0.5 * tones[2]])
     clean, noisy = (
-        Record(one, channels=["u", "v", "y"], sample_period_s=0.1)
-        for one in (values, values + 0.1 * rng.standard_normal(values.shape))
+        Record(samples, channels=["u", "v", "y"], sample_period_s=0.1)
+        for samples in (values, values + 0.1 * rng.standard_normal(values.shape))
     )
-    operator = found(noisy, TotalLeastSquares(noise=noise, rank=rank), 10, 10)
+    operator = identified(noisy, TotalLeastSquares(noise=noise, rank=rank), 10, 10)
     assert 6 <= operator.rank <= (rank or 12)
     assert np.linalg.norm(operator.markov) < 1.0
     off = operator.predict(clean)[20:-20, 0] - values[20:-20, 2]
@@ -177,7 +179,7 @@ def test_noise_that_isnt_there_cant_be_estimated():
     t = np.arange(1000)
     silent = record(u=np.random.default_rng(0).standard_normal(1000), v=np.where(t < 500, 0.0, 1.0), y=1.0 * t)
     with pytest.raises(InputError, match="shows no noise above half the Nyquist frequency"):
-        found([silent.between(0, 4.99), silent.between(5, 9.99)], TotalLeastSquares())
+        identified([silent.between(0, 4.99), silent.between(5, 9.99)], TotalLeastSquares())
 
 
 @pytest.mark.parametrize("kind", ["ridge", "truncate"])
@@ -190,7 +192,7 @@ def test_ridge_and_truncation_are_the_dense_solutions_in_physical_units(kind, un
     noisy = in_units(noisy, np.array([unit, 1.0, 1.0]))
     weights = rng.random(800) + 0.5 if weighted else None
     levels = {"u": 0.3 * unit, "v": 0.8}
-    operator = found(noisy, LeastSquares(**{kind: levels}), 4, 3, weights=weights)
+    operator = identified(noisy, LeastSquares(**{kind: levels}), 4, 3, weights=weights)
     phi, y, w = dense([noisy], ["u", "v"], ["y"], 4, 3, None if weights is None else [weights])
     sigma = np.tile(list(levels.values()), 8)
     root, n = np.sqrt(w)[:, None], w.sum()
@@ -211,8 +213,8 @@ def test_ridge_and_truncation_are_the_dense_solutions_in_physical_units(kind, un
 @pytest.mark.parametrize("kind", ["ridge", "truncate"])
 def test_one_number_stands_for_every_input(kind):
     _, _, noisy = measured(800, CORRELATED)
-    one, other = (found(noisy, LeastSquares(**{kind: level})).markov for level in (0.4, {"u": 0.4, "v": 0.4}))
-    np.testing.assert_array_equal(one, other)
+    markov, other = (identified(noisy, LeastSquares(**{kind: level})).markov for level in (0.4, {"u": 0.4, "v": 0.4}))
+    np.testing.assert_array_equal(markov, other)
 
 
 def test_ridge_is_what_noise_on_the_inputs_adds_in_the_mean():
@@ -222,7 +224,9 @@ def test_ridge_is_what_noise_on_the_inputs_adds_in_the_mean():
         _, clean, _ = measured(samples, CORRELATED)
         noise = 0.5 * np.random.default_rng(9).standard_normal((samples, 2))
         noisy = Record(clean.values + np.pad(noise, ((0, 0), (0, 1))), channels=clean.channels, sample_period_s=0.01)
-        differences.append(np.linalg.norm(found(clean, LeastSquares(ridge=0.5)).markov - found(noisy, None).markov))
+        differences.append(
+            np.linalg.norm(identified(clean, LeastSquares(ridge=0.5)).markov - identified(noisy, None).markov)
+        )
     assert differences[1] < 0.4 * differences[0]
     assert differences[1] < 10.0 / np.sqrt(64_000)
 
@@ -231,7 +235,7 @@ def test_a_vanishing_ridge_and_a_vanishing_truncation_are_least_squares():
     _, _, noisy = measured(800, CORRELATED)
     for kind in ("ridge", "truncate"):
         np.testing.assert_allclose(
-            found(noisy, LeastSquares(**{kind: 1e-9})).markov, found(noisy, None).markov, atol=1e-12
+            identified(noisy, LeastSquares(**{kind: 1e-9})).markov, identified(noisy, None).markov, atol=1e-12
         )
 
 
@@ -240,13 +244,13 @@ def test_truncation_keeps_just_what_stands_out_of_the_noise():
     _, clean, _ = measured(800, CORRELATED, denominator=[1.0, -1.7, 0.75])
     phi, _, _ = dense([clean], ["u", "v"], ["y"], 2, 2)
     for kept, singular in enumerate(np.linalg.svd(phi, compute_uv=False) / np.sqrt(len(phi))):
-        assert found(clean, LeastSquares(truncate=0.999 * singular)).rank == kept + 1
+        assert identified(clean, LeastSquares(truncate=0.999 * singular)).rank == kept + 1
         above = LeastSquares(truncate=1.001 * singular)
         if kept:
-            assert found(clean, above).rank == kept
+            assert identified(clean, above).rank == kept
         else:
             with pytest.raises(InputError, match="no direction of the pseudo inputs stands out"):
-                found(clean, above)
+                identified(clean, above)
 
 
 def test_noise_that_cant_be_told_from_motion_isnt_estimated():

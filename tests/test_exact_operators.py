@@ -76,9 +76,9 @@ def test_the_operator_is_go_gi_inverse_and_its_longer_forms_are_too(model):
     scale = 1e-8 * (1.0 + np.abs(expected).max())
     np.testing.assert_allclose(T.at(s), expected, rtol=0, atol=scale)
     for form in (T.theorem_1, T.system_equation, T.reduced):
-        found = [[np.polyval([float(c) for c in one], s) for one in row] for row in entries(form.numerators)]
+        above = [[np.polyval([float(c) for c in entry], s) for entry in row] for row in entries(form.numerators)]
         below = np.polyval([float(c) for c in coefficients(form.denominator)], s)
-        np.testing.assert_allclose(np.array(found) / below, expected, rtol=0, atol=scale)
+        np.testing.assert_allclose(np.array(above) / below, expected, rtol=0, atol=scale)
 
 
 @settings(max_examples=15)
@@ -168,15 +168,15 @@ def test_motions_under_an_input_are_those_that_scipy_simulates():
         [1, -1],
     )
     expected = states[-1] + [np.sin(6.0), 0.0]  # y_i = x1 + u
-    found = np.vstack([whole["Ci"], whole["Co"]]) @ scipy.linalg.expm(whole["A"] * 2.0) @ [1, -1, 0, 1]
-    np.testing.assert_allclose(found, expected, atol=1e-5)
+    motion = np.vstack([whole["Ci"], whole["Co"]]) @ scipy.linalg.expm(whole["A"] * 2.0) @ [1, -1, 0, 1]
+    np.testing.assert_allclose(motion, expected, atol=1e-5)
 
 
 def test_poles_and_zeros_come_with_their_multiplicities():
     """y_i and y_o of one chain of integrators: Gamma_i = (p+1)^3 (p^2+4), Gamma_o = (p+1)(p-2)^2."""
     A = np.eye(7, k=1, dtype=int)
-    below, above = (np.poly(one).round().astype(int)[::-1] for one in ([-1, -1, -1, 2j, -2j], [-1, 2, 2]))
-    Ci, Co = (np.pad(one, (0, 7 - len(one)))[np.newaxis] for one in (below, above))
+    below, above = (np.poly(numbers).round().astype(int)[::-1] for numbers in ([-1, -1, -1, 2j, -2j], [-1, 2, 2]))
+    Ci, Co = (np.pad(polynomial, (0, 7 - len(polynomial)))[np.newaxis] for polynomial in (below, above))
     T = exact_operator(A, np.eye(7, dtype=int)[:, 6:], Ci, Co)
     assert T.delta == T.delta.ring.gens[0] ** 7
     np.testing.assert_allclose(T.poles, [-1, -1, -2j, 2j], atol=1e-14)
@@ -200,8 +200,8 @@ def test_symbols_and_numbers_agree():
     a, b = sympy.symbols("a b")
     with_symbols = exact_operator([[a, 1], [0, b / a]], [[0], [1]], [[1, 0]], [[0, 1]])
     with_numbers = exact_operator([[3, 1], [0, Fraction(5, 3)]], [[0], [1]], [[1, 0]], [[0, 1]])
-    for one, other in zip(with_symbols.entry(0, 0), with_numbers.entry(0, 0), strict=True):
-        assert [c.subs({a: 3, b: 5}) for c in one] == [sympy.Rational(str(c)) for c in other]
+    for symbolic, other in zip(with_symbols.entry(0, 0), with_numbers.entry(0, 0), strict=True):
+        assert [c.subs({a: 3, b: 5}) for c in symbolic] == [sympy.Rational(str(c)) for c in other]
     for value in ("poles", "stable"):
         with pytest.raises(InputError, match="symbols"):
             getattr(with_symbols, value)
@@ -269,10 +269,11 @@ def test_adjugates_of_singular_matrices_are_sympys(tall, wide, right):
     ring = sympy.QQ[p]
     exact = sympy.Matrix(tall) * sympy.Matrix(wide) + p * sympy.diag(0, 0, 1)
     matrix, columns = (
-        sympy.polys.matrices.DomainMatrix.from_Matrix(one).convert_to(ring) for one in (exact, sympy.Matrix(right))
+        sympy.polys.matrices.DomainMatrix.from_Matrix(operand).convert_to(ring)
+        for operand in (exact, sympy.Matrix(right))
     )
-    found, determinant = adjugate_times(matrix, columns)
-    assert (found.to_Matrix() - exact.adjugate() * sympy.Matrix(right)).expand() == sympy.zeros(3, 2)
+    product, determinant = adjugate_times(matrix, columns)
+    assert (product.to_Matrix() - exact.adjugate() * sympy.Matrix(right)).expand() == sympy.zeros(3, 2)
     assert sympy.expand(expression(determinant) - exact.det()) == 0
 
 

@@ -23,10 +23,10 @@ def test_the_dissertations_surfaces_follow_its_text():
 
 
 def test_the_dissertations_surfaces_have_1_deg_and_a_period_of_12_s():
-    one, next_one = (excitation("dissertation", np.arange(1200) * 0.01 + t, seed=1).surfaces for t in (0.0, 12.0))
+    period, next_period = (excitation("dissertation", np.arange(1200) * 0.01 + t, seed=1).surfaces for t in (0.0, 12.0))
     for surface in SURFACES:
-        assert np.abs(one[surface]).max() == pytest.approx(1.0, abs=1e-5)
-        np.testing.assert_allclose(one[surface], next_one[surface], atol=1e-12)
+        assert np.abs(period[surface]).max() == pytest.approx(1.0, abs=1e-5)
+        np.testing.assert_allclose(period[surface], next_period[surface], atol=1e-12)
 
 
 def lines(deflection):
@@ -38,8 +38,8 @@ def lines(deflection):
 def test_no_two_surfaces_of_the_multisine_share_a_line(seed):
     moved = excitation("multisine", HUNDRED_S, seed).surfaces
     used = {surface: set(np.flatnonzero(lines(moved[surface]) > 1e-6)) for surface in SURFACES}
-    for one, other in itertools.combinations(SURFACES, 2):
-        assert not used[one] & used[other]
+    for name, other in itertools.combinations(SURFACES, 2):
+        assert not used[name] & used[other]
     # 0.05..2 Hz, none left out
     assert set.union(*used.values()) == set(range(5, 201))
 

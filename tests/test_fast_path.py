@@ -19,7 +19,7 @@ from gtmbench.record import Record
 EPS = np.finfo(float).eps
 
 
-def found(records, r, d, inputs=("u", "v"), outputs=("y",), **others):
+def identified(records, r, d, inputs=("u", "v"), outputs=("y",), **others):
     return identify(records, inputs=list(inputs), outputs=list(outputs), causal_order=r, noncausal_order=d, **others)
 
 
@@ -30,9 +30,9 @@ def noisy(samples=600, seed=0):
     return record(u=u, v=v, y=y)
 
 
-def off(found_markov, expected, scales=1.0):
+def off(estimate, expected, scales=1.0):
     """Return the relative error, in units scaled to an RMS of 1."""
-    return np.linalg.norm((found_markov - expected) * scales) / np.linalg.norm(expected * scales)
+    return np.linalg.norm((estimate - expected) * scales) / np.linalg.norm(expected * scales)
 
 
 @st.composite
@@ -123,12 +123,12 @@ def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, r
 
 
 def test_chunks_dont_change_what_is_found(monkeypatch):
-    one = found(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
+    operator = identified(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
     for module in (gram_module, stretches_module):
         monkeypatch.setattr(module, "CHUNK", 37)
     monkeypatch.setattr(gram_module, "ROWS", 11)
-    other = found(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
-    np.testing.assert_allclose(other.markov, one.markov, rtol=0, atol=1e-13)
+    other = identified(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
+    np.testing.assert_allclose(other.markov, operator.markov, rtol=0, atol=1e-13)
 
 
 def test_offsets_of_a_million_and_scales_eight_decades_apart_cost_no_more_than_the_recording_does():
@@ -137,9 +137,9 @@ def test_offsets_of_a_million_and_scales_eight_decades_apart_cost_no_more_than_t
     shifted = Record(
         (plain.values + 1e6 * np.array([1, -1, 1])) * scales, channels=plain.channels, sample_period_s=0.01
     )
-    one, other = found(plain, 5, 5), found(shifted, 5, 5)
+    operator, other = identified(plain, 5, 5), identified(shifted, 5, 5)
     assert other.solver == "cholesky"
-    np.testing.assert_allclose(other.markov * scales[:2] / scales[2], one.markov, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.markov * scales[:2] / scales[2], operator.markov, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("at", [0, 1, 5, 10, 11, 300, -12, -11, -10, -6, -2, -1])
@@ -151,7 +151,7 @@ def test_a_spike_anywhere_is_solved_as_the_written_out_equations_are(at, channel
     spiked = Record(values, channels=["u", "v", "y"], sample_period_s=0.01)
     expected = least_squares([spiked], ["u", "v"], ["y"], 5, 5)
     rms = values.std(axis=0)
-    assert off(found(spiked, 5, 5).markov, expected, rms[:2] / rms[2]) < 1e-6
+    assert off(identified(spiked, 5, 5).markov, expected, rms[:2] / rms[2]) < 1e-6
 
 
 @pytest.mark.parametrize("kind", ["float32", "strided", "fortran", "read-only", "integers"])
@@ -165,10 +165,10 @@ def test_any_array_will_do(kind):
         "integers": values.astype(np.int64),
     }[kind]
     given_array.setflags(write=False)
-    one = found(Record(values, channels=["u", "v", "y"], sample_period_s=0.01), 5, 5)
-    other = found(Record(given_array, channels=["u", "v", "y"], sample_period_s=0.01), 5, 5)
+    operator = identified(Record(values, channels=["u", "v", "y"], sample_period_s=0.01), 5, 5)
+    other = identified(Record(given_array, channels=["u", "v", "y"], sample_period_s=0.01), 5, 5)
     np.testing.assert_array_equal(given_array, values)
-    np.testing.assert_allclose(other.markov, one.markov, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(other.markov, operator.markov, rtol=0, atol=1e-14)
 
 
 def nearly_twins(kappa, noise, samples=300):
@@ -184,7 +184,7 @@ def test_precision_is_kept_up_to_any_condition(noise):
     """Against rational arithmetic: the normal equations lose eps cond^2, an orthogonal method eps cond."""
     for kappa in 10.0 ** np.arange(0, 13, 0.5):
         twins = nearly_twins(kappa, noise)
-        operator = found(twins, 1, 1)
+        operator = identified(twins, 1, 1)
         error = off(operator.markov, exact_least_squares(twins.values, 2, 1, 1))
         power = 2 if operator.solver == "cholesky" else 1
         assert operator.rank == 6
@@ -223,15 +223,15 @@ def test_what_isnt_determined_is_named_and_predicted_all_the_same(channels, rank
             made[name] = rng.standard_normal(1200)
         else:
             made[name] = (
-                sum(made[one] for one in given_values.split("+")) if isinstance(given_values, str) else given_values
+                sum(made[part] for part in given_values.split("+")) if isinstance(given_values, str) else given_values
             )
-    one = record(**made, y=np.roll(made["u"], 2) - made["v"])
+    series = record(**made, y=np.roll(made["u"], 2) - made["v"])
     with pytest.warns(RankWarning, match=message):
-        operator = found(one, 5, 5, inputs=list(made))
+        operator = identified(series, 5, 5, inputs=list(made))
     assert (operator.rank, operator.solver) == (rank, "householder")
     assert operator.condition > 1e10
     assert np.isnan(operator.standard_error).all()
-    phi, y, _ = dense([one], list(made), ["y"], 5, 5)
+    phi, y, _ = dense([series], list(made), ["y"], 5, 5)
     scale = np.tile([made[name].std() for name in made], 11)
     theta = np.linalg.lstsq(phi / scale, y, rcond=1e-12)[0] / scale[:, None]
     np.testing.assert_allclose(operator.markov[:, 0].ravel(), theta[:, 0], rtol=0, atol=1e-9)
@@ -241,21 +241,21 @@ def test_a_channel_that_barely_moves_is_identified_in_its_own_scale():
     """Noise of 1e-9 about 1 is stored to 1e-16: seven digits of it are there to be used."""
     rng = np.random.default_rng(6)
     u = 1.0 + 1e-9 * rng.standard_normal(2000)
-    one = record(u=u, y=1e9 * np.roll(u, 3))
-    operator = found(one, 5, 5, inputs=["u"])
+    series = record(u=u, y=1e9 * np.roll(u, 3))
+    operator = identified(series, 5, 5, inputs=["u"])
     assert operator.rank == 11
     assert 1e-9 * operator.markov[8, 0, 0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_well_posed_data_go_the_fast_way_and_dont_warn():
-    assert found(noisy(), 20, 20).solver == "cholesky"
+    assert identified(noisy(), 20, 20).solver == "cholesky"
 
 
 @pytest.mark.parametrize("kappa", [1e6, 1e9, 1e12])
 def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        operator = found(nearly_twins(kappa, 1.0), 1, 1)
+        operator = identified(nearly_twins(kappa, 1.0), 1, 1)
     assert (operator.rank, operator.solver) == (6, "householder")
     assert 0.5 < operator.condition / np.linalg.cond(dense([nearly_twins(kappa, 1.0)], "uv", "y", 1, 1)[0]) < 2.0
 
@@ -264,13 +264,13 @@ def test_an_output_a_sample_later_moves_the_parameters_by_one_lag():
     """Signals at rest at both ends: the equations are the same ones, so the estimates are the same."""
     values = np.pad(noisy().values - noisy().values.mean(axis=0), ((20, 20), (0, 0)))
     later = np.column_stack([values[:, :2], np.roll(values[:, 2], 1)])
-    one = found(record(u=values[:, 0], v=values[:, 1], y=values[:, 2]), 5, 5)
-    other = found(record(u=later[:, 0], v=later[:, 1], y=later[:, 2]), 6, 4)
-    np.testing.assert_allclose(other.markov, one.markov, rtol=0, atol=1e-13)
+    operator = identified(record(u=values[:, 0], v=values[:, 1], y=values[:, 2]), 5, 5)
+    other = identified(record(u=later[:, 0], v=later[:, 1], y=later[:, 2]), 6, 4)
+    np.testing.assert_allclose(other.markov, operator.markov, rtol=0, atol=1e-13)
 
 
 def test_columns_scale_and_permute_with_their_inputs():
-    one = noisy()
-    operator = found(one, 5, 5)
-    other = found(one.replace("v", one["v"] * 1e7), 5, 5, inputs=["v", "u"])
+    series = noisy()
+    operator = identified(series, 5, 5)
+    other = identified(series.replace("v", series["v"] * 1e7), 5, 5, inputs=["v", "u"])
     np.testing.assert_allclose(other.markov[:, :, ::-1] * [1.0, 1e7], operator.markov, rtol=0, atol=1e-13)

@@ -278,8 +278,8 @@ def test_faults_on_different_channels_dont_meet():
     faults = [fault("jam", channel="p"), fault("drift", channel="r")]
     both = inject(record, faults)
     np.testing.assert_array_equal(both.values, inject(record, faults[::-1]).values)
-    for injected in faults:
-        np.testing.assert_array_equal(both[injected.channel], inject(record, injected)[injected.channel])
+    for alone in faults:
+        np.testing.assert_array_equal(both[alone.channel], inject(record, alone)[alone.channel])
     np.testing.assert_array_equal(inject(record, []).values, record.values)
 
 

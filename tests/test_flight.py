@@ -72,8 +72,8 @@ def test_the_same_bits_in_another_process_and_in_threads():
 
 @pytest.mark.parametrize("excitation", ["multisine", "turbulence"])
 def test_seeds_give_other_flights(excitation):
-    one, two = (gb.fly(excitation=excitation, duration_s=5.0, seed=seed) for seed in (1, 2))
-    assert np.abs(one["p"] - two["p"]).max() > 0.1
+    first, second = (gb.fly(excitation=excitation, duration_s=5.0, seed=seed) for seed in (1, 2))
+    assert np.abs(first["p"] - second["p"]).max() > 0.1
 
 
 def test_a_longer_flight_begins_like_a_shorter_one(minute):

@@ -103,11 +103,11 @@ def test_a_jump_that_is_named_is_taken():
 
 def quotient(numerator, denominator, count):
     """Return the first coefficients of a quotient of power series, exactly."""
-    series = []
+    coefficients = []
     for i in range(count):
-        known = sum(denominator[i - j] * series[j] for j in range(i) if i - j < len(denominator))
-        series.append((numerator[i] - known if i < len(numerator) else -known) / denominator[0])
-    return series
+        known = sum(denominator[i - j] * coefficients[j] for j in range(i) if i - j < len(denominator))
+        coefficients.append((numerator[i] - known if i < len(numerator) else -known) / denominator[0])
+    return coefficients
 
 
 def polynomial(*roots):
@@ -131,8 +131,8 @@ def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_
     first, second = companion([1.0, -2.0], [1.0, -0.5]), companion([1.0, 0.0], [1.0, 0.3])
     u = np.random.default_rng(4).standard_normal((200_000, 1))
     record = Record(np.hstack([first.simulate(u), second.simulate(u)]), channels=["a", "b"], sample_period_s=1.0)
-    markov = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
-    np.testing.assert_allclose(markov, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
+    estimate = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
+    np.testing.assert_allclose(estimate, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
 
 
 @pytest.mark.parametrize("name", ["6.5.1", "6.5.2", "6.5.4"])
@@ -162,8 +162,8 @@ def test_normalised_markov_parameters_know_the_nonlinearities_by_their_correlati
         relative = covariance(pair, FIRST, SECOND, 12) / np.outer(theta, theta) / pair.scale**2
         ratio = relative - relative[0] - relative[:, :1] + relative[0, 0]
         ratios.append(ratio / (1.0 / pair.correlation**2 - 1.0))
-    for others in ratios[1:]:
-        np.testing.assert_allclose(others, ratios[0], rtol=1e-9, atol=1e-9 * np.abs(ratios[0]).max())
+    for other in ratios[1:]:
+        np.testing.assert_allclose(other, ratios[0], rtol=1e-9, atol=1e-9 * np.abs(ratios[0]).max())
 
 
 def test_systems_that_arent_stationary_or_are_nothing_are_refused():

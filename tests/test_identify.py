@@ -35,7 +35,7 @@ def plant(r, d, *, samples=400, seed=0, whole_period=False, noise=0.0):
     return markov, Record(both, channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01)
 
 
-def found(record, r, d, inputs=INPUTS, outputs=OUTPUTS):
+def identified(record, r, d, inputs=INPUTS, outputs=OUTPUTS):
     return identify(record, inputs=inputs, outputs=outputs, causal_order=r, noncausal_order=d)
 
 
@@ -48,7 +48,7 @@ def changed(record, scale=1.0, offset=0.0, start_s=0.0):
 @pytest.mark.parametrize("samples", [60, 400, 4000])
 def test_the_operator_that_made_the_data_is_found_again(r, d, samples):
     markov, record = plant(r, d, samples=samples, whole_period=True)
-    operator = found(record, r, d)
+    operator = identified(record, r, d)
     np.testing.assert_allclose(operator.markov, markov, rtol=0, atol=1e-9)
     assert operator.rms_residual.max() < 1e-9
 
@@ -58,14 +58,14 @@ def test_the_ends_of_a_record_bias_the_operator_less_the_longer_it_is(r, d):
     """Means are the record's, by definition; those over the equations differ a little, unless it is a whole period."""
     for samples in (400, 4000):
         markov, record = plant(r, d, samples=samples)
-        np.testing.assert_allclose(found(record, r, d).markov, markov, rtol=0, atol=1.0 / samples)
+        np.testing.assert_allclose(identified(record, r, d).markov, markov, rtol=0, atol=1.0 / samples)
 
 
 @pytest.mark.parametrize(("r", "d"), ORDERS)
 def test_orders_larger_than_needed_give_zeros_at_the_lags_in_excess(r, d):
     markov, record = plant(r, d, whole_period=True)
     expected = np.pad(markov, ((2, 3), (0, 0), (0, 0)))
-    np.testing.assert_allclose(found(record, r + 3, d + 2).markov, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(identified(record, r + 3, d + 2).markov, expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("lag", [-4, -1, 0, 1, 3])
@@ -76,7 +76,7 @@ def test_a_delay_is_a_positive_lag_and_an_advance_a_negative_one(lag, i, o):
     y = np.empty((300, 2))
     y[:, o] = 2.5 * np.roll(u[:, i], lag)  # y(k) = 2.5 u(k - lag)
     y[:, 1 - o] = np.roll(u[:, 0], 2)
-    operator = found(Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01), 5, 5)
+    operator = identified(Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01), 5, 5)
     at = dict(zip(operator.lags.tolist(), operator.markov, strict=True))
     assert list(at) == list(range(-5, 6))
     for number, h in at.items():
@@ -86,7 +86,7 @@ def test_a_delay_is_a_positive_lag_and_an_advance_a_negative_one(lag, i, o):
 
 def test_the_rows_and_columns_follow_the_names_given():
     markov, record = plant(3, 2, whole_period=True)
-    operator = found(record, 3, 2, INPUTS[::-1], OUTPUTS[::-1])
+    operator = identified(record, 3, 2, INPUTS[::-1], OUTPUTS[::-1])
     np.testing.assert_allclose(operator.markov, markov[:, ::-1, ::-1], rtol=0, atol=1e-9)
     assert operator.name == "[q p] -> beta r"
     assert operator.look_ahead_s == pytest.approx(0.02)
@@ -95,35 +95,37 @@ def test_the_rows_and_columns_follow_the_names_given():
 
 def test_every_output_is_identified_as_if_it_were_alone():
     _, record = plant(3, 2, noise=0.3)
-    both = found(record, 3, 2)
+    both = identified(record, 3, 2)
     for o, name in enumerate(OUTPUTS):
-        alone = found(record, 3, 2, outputs=[name])
+        alone = identified(record, 3, 2, outputs=[name])
         np.testing.assert_allclose(alone.markov[:, 0], both.markov[:, o], rtol=0, atol=1e-12)
         assert alone.rms_residual[0] == pytest.approx(both.rms_residual[o])
 
 
 def test_another_clock_gives_the_same_bits():
     _, record = plant(3, 2, noise=0.3)
-    np.testing.assert_array_equal(found(record, 3, 2).markov, found(changed(record, start_s=1e6), 3, 2).markov)
+    np.testing.assert_array_equal(
+        identified(record, 3, 2).markov, identified(changed(record, start_s=1e6), 3, 2).markov
+    )
 
 
 def test_offsets_dont_change_what_is_predicted():
     _, record = plant(3, 2, noise=0.3)
     offsets = np.array([1e4, -1e4, 1e4, -2e4])
     shifted = changed(record, offset=offsets)
-    expected = found(record, 3, 2).predict(record) + offsets[2:]
-    np.testing.assert_allclose(found(shifted, 3, 2).predict(shifted), expected, rtol=0, atol=1e-8)
+    expected = identified(record, 3, 2).predict(record) + offsets[2:]
+    np.testing.assert_allclose(identified(shifted, 3, 2).predict(shifted), expected, rtol=0, atol=1e-8)
 
 
 def test_units_of_inputs_and_outputs_scale_the_parameters_and_the_predictions():
     _, record = plant(3, 2, noise=0.3)
     scales = np.array([1e6, 1e-6, 1e6, 1e-3])
     scaled = changed(record, scale=scales)
-    one, other = found(record, 3, 2), found(scaled, 3, 2)
-    expected = one.markov * scales[2:, np.newaxis] / scales[:2]
+    operator, other = identified(record, 3, 2), identified(scaled, 3, 2)
+    expected = operator.markov * scales[2:, np.newaxis] / scales[:2]
     np.testing.assert_allclose(other.markov / expected, 1.0, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(other.predict(scaled) / scales[2:], one.predict(record), rtol=0, atol=1e-9)
-    assert other.condition == pytest.approx(one.condition)
+    np.testing.assert_allclose(other.predict(scaled) / scales[2:], operator.predict(record), rtol=0, atol=1e-9)
+    assert other.condition == pytest.approx(operator.condition)
 
 
 def at_rest(values, margin):
@@ -141,7 +143,7 @@ def test_noisy_data_give_the_solution_of_the_normal_equations(r, d):
     rows = range(r, len(u) - d)
     regressor = np.array([[u[k - i, c] for i in range(-d, r + 1) for c in range(2)] for k in rows])
     theta = np.linalg.solve(regressor.T @ regressor, regressor.T @ y[r : len(y) - d])
-    operator = found(record, r, d)
+    operator = identified(record, r, d)
     expected = theta.reshape(r + d + 1, 2, 2).transpose(0, 2, 1)
     np.testing.assert_allclose(operator.markov, expected, rtol=0, atol=1e-10)
     left = y[r : len(y) - d] - regressor @ theta
@@ -151,7 +153,7 @@ def test_noisy_data_give_the_solution_of_the_normal_equations(r, d):
 @pytest.mark.parametrize(("r", "d"), ORDERS)
 def test_what_is_left_is_orthogonal_to_every_lag_of_every_input(r, d):
     _, record = plant(r, d, samples=200, noise=1.0)
-    operator = found(record, r, d)
+    operator = identified(record, r, d)
     left = residual(operator, record).values[r : len(record) - d]
     u = record.matrix(INPUTS) - record.matrix(INPUTS).mean(axis=0)
     for i in range(-d, r + 1):
@@ -168,7 +170,7 @@ def sinusoids(periods=10):
 
 def test_noise_free_sinusoids_warn_and_predict_all_the_same():
     with pytest.warns(RankWarning, match="determines 2 of the 33 Markov parameters"):
-        operator = found(sinusoids(), 5, 5, ["p", "q", "beta"], ["r"])
+        operator = identified(sinusoids(), 5, 5, ["p", "q", "beta"], ["r"])
     assert operator.rank == 2
     assert operator.condition > 1e10
     assert operator.rms_residual[0] < 1e-9
@@ -178,7 +180,7 @@ def test_noise_free_sinusoids_warn_and_predict_all_the_same():
 
 def test_a_full_rank_is_reported_without_a_warning():
     _, record = plant(3, 2, noise=0.1)
-    operator = found(record, 3, 2)
+    operator = identified(record, 3, 2)
     assert operator.rank == operator.markov[:, 0, :].size == 12
     assert 1.0 <= operator.condition < 10.0
 
@@ -192,7 +194,7 @@ def test_ten_samples_are_refused_with_the_numbers_of_the_design():
         "record at least 403 samples or lower the orders"
     )
     with pytest.raises(InputError) as refused:
-        found(short, 50, 50, ["p", "q", "beta"], ["r"])
+        identified(short, 50, 50, ["p", "q", "beta"], ["r"])
     assert str(refused.value) == message
 
 
@@ -200,9 +202,9 @@ def test_ten_samples_are_refused_with_the_numbers_of_the_design():
 def test_the_least_number_of_samples_is_the_one_that_is_asked_for():
     values = np.random.default_rng(1).standard_normal((403, 4))
     enough, short = (Record(part, channels=["p", "q", "beta", "r"], sample_period_s=1) for part in (values, values[1:]))
-    assert found(enough, 50, 50, ["p", "q", "beta"], ["r"]).samples == 303
+    assert identified(enough, 50, 50, ["p", "q", "beta"], ["r"]).samples == 303
     with pytest.raises(InputError, match=r"402 samples .* give 302 equations"):
-        found(short, 50, 50, ["p", "q", "beta"], ["r"])
+        identified(short, 50, 50, ["p", "q", "beta"], ["r"])
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -212,14 +214,14 @@ def test_missing_samples_are_refused_by_channel_and_time(bad, channel):
     holed = record[channel].copy()
     holed[[150, 151]] = bad
     with pytest.raises(InputError, match=f"channel '{channel}' has 2 missing samples, the first at 1.5 s"):
-        found(record.replace(channel, holed), 3, 2)
+        identified(record.replace(channel, holed), 3, 2)
 
 
 @pytest.mark.parametrize("channel", [*INPUTS, *OUTPUTS])
 def test_a_constant_channel_is_refused(channel):
     _, record = plant(3, 2)
     with pytest.raises(InputError, match=f"channel '{channel}' is constant"):
-        found(record.replace(channel, np.full(len(record), 0.1)), 3, 2)
+        identified(record.replace(channel, np.full(len(record), 0.1)), 3, 2)
 
 
 @pytest.mark.parametrize(

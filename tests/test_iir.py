@@ -92,15 +92,15 @@ def recursive_innovations(parameters, u, y):
 def test_prediction_errors_are_least_as_a_search_without_derivatives_of_ours_finds_them():
     record = armax(2, samples=400)
     u, y = record["u"], record["y"]
-    found = scipy.optimize.least_squares(
+    search = scipy.optimize.least_squares(
         recursive_innovations, [*A[1:], *B[1:], *C[1:], 0.0], args=(u, y), xtol=1e-12, ftol=1e-12, gtol=1e-12
     )
     model = pem(record, order=2)
     ours = model.innovations(record).values[2:, 0]
     given = [*theta(model), *model.noise_numerator[1:], model.offset]
     np.testing.assert_allclose(ours, recursive_innovations(given, u, y), rtol=0, atol=1e-10)
-    assert np.sum(ours**2) <= 2.0 * found.cost * (1.0 + 1e-6)
-    np.testing.assert_allclose(given, found.x, rtol=0, atol=2e-3)
+    assert np.sum(ours**2) <= 2.0 * search.cost * (1.0 + 1e-6)
+    np.testing.assert_allclose(given, search.x, rtol=0, atol=2e-3)
 
 
 def test_prediction_errors_have_the_covariance_of_theory_and_least_squares_miss_coloured_noise():
@@ -124,8 +124,8 @@ def _information(truth, samples, length=200_000):
     record = armax(99, samples=length)
     u, y = record["u"], record["y"]
     e = signal.lfilter(np.concatenate([[1.0], truth[:2]]), C, y) - signal.lfilter(B, C, u)
-    of_y, of_u, of_e = (signal.lfilter([1.0], C, one) for one in (y, u, e))
-    columns = [sign * np.roll(one, i) for sign, one in ((1, of_y), (-1, of_u), (-1, of_e)) for i in (1, 2)]
+    of_y, of_u, of_e = (signal.lfilter([1.0], C, series) for series in (y, u, e))
+    columns = [sign * np.roll(series, i) for sign, series in ((1, of_y), (-1, of_u), (-1, of_e)) for i in (1, 2)]
     psi = np.array(columns)[:, 100:]
     return psi @ psi.T / psi.shape[1] * samples / 0.25
 

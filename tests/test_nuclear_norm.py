@@ -98,8 +98,8 @@ def test_the_optimum_follows_units_signs_and_turned_signals(shape):
         (1.0, lambda x: P @ x @ Q),
         (1.0, lambda x: x.transpose(0, 2, 1)),
     ):
-        markov = nuclear_norm_path(turn(data), [factor * 0.1]).markov[0]
-        np.testing.assert_allclose(markov, turn(best), rtol=0, atol=2e-5 * factor)
+        optimum = nuclear_norm_path(turn(data), [factor * 0.1]).markov[0]
+        np.testing.assert_allclose(optimum, turn(best), rtol=0, atol=2e-5 * factor)
 
 
 def random_plant(rng, states, shape, count):

@@ -38,13 +38,13 @@ def running(pieces, r=3, d=2, **options):
     return online.operator()
 
 
-def assert_same(one, other, rtol=1e-9):
+def assert_same(fit, other, rtol=1e-9):
     scale = np.abs(other.markov).max()
-    np.testing.assert_allclose(one.markov, other.markov, rtol=0, atol=rtol * scale)
+    np.testing.assert_allclose(fit.markov, other.markov, rtol=0, atol=rtol * scale)
     for name in ("input_means", "output_means", "input_rms", "rms_residual", "noise_variance", "standard_error"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-7, err_msg=name)
-    assert (one.samples, one.rank, one.inputs, one.outputs) == (other.samples, other.rank, other.inputs, other.outputs)
-    assert one.condition == pytest.approx(other.condition, rel=1e-6)
+        np.testing.assert_allclose(getattr(fit, name), getattr(other, name), rtol=1e-7, err_msg=name)
+    assert (fit.samples, fit.rank, fit.inputs, fit.outputs) == (other.samples, other.rank, other.inputs, other.outputs)
+    assert fit.condition == pytest.approx(other.condition, rel=1e-6)
 
 
 @given(cuts=st.lists(st.integers(0, 600), max_size=8), r=st.integers(0, 4), d=st.integers(0, 4))
@@ -74,9 +74,9 @@ def test_forgetting_is_a_weight_of_lambda_to_the_age(forgetting):
 
 def test_it_follows_an_operator_that_changes():
     """What it remembers is 2,000 samples later worth nothing: 0.99^2000; then it errs as its standard errors say."""
-    one, other = flight(2000, seed=1), flight(2000, seed=2)
+    record, other = flight(2000, seed=1), flight(2000, seed=2)
     changed = gb.Record(other.values * [1, 1, 3, 3], channels=NAMES, sample_period_s=TS, start_s=20.0)
-    now = running([one, changed], forgetting=0.99)
+    now = running([record, changed], forgetting=0.99)
     truth = np.zeros((6, 2, 2))  # lags -2..3
     truth[1], truth[3] = 3.0 * np.eye(2), 3.0 * np.array([[0.5, -2.0], [1.0, 0.3]])
     assert (np.abs(now.markov - truth) < 4.0 * now.standard_error).all()
@@ -154,8 +154,8 @@ def test_a_missing_sample_is_left_out_as_by_a_weight_of_0(bad):
 def test_a_ridge_is_the_batch_ridge():
     record = flight()
     ridge = gb.LeastSquares(ridge={"p": 0.5, "q": 2.0})
-    one = running([part(record, 0, 300), part(record, 300, 600)], estimator=ridge)
-    np.testing.assert_allclose(one.markov, gb.identify(record, estimator=ridge, **orders()).markov, atol=1e-9)
+    operator = running([part(record, 0, 300), part(record, 300, 600)], estimator=ridge)
+    np.testing.assert_allclose(operator.markov, gb.identify(record, estimator=ridge, **orders()).markov, atol=1e-9)
 
 
 def test_asking_changes_nothing():

@@ -48,12 +48,12 @@ def test_the_hankel_matrix_is_3_2_written_out():
 def test_exact_markov_parameters_give_the_system(seed, states, outputs, inputs):
     system = random_system(np.random.default_rng(seed), states, outputs, inputs)
     singular = hankel_singular_values(system.markov(16))
-    found = era(system.markov(16), states)
+    realised = era(system.markov(16), states)
     if states == 0 or singular[states - 1] > 1e-4 * singular[0]:
         size = np.abs(system.markov(60)).max()
-        np.testing.assert_allclose(found.markov(60), system.markov(60), rtol=0, atol=1e-8 * size)
-        np.testing.assert_allclose(found.at(CIRCLE), system.at(CIRCLE), rtol=0, atol=1e-7 * size)
-        np.testing.assert_allclose(found.poles, system.poles, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(realised.markov(60), system.markov(60), rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(realised.at(CIRCLE), system.at(CIRCLE), rtol=0, atol=1e-7 * size)
+        np.testing.assert_allclose(realised.poles, system.poles, rtol=0, atol=1e-6)
         assert np.all(singular[states:] < 1e-12 * max(singular[0], 1e-300))
 
 
@@ -72,18 +72,18 @@ def test_laurent_coefficients_give_the_plant_with_its_unstable_part_and_d(seed, 
         order = stable if some is coefficients[13:] else unstable
         if order and singular[order - 1] < 1e-4 * singular[0]:
             return
-    found = realise(coefficients, noncausal_order=13, stable_order=stable, unstable_order=unstable)
-    assert np.sum(np.abs(found.poles) > 1.0) == unstable
+    realised = realise(coefficients, noncausal_order=13, stable_order=stable, unstable_order=unstable)
+    assert np.sum(np.abs(realised.poles) > 1.0) == unstable
     size = np.abs(coefficients).max()
-    np.testing.assert_allclose(found.D, plant.D, rtol=0, atol=1e-7 * size)
-    np.testing.assert_allclose(found.at(CIRCLE), plant.at(CIRCLE), rtol=0, atol=1e-7 * size)
+    np.testing.assert_allclose(realised.D, plant.D, rtol=0, atol=1e-7 * size)
+    np.testing.assert_allclose(realised.at(CIRCLE), plant.at(CIRCLE), rtol=0, atol=1e-7 * size)
 
 
 @pytest.mark.parametrize(("example", "orders"), [(example_3_1(), (1, 1)), (example_3_2(), (4, 3))], ids=["3.1", "3.2"])
 def test_the_examples_come_back_from_partial_fractions(example, orders):
-    found = realise(example.laurent(19, 19), noncausal_order=19, stable_order=orders[0], unstable_order=orders[1])
-    np.testing.assert_allclose(np.poly(found.A)[::-1], example.denominator, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(found.at(CIRCLE), example.system.at(CIRCLE), rtol=0, atol=1e-11)
+    realised = realise(example.laurent(19, 19), noncausal_order=19, stable_order=orders[0], unstable_order=orders[1])
+    np.testing.assert_allclose(np.poly(realised.A)[::-1], example.denominator, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(realised.at(CIRCLE), example.system.at(CIRCLE), rtol=0, atol=1e-11)
 
 
 def test_other_coordinates_of_inputs_and_outputs_are_carried_through():

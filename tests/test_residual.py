@@ -106,10 +106,10 @@ def test_a_record_without_a_single_equation_has_no_residual(samples):
 
 
 def test_the_residual_is_linear_in_the_measurements():
-    one, other = flight(seed=1), flight(seed=2)
-    mix = Record(2.0 * one.values - 3.0 * other.values, channels=one.channels, sample_period_s=TS)
-    e_mix, e_one, e_other = (residual(operator(), record).values for record in (mix, one, other))
-    np.testing.assert_allclose(e_mix, 2.0 * e_one - 3.0 * e_other, rtol=0, atol=1e-12)
+    flown, other = flight(seed=1), flight(seed=2)
+    mix = Record(2.0 * flown.values - 3.0 * other.values, channels=flown.channels, sample_period_s=TS)
+    e_mix, e_flown, e_other = (residual(operator(), record).values for record in (mix, flown, other))
+    np.testing.assert_allclose(e_mix, 2.0 * e_flown - 3.0 * e_other, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("m", [0, 1, 7, 30, 58, 59])
@@ -196,8 +196,8 @@ def test_a_window_of_ones_sums_w_plus_1_squares(w):
 
 def test_several_outputs_add_the_squares_of_each():
     e = np.random.default_rng(3).standard_normal((50, 2))
-    both, one, other = (windowed_norm(made_up(part), window=6).values for part in (e, e[:, 0], e[:, 1]))
-    np.testing.assert_allclose(both, np.hypot(one, other), rtol=1e-13)
+    both, norm, other = (windowed_norm(made_up(part), window=6).values for part in (e, e[:, 0], e[:, 1]))
+    np.testing.assert_allclose(both, np.hypot(norm, other), rtol=1e-13)
 
 
 @pytest.mark.parametrize("w", [0, 4, 6, 100])
@@ -227,10 +227,10 @@ def test_a_spike_on_a_sensor_passes_with_its_taps_and_window():
 @given(w=st.integers(0, 30), samples=st.integers(1, 100), outputs=st.integers(1, 3), scale=st.floats(1e-3, 1e3))
 def test_the_norm_is_proportional_to_the_residual_and_grows_with_it(w, samples, outputs, scale):
     e = np.random.default_rng(samples).standard_normal((samples, outputs))
-    one, scaled, grown = (windowed_norm(made_up(part), window=w).values for part in (e, -scale * e, 1.5 * np.abs(e)))
-    np.testing.assert_allclose(scaled, scale * one, rtol=1e-12)
-    known = ~np.isnan(one)
-    assert (grown[known] >= one[known]).all()
+    norm, scaled, grown = (windowed_norm(made_up(part), window=w).values for part in (e, -scale * e, 1.5 * np.abs(e)))
+    np.testing.assert_allclose(scaled, scale * norm, rtol=1e-12)
+    known = ~np.isnan(norm)
+    assert (grown[known] >= norm[known]).all()
 
 
 def test_a_norm_is_known_when_its_last_sample_is():

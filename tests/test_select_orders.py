@@ -85,13 +85,13 @@ def test_a_surface_is_one_gram_matrix_and_one_for_validation(grams):
 
 def test_units_offsets_and_the_order_of_names_dont_change_the_choice():
     record, scale = fir(1), np.array([1e6, 1e-3, 1e-6, 50.0])
-    one = orders(record, validation=fir(2))
+    choice = orders(record, validation=fir(2))
     scaled = [sampled(part.values * scale + 7.0 * scale, part.channels) for part in (record, fir(2))]
     other = orders(scaled[0], validation=scaled[1], inputs=INPUTS[::-1], outputs=OUTPUTS[::-1])
-    assert (one.causal_order, one.noncausal_order) == (other.causal_order, other.noncausal_order)
-    np.testing.assert_allclose(other.table["rms_y2"], one.table["rms_y2"] * 50.0, rtol=1e-9)
+    assert (choice.causal_order, choice.noncausal_order) == (other.causal_order, other.noncausal_order)
+    np.testing.assert_allclose(other.table["rms_y2"], choice.table["rms_y2"] * 50.0, rtol=1e-9)
     for name in ("aic", "bic", "heldout"):
-        np.testing.assert_allclose(other.table[name], one.table[name], rtol=1e-9)
+        np.testing.assert_allclose(other.table[name], choice.table[name], rtol=1e-9)
 
 
 def test_one_order_is_a_grid_too():
@@ -106,9 +106,9 @@ def test_a_choice_on_the_edge_of_the_grid_says_so():
 
 
 def test_several_records_count_as_one():
-    one, two = fir(1, rest=20), fir(2, rest=20)
-    gap = orders([one, two])
-    joined = orders(sampled(np.vstack([one.values, two.values]), one.channels))
+    first, second = fir(1, rest=20), fir(2, rest=20)
+    gap = orders([first, second])
+    joined = orders(sampled(np.vstack([first.values, second.values]), first.channels))
     assert (gap.causal_order, gap.noncausal_order) == (joined.causal_order, joined.noncausal_order)
     assert gap.table["rms_y1"].iloc[-1] == pytest.approx(joined.table["rms_y1"].iloc[-1], rel=0.02)
 
@@ -116,14 +116,14 @@ def test_several_records_count_as_one():
 @pytest.mark.filterwarnings("ignore::gtmbench.errors.RankWarning")
 def test_data_that_lack_rank_give_the_figures_of_the_shortest_solutions():
     """u2 is u1, doubled: every member lacks rank."""
-    one, other = (
+    record, other = (
         sampled(part.values[:, [0, 0, 2, 3]] * [1, 2, 1, 1], part.channels) for part in (fir(1, rest=11), fir(2))
     )
-    table = orders(one, validation=other).table
+    table = orders(record, validation=other).table
     assert np.isfinite(table.to_numpy()).all()
     np.testing.assert_array_equal(table["rank"] * 2, table["parameters"])
     for row in table.itertuples():
-        operator = separately(one, row.causal_order, row.noncausal_order)
+        operator = separately(record, row.causal_order, row.noncausal_order)
         assert row.rms_y1 == pytest.approx(operator.rms_residual[0], rel=1e-9)
         left = gb.residual(operator, other).values[CAUSAL[-1] : len(other) - NONCAUSAL[-1]]
         assert row.heldout_y1 == pytest.approx(np.sqrt(np.mean(left[:, 0] ** 2)), rel=1e-6)

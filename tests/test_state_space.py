@@ -37,19 +37,19 @@ def test_simulation_is_scipys(seed, runs):
     system = drawn(seed)
     rng = np.random.default_rng([seed, 1])
     u, x0 = rng.standard_normal((runs + 1, 60, 3)), rng.standard_normal((runs + 1, 4))
-    found = system.simulate(u, x0)
-    for one, start, y in zip(u, x0, found, strict=True):
-        _, expected, _ = scipy.signal.dlsim((system.A, system.B, system.C, system.D, 1.0), one, x0=start)
+    outputs = system.simulate(u, x0)
+    for inputs, start, y in zip(u, x0, outputs, strict=True):
+        _, expected, _ = scipy.signal.dlsim((system.A, system.B, system.C, system.D, 1.0), inputs, x0=start)
         np.testing.assert_allclose(y, expected, atol=1e-11)
-        np.testing.assert_allclose(system.simulate(one, start), y, atol=1e-11)  # a run by itself
+        np.testing.assert_allclose(system.simulate(inputs, start), y, atol=1e-11)  # a run by itself
 
 
 @pytest.mark.parametrize(("b", "a"), [([1.0, 0.2], [2.0, -1.0, 0.5]), ([3.0, 1.0], [1.0, 0.5]), ([2.0], [4.0])])
 def test_a_companion_form_has_its_transfer_function(b, a):
     z = np.exp(1j * np.linspace(0.1, 3.0, 9))
-    found = companion(b, a)
-    assert found.order == len(a) - 1
-    np.testing.assert_allclose(found.at(z)[:, 0, 0], np.polyval(b, z) / np.polyval(a, z), rtol=1e-13)
+    system = companion(b, a)
+    assert system.order == len(a) - 1
+    np.testing.assert_allclose(system.at(z)[:, 0, 0], np.polyval(b, z) / np.polyval(a, z), rtol=1e-13)
 
 
 def test_the_regulator_leaves_no_better_gain():
@@ -115,10 +115,10 @@ def test_where_noise_enters_decides_what_the_plant_is_seen_to_do():
 
 def test_a_run_is_the_same_whatever_runs_beside_it():
     example = plants.example_3_1()
-    one, many = (
+    alone, many = (
         loop_records(example.plant, example.gain, samples=100, runs=runs, snr=10.0, seed=2)[0] for runs in (1, 4)
     )
-    np.testing.assert_allclose(one.values, many.values, atol=1e-12)
+    np.testing.assert_allclose(alone.values, many.values, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def plug_in(blocks, share):
 LIGHT = [stats.expon(), stats.chi2(1), stats.norm(), stats.uniform()]  # exponential tails, and lighter ones
 
 
-@pytest.mark.parametrize("distribution", LIGHT, ids=lambda one: one.dist.name)
+@pytest.mark.parametrize("distribution", LIGHT, ids=lambda law: law.dist.name)
 @pytest.mark.parametrize("blocks", [20, 40, 100, 400])
 def test_fresh_blocks_pass_no_more_often_than_documented(distribution, blocks):
     for share in (1e-2, 1e-3, 1e-4):
@@ -46,7 +46,7 @@ def test_fresh_blocks_pass_no_more_often_than_documented(distribution, blocks):
         assert passed.mean() < 1.01 * plug_in(blocks, share) + 4.0 * passed.std() / math.sqrt(REPEATS)
 
 
-@pytest.mark.parametrize("distribution", LIGHT[:2], ids=lambda one: one.dist.name)
+@pytest.mark.parametrize("distribution", LIGHT[:2], ids=lambda law: law.dist.name)
 def test_many_blocks_of_an_exponential_tail_give_about_what_was_asked(distribution):
     # 1000 above the quartile: the scale is known to 3 %, s = 5.5 of it moves the logarithm by 0.17; the shape, held
     # to 0 or more, is off by 1/sqrt(1000), and that by s^2 / 2 of it, 0.5, towards rarer

@@ -24,7 +24,7 @@ NOTED_HZ = "0.340561 2.12627 3.38377 10.5836 11.1094 29.6881 66.9614 70.316 91.1
 
 
 def test_the_plates_frequencies_are_the_noted_ones_to_six_digits():
-    assert " ".join(f"{one:.6g}" for one in PLATE.frequency_hz) == NOTED_HZ
+    assert " ".join(f"{frequency:.6g}" for frequency in PLATE.frequency_hz) == NOTED_HZ
 
 
 def test_the_energies_are_those_of_gauss_quadrature_on_numerical_polynomials():
@@ -59,10 +59,10 @@ def test_without_poissons_ratio_bending_is_that_of_a_beam_of_the_same_polynomial
     stiffness = np.outer(power * (power - 1), power * (power - 1)) / (np.add.outer(power, power) - 3)
     beam = np.sqrt(scipy.linalg.eigh(stiffness, mass, eigvals_only=True))
     plate = Plate(b=width, poisson=0.0)
-    found = plate.modes(forces=FORCES, sensors=SENSORS, damping=0.0).omega
+    omega = plate.modes(forces=FORCES, sensors=SENSORS, damping=0.0).omega
     unit = np.sqrt(plate.modulus * plate.h**2 / 12 / plate.density) / plate.a**2
-    for one in beam:
-        assert np.min(np.abs(found / unit / one - 1.0)) < digits
+    for frequency in beam:
+        assert np.min(np.abs(omega / unit / frequency - 1.0)) < digits
     assert beam[0] == pytest.approx(3.51602, rel=1e-3)
 
 
@@ -74,10 +74,10 @@ def integrated(modes, force, stiffness, times):
         push = modes.driven @ force(t) - 2 * modes.rate * x[n:] - stiffness(t) * modes.omega**2 * x[:n]
         return np.concatenate([x[n:], push])
 
-    found = scipy.integrate.solve_ivp(
+    solution = scipy.integrate.solve_ivp(
         slope, (0, times[-1]), np.zeros(2 * n), t_eval=times, rtol=1e-10, atol=1e-14, method="DOP853", max_step=0.01
     )
-    return found.y[:n].T @ modes.heard.T
+    return solution.y[:n].T @ modes.heard.T
 
 
 SLOW = Modes(omega=PLATE.omega[:4], damping=0.05, driven=PLATE.driven[:4], heard=PLATE.heard[:, :4])
@@ -111,19 +111,21 @@ def test_sinusoids_under_a_changing_stiffness_are_those_of_an_integration():
         lambda t: 1.0 - 0.2 * (t >= 0.7),
         0.001 * np.arange(1500),
     )
-    found = simulate(SLOW, WAVES, sample_period_s=0.001, stiffness=factor[:, np.newaxis]).values
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    simulated = simulate(SLOW, WAVES, sample_period_s=0.001, stiffness=factor[:, np.newaxis]).values
+    np.testing.assert_allclose(simulated, expected, atol=1e-6)
 
 
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 10.0))
 def test_forces_superpose_and_scale(seed, scale):
-    one, other = np.random.default_rng(seed).standard_normal((2, 30, 3))
+    forces, other = np.random.default_rng(seed).standard_normal((2, 30, 3))
 
     def heard(values):
         return simulate(PLATE, Held(values=values), sample_period_s=0.01).values
 
-    np.testing.assert_allclose(heard(one + scale * other), heard(one) + scale * heard(other), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        heard(forces + scale * other), heard(forces) + scale * heard(other), rtol=1e-9, atol=1e-12
+    )
 
 
 def test_a_samples_noise_has_the_ratio_asked_for():
@@ -148,7 +150,7 @@ def test_exact_weights_predict_a_simulation():
     system = StateSpace(
         rng.standard_normal((3, 3)) / 2, np.zeros((3, 0)), rng.standard_normal((2, 3)), np.zeros((2, 0))
     )
-    weights = np.array([float(one) for one in exact_weights(system, given=0, wanted=1)])
+    weights = np.array([float(weight) for weight in exact_weights(system, given=0, wanted=1)])
     y = system.simulate(np.zeros((20, 0)), rng.standard_normal(3))
     for k in range(15):
         assert y[k + 2, 1] == pytest.approx(weights @ y[k : k + 5 : 2, 0], rel=1e-8, abs=1e-12)
@@ -162,7 +164,7 @@ def test_nested_operators_fall_to_the_noise_with_as_many_inputs_as_excitations()
     assert len(nested_operators(noisy, 2)) == len(SENSORS) - 1
     sensors = type(noisy)(record, channels=["a", "b", "c", "d"], sample_period_s=1.0)
     sensors = measured(sensors, snr=100, seed=2)
-    levels = [np.nanmedian(one.values) for one in norms(nested_operators(sensors, 2), sensors, window=100)]
+    levels = [np.nanmedian(norm.values) for norm in norms(nested_operators(sensors, 2), sensors, window=100)]
     assert levels[0] > 10 * levels[1]
     assert levels[1] < 2 * levels[2]
     assert count(sensors, 2) == 2

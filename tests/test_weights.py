@@ -30,21 +30,21 @@ def test_the_covariance_of_least_squares_is_right_in_white_noise_and_weights_of_
 ):
     operators = []
     for seed in range(300):
-        one, weights = uneven(seed)
+        series, weights = uneven(seed)
         if not weighted:  # the same noise at every sample
             rng = np.random.default_rng([10, seed])
-            clean = lagged(one.values[:, :1], 2, 2) @ MARKOV
-            one = one.replace("y", np.pad(clean, 2) + rng.standard_normal(300))
-        operators.append(siso(one, weights=weights if weighted else None))
+            clean = lagged(series.values[:, :1], 2, 2) @ MARKOV
+            series = series.replace("y", np.pad(clean, 2) + rng.standard_normal(300))
+        operators.append(siso(series, weights=weights if weighted else None))
     assert is_chi_square(distances(operators), 5)
 
 
 def test_weights_of_one_over_the_variance_give_the_gauss_markov_estimate():
-    one, weights = uneven(0)
-    phi, y, w = dense([one], ["u"], ["y"], 2, 2, [weights])
+    series, weights = uneven(0)
+    phi, y, w = dense([series], ["u"], ["y"], 2, 2, [weights])
     covariance = np.diag(1.0 / w)
     theta = np.linalg.solve(phi.T @ np.linalg.solve(covariance, phi), phi.T @ np.linalg.solve(covariance, y))
-    np.testing.assert_allclose(siso(one, weights=weights).markov[:, 0, 0], theta[:, 0], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(siso(series, weights=weights).markov[:, 0, 0], theta[:, 0], rtol=0, atol=1e-11)
 
 
 @st.composite
@@ -97,25 +97,25 @@ def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
 def test_a_weight_of_two_is_the_record_given_twice(drawn):
     records, inputs, outputs, r, d, weights = drawn
     assume(len(dense(*drawn)[0]) >= 2 * (r + d + 1) * len(inputs))
-    one = siso(records, None, r, d, inputs, outputs, [2.0 * w for w in weights])
+    operator = siso(records, None, r, d, inputs, outputs, [2.0 * w for w in weights])
     other = siso([*records, *records], None, r, d, inputs, outputs, [*weights, *weights])
-    np.testing.assert_allclose(one.markov, other.markov, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(one.standard_error, other.standard_error, rtol=1e-9)
+    np.testing.assert_allclose(operator.markov, other.markov, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(operator.standard_error, other.standard_error, rtol=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1e-2, 1.0, 1e4])
 def test_a_factor_of_all_weights_leaves_the_parameters_as_they_are(factor):
-    one, weights = uneven(0)
-    expected = siso(one, weights=weights).markov
-    np.testing.assert_allclose(siso(one, weights=factor * weights).markov, expected, rtol=0, atol=1e-12)
+    series, weights = uneven(0)
+    expected = siso(series, weights=weights).markov
+    np.testing.assert_allclose(siso(series, weights=factor * weights).markov, expected, rtol=0, atol=1e-12)
 
 
 def test_large_weights_leave_the_rank_as_it_is():
     u, e = np.random.default_rng(0).standard_normal((2, 2000))
     slow = signal.lfilter(*signal.butter(6, 0.02), u)
-    one = record(u=slow, y=slow + 0.1 * e)
-    assert siso(one, r=5, d=5).rank == 11
-    assert siso(one, r=5, d=5, weights=np.full(2000, 1e8)).rank == 11
+    series = record(u=slow, y=slow + 0.1 * e)
+    assert siso(series, r=5, d=5).rank == 11
+    assert siso(series, r=5, d=5, weights=np.full(2000, 1e8)).rank == 11
 
 
 def test_weighted_prediction_errors_solve_both_weighted_problems():
@@ -125,10 +125,10 @@ def test_weighted_prediction_errors_solve_both_weighted_problems():
     y = signal.lfilter([1.0], [1.0, -1.2, 0.5], e) * np.linspace(0.2, 2.0, 1500)
     y[2:-2] += lagged(u[:, None], 2, 2) @ MARKOV
     w = rng.random(1500) + 0.1
-    one = record(u=u, y=y)
-    operator = siso(one, PredictionError(noise_order=3, tolerance=0.0, most_iterations=500), r=3, d=2, weights=w)
+    series = record(u=u, y=y)
+    operator = siso(series, PredictionError(noise_order=3, tolerance=0.0, most_iterations=500), r=3, d=2, weights=w)
     taps, h = operator.noise_model.autoregressive[0], operator.markov[:, 0, 0]
-    centred = one.values - np.average(one.values, axis=0, weights=w)
+    centred = series.values - np.average(series.values, axis=0, weights=w)
     root = np.sqrt(w[6:-2])[:, None]  # lags of the operator, and of A on top of them
     white = signal.lfilter(taps, 1.0, centred, axis=0)[3:]
     phi = lagged(white[:, :1], 3, 2)
@@ -149,13 +149,13 @@ def test_weighted_prediction_errors_solve_both_weighted_problems():
         InstrumentalVariables(instruments=("u",), past=3),
         TotalLeastSquares(noise=0.1),
     ],
-    ids=lambda one: type(one).__name__,
+    ids=lambda kind: type(kind).__name__,
 )
 def test_a_factor_of_all_weights_changes_no_parameter(estimator, factor):
     rng = np.random.default_rng(1)
     u = rng.standard_normal(2000)
-    one = record(u=u + 0.1 * rng.standard_normal(2000), y=u + 2 * np.roll(u, 1) + 0.1 * rng.standard_normal(2000))
+    series = record(u=u + 0.1 * rng.standard_normal(2000), y=u + 2 * np.roll(u, 1) + 0.1 * rng.standard_normal(2000))
     weights = rng.random(2000) + 0.5
-    plain, scaled = (siso(one, estimator, weights=w) for w in (weights, factor * weights))
+    plain, scaled = (siso(series, estimator, weights=w) for w in (weights, factor * weights))
     np.testing.assert_allclose(scaled.markov, plain.markov, rtol=0, atol=1e-9)
     assert scaled.rank == plain.rank

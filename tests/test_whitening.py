@@ -77,16 +77,16 @@ def test_a_missing_sample_spoils_the_order_and_one(order):
 
 
 def test_gaps_part_a_record_into_stretches():
-    first, other = (x - x.mean() for x in (coloured(3000, seed=1), coloured(2000, seed=2)))
-    joined = np.concatenate([[np.nan], first, [np.nan, np.nan], other, [np.nan]])
-    apart, together = fit_whitener([first, other], order=8), fit_whitener([joined], order=8)
+    series, other = (x - x.mean() for x in (coloured(3000, seed=1), coloured(2000, seed=2)))
+    joined = np.concatenate([[np.nan], series, [np.nan, np.nan], other, [np.nan]])
+    apart, together = fit_whitener([series, other], order=8), fit_whitener([joined], order=8)
     np.testing.assert_allclose(apart.coefficients, together.coefficients, rtol=0, atol=1e-12)
     assert apart.deviation == pytest.approx(together.deviation, rel=1e-12)
 
 
 def test_a_bias_that_differs_from_record_to_record_is_no_noise():
-    first, other = coloured(3000, seed=1), coloured(2000, seed=2)
-    here, there = fit_whitener([first, other], order=8), fit_whitener([first + 5.0, other - 7.0], order=8)
+    series, other = coloured(3000, seed=1), coloured(2000, seed=2)
+    here, there = fit_whitener([series, other], order=8), fit_whitener([series + 5.0, other - 7.0], order=8)
     np.testing.assert_allclose(there.coefficients, here.coefficients, rtol=0, atol=1e-12)
     assert there.mean == pytest.approx(here.mean + (5.0 * 3000 - 7.0 * 2000) / 5000, abs=1e-12)
 

@@ -52,14 +52,16 @@ def by_hand(record):
 def test_it_says_what_the_functions_say(start_s):
     record = broken(plant(seed=3, start_s=start_s), (500, 800), (1500, 1600))
     norm, expected = by_hand(record)
-    watch = MONITOR.watch(record)
-    np.testing.assert_array_equal(watch.scores[SCORE].values, norm.values)
-    np.testing.assert_array_equal([alarm.time_s for alarm in watch.alarms], np.round(expected.time_s, 9))
-    assert len(watch.alarms) == 2
+    watched = MONITOR.watch(record)
+    np.testing.assert_array_equal(watched.scores[SCORE].values, norm.values)
+    np.testing.assert_array_equal([alarm.time_s for alarm in watched.alarms], np.round(expected.time_s, 9))
+    assert len(watched.alarms) == 2
     assert MONITOR.threshold == expected.threshold
-    assert watch.scores[SCORE].armed_s == pytest.approx(expected.armed_s)
-    there = ~np.isnan(watch.residuals["y"])
-    np.testing.assert_allclose((watch.residuals["y"] + watch.predictions["y"])[there], record["y"][there], rtol=1e-12)
+    assert watched.scores[SCORE].armed_s == pytest.approx(expected.armed_s)
+    there = ~np.isnan(watched.residuals["y"])
+    np.testing.assert_allclose(
+        (watched.residuals["y"] + watched.predictions["y"])[there], record["y"][there], rtol=1e-12
+    )
     assert there.sum() == len(record) - 6 - 3
 
 
@@ -76,18 +78,18 @@ def test_only_parts_of_its_records_are_used_where_told():
 
 
 def test_more_records_give_the_greatest_threshold():
-    first, other, both = (
+    level, other, both = (
         RECIPE.calibrate([plant(seed=1), *(plant(seed=seed) for seed in seeds)]).threshold
         for seeds in ([2], [3], [2, 3])
     )
-    assert both == max(first, other)
+    assert both == max(level, other)
 
 
 def test_a_score_that_is_above_from_the_start_is_no_alarm():
-    watch = MONITOR.watch(broken(plant(seed=3), (0, 3000)))
-    assert watch.alarms == ()
-    assert watch.scores[SCORE].is_stuck_above
-    assert watch.armed_hours == 0.0
+    watched = MONITOR.watch(broken(plant(seed=3), (0, 3000)))
+    assert watched.alarms == ()
+    assert watched.scores[SCORE].is_stuck_above
+    assert watched.armed_hours == 0.0
 
 
 @given(cuts=st.lists(st.integers(0, 900), max_size=10), gap=st.integers(0, 880), bias=st.integers(100, 700))
@@ -102,9 +104,9 @@ def test_its_stream_gives_the_alarms_of_the_whole_bit_for_bit(cuts, gap, bias):
         told += stream.push(
             Record(record.values[begin:end], channels=record.channels, sample_period_s=TS, start_s=start_s)
         )
-    watch = MONITOR.watch(record)
-    assert tuple(told) == stream.alarms == watch.alarms
-    assert stream.armed == {SCORE: bool(watch.scores[SCORE].armed.any())}
+    watched = MONITOR.watch(record)
+    assert tuple(told) == stream.alarms == watched.alarms
+    assert stream.armed == {SCORE: bool(watched.scores[SCORE].armed.any())}
 
 
 def test_its_stream_is_bounded():
@@ -121,7 +123,7 @@ def test_its_memory_holds_what_an_alarm_looks_at():
     record = broken(plant(seed=3), (1500, 1600))
     (alarm,) = MONITOR.watch(record).alarms
     part = record.between(round(alarm.time_s - MONITOR.memory_s, 9), alarm.time_s)
-    assert [round(again.time_s, 9) for again in MONITOR.watch(part).alarms] == [alarm.time_s]
+    assert [round(told.time_s, 9) for told in MONITOR.watch(part).alarms] == [alarm.time_s]
     shorter = record.between(round(alarm.time_s - MONITOR.memory_s + 2 * TS, 9), alarm.time_s)
     assert MONITOR.watch(shorter).alarms == ()
 

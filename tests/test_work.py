@@ -9,9 +9,9 @@ from gtmbench.method.identify import identify
 from gtmbench.record import Record
 
 
-def found(one, orders, channels="pqb", weights=None):
+def identified(record, orders, channels="pqb", weights=None):
     names = {"inputs": list(channels), "outputs": ["r"]}
-    return identify(one, **names, causal_order=orders, noncausal_order=orders, weights=weights)
+    return identify(record, **names, causal_order=orders, noncausal_order=orders, weights=weights)
 
 
 def peak_of(function):
@@ -30,24 +30,24 @@ def white(samples, channels="pqbr"):
 
 
 def test_an_identification_needs_an_eighth_of_the_regressors_memory():
-    one = white(17_500)
-    peak = peak_of(lambda: found(one, 50))
+    record = white(17_500)
+    peak = peak_of(lambda: identified(record, 50))
     assert peak < 17_400 * 303 * 8 / 8
 
 
 def test_memory_doesnt_grow_with_the_record():
-    short, long = (peak_of(lambda one=one: found(one, 5)) for one in (white(200_000), white(800_000)))
+    short, long = (peak_of(lambda record=record: identified(record, 5)) for record in (white(200_000), white(800_000)))
     assert abs(long / short - 1.0) < 0.2
 
 
 def test_nor_where_every_sample_has_its_weight_or_an_orthogonal_method_takes_over():
     """Weights themselves are the record's; what is made beside them is less than the regressor's eighth."""
-    one = white(100_000)
-    weights = np.random.default_rng(9).random(len(one))
-    exact = one.replace("r", one["p"] - 2.0 * one["b"])
-    assert peak_of(lambda: found(one, 20, weights=weights)) < 100_000 * 123 * 8 / 8
-    assert found(exact, 20).solver == "householder"
-    assert peak_of(lambda: found(exact, 20)) < 100_000 * 123 * 8 / 8
+    record = white(100_000)
+    weights = np.random.default_rng(9).random(len(record))
+    exact = record.replace("r", record["p"] - 2.0 * record["b"])
+    assert peak_of(lambda: identified(record, 20, weights=weights)) < 100_000 * 123 * 8 / 8
+    assert identified(exact, 20).solver == "householder"
+    assert peak_of(lambda: identified(exact, 20)) < 100_000 * 123 * 8 / 8
 
 
 @pytest.mark.parametrize(("channels", "orders"), [("pqb", 50), ("p", 200)])
@@ -63,5 +63,5 @@ def test_the_work_is_proportional_to_the_samples(monkeypatch, channels, orders):
     monkeypatch.setattr(np.fft, "rfft", counted)
     for samples in (100_000, 400_000):
         points.clear()
-        found(white(samples), orders, channels)
+        identified(white(samples), orders, channels)
         assert samples < sum(points) < 1.25 * (2 * len(channels) + 1) * samples
