@@ -94,20 +94,20 @@ def test_units_dont_matter(name):
         )
 
     records, used = [plant(6000, seed) for seed in range(4)], bank(statistic=name, two_sided=True)
-    here, there = calibrate(records, bank=used), calibrate([converted(one) for one in records], bank=used)
+    here, there = calibrate(records, bank=used), calibrate([converted(healthy) for healthy in records], bank=used)
     fresh = plant(6000, 11)
     broken = fresh.replace("outlet", fresh["outlet"] + np.where(np.arange(6000) > 3000, 2.0, 0.0))
     for record in (fresh, broken):
         residuals = (bank_residuals(here, record), bank_residuals(there, converted(record)))
-        one, other = (
+        these, those = (
             residual_scores(here, record, residuals[0]),
             residual_scores(there, converted(record), residuals[1]),
         )
-        for output in one:
-            np.testing.assert_allclose(other[output].values, one[output].values, rtol=1e-6, atol=1e-6)
-        found = [[(each.output, each.row, each.test) for each in crossings(level)] for level in (one, other)]
-        assert found[0] == found[1]
-        assert bool(found[0]) == (record is broken)
+        for output in these:
+            np.testing.assert_allclose(those[output].values, these[output].values, rtol=1e-6, atol=1e-6)
+        rises = [[(each.output, each.row, each.test) for each in crossings(scores)] for scores in (these, those)]
+        assert rises[0] == rises[1]
+        assert bool(rises[0]) == (record is broken)
 
 
 def test_the_seen_records_themselves_are_quiet():
@@ -125,17 +125,17 @@ def test_the_seen_records_themselves_are_quiet():
 def test_one_record_is_cut_and_several_are_dealt_out():
     records = [plant(6000, seed) for seed in range(3)]
     joined = plant(20_000, 4)
-    several, one = calibrate(records, bank=bank()), calibrate(joined, bank=bank())
+    several, single = calibrate(records, bank=bank()), calibrate(joined, bank=bank())
     assert several.provenance["records"] == 3
     assert several.provenance["identification_hours"] == pytest.approx(600.0 / 3600.0)
     assert several.provenance["threshold_hours"] == pytest.approx(1200.0 / 3600.0)
-    assert one.provenance["identification_hours"] == pytest.approx(0.4 * 2000.0 / 3600.0, abs=1e-3)
-    assert one.provenance["threshold_hours"] == pytest.approx(0.6 * 2000.0 / 3600.0, abs=1e-3)
+    assert single.provenance["identification_hours"] == pytest.approx(0.4 * 2000.0 / 3600.0, abs=1e-3)
+    assert single.provenance["threshold_hours"] == pytest.approx(0.6 * 2000.0 / 3600.0, abs=1e-3)
     # thresholds are set on records that didn't identify: 0.33 h without an alarm bound the rate at 3.0 / 0.33
     assert several.provenance["false_alarms_per_hour_at_most"] == pytest.approx(8.987, abs=1e-3)
     identified = gb.identify(records[0], inputs=["inlet"], outputs=["outlet"], causal_order=3, noncausal_order=2)
     np.testing.assert_array_equal(several.operators["outlet"].markov, identified.markov)
-    for monitor in (several, one):
+    for monitor in (several, single):
         assert watch(monitor, plant(6000, 10)).alarms == ()
 
 

@@ -78,7 +78,7 @@ def test_processes_side_by_side_fly_the_same():
     told = []
     side = flights.records(gb.load_bank("B"), processes=2, progress=lambda *step: told.append(step))
     turn = flights.records(gb.load_bank("B"))
-    assert [one.values.tobytes() for one in side] == [one.values.tobytes() for one in turn]
+    assert [record.values.tobytes() for record in side] == [record.values.tobytes() for record in turn]
     assert told == [("flying", done, 3) for done in range(4)]
 
 
@@ -106,8 +106,8 @@ def test_a_log_of_gtmbench_fly_will_do(cli, tmp_path):
     fly = ("fly", "--duration", 40, "--noise", "t2", "--excitation", "multisine+turbulence", "--out", "flight.parquet")
     assert cli(*fly)[0] == 0
     assert cli("calibrate", "flight.parquet", "-q") == (0, "", "")
-    found = gb.load_monitor("monitor.json")
-    assert gb.watch(found, gb.read_log("flight.parquet")).alarms == ()
+    loaded = gb.load_monitor("monitor.json")
+    assert gb.watch(loaded, gb.read_log("flight.parquet")).alarms == ()
     assert names(tmp_path) == ["flight.parquet", "monitor.json"]
 
 
@@ -253,14 +253,14 @@ def test_bank_lists_what_there_is(cli):
 @pytest.mark.parametrize("name", shipped_banks())
 def test_bank_shows_residuals_signatures_and_blind_spots(cli, name):
     code, out, err = cli("bank", name)
-    found = gb.signatures(gb.load_bank(name))
+    signatures = gb.signatures(gb.load_bank(name))
     assert (code, err) == (0, "")
-    assert all(line in out for line in found.blind_spots)
-    assert all(any(line.split()[:1] == [channel] for line in out.splitlines()) for channel in found.channels)
+    assert all(line in out for line in signatures.blind_spots)
+    assert all(any(line.split()[:1] == [channel] for line in out.splitlines()) for channel in signatures.channels)
     printed = json.loads(cli("bank", name, "--json")[1])
-    assert printed["blind_spots"] == list(found.blind_spots)
+    assert printed["blind_spots"] == list(signatures.blind_spots)
     assert printed["signatures"] == {
-        channel: dict(zip(found.outputs, found.pattern[channel], strict=True)) for channel in found.channels
+        channel: dict(zip(signatures.outputs, pattern, strict=True)) for channel, pattern in signatures.pattern.items()
     }
 
 

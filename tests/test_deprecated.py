@@ -32,11 +32,11 @@ def told(words, get):
     """What something gives, having warned once, of this file's line, in these words."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = get()
-    (one,) = caught
-    assert (one.category, one.filename) == (DeprecationWarning, __file__)
-    assert str(one.message) == f"{words} now; the old name goes with the next release"
-    return found
+        value = get()
+    (warning,) = caught
+    assert (warning.category, warning.filename) == (DeprecationWarning, __file__)
+    assert str(warning.message) == f"{words} now; the old name goes with the next release"
+    return value
 
 
 def test_every_public_name_of_before_is_there():
@@ -66,9 +66,9 @@ def test_what_ran_a_monitor_runs_it():
         "gtmbench.run_monitored is called gtmbench.run_study(scenarios, detectors=[monitor])", lambda: gb.run_monitored
     )
     steps = []
-    found = run_monitored([short()], gb.FunctionDetector(late), seed=3, progress=lambda *step: steps.append(step))
+    study = run_monitored([short()], gb.FunctionDetector(late), seed=3, progress=lambda *step: steps.append(step))
     same = gb.run_study([short()], detectors=[late], seed=3)
-    assert [trial.row() for trial in found.trials] == [trial.row() for trial in same.trials]
+    assert [trial.row() for trial in study.trials] == [trial.row() for trial in same.trials]
     assert steps[-1][0] == "done"
 
 
@@ -83,14 +83,14 @@ def short():
 
 
 @cache
-def seen():
+def watched_once():
     return monitors.monitor().watch(gb.inject(monitors.record(seed=9), gb.Jam(channel="q", onset_s=80.0)))
 
 
 def test_what_scored_a_watch_scores_it():
     score_watch = told("gtmbench.score_watch is called gtmbench.score", lambda: gb.score_watch)
     healthy, fault = monitors.record(seed=9), gb.Jam(channel="q", onset_s=80.0)
-    verdict = score_watch(seen(), fault=fault, healthy=healthy, broken=seen().record)
+    verdict = score_watch(watched_once(), fault=fault, healthy=healthy, broken=watched_once().record)
     assert (verdict.detected, verdict.sensor) == (True, "q")
 
 
@@ -98,16 +98,16 @@ def test_what_scored_a_watch_scores_it():
     ("old", "new"), [("alarm_s", "time_s"), ("residual", "source"), ("series", "test"), ("resumed_s", "end_known_s")]
 )
 def test_attributes_of_a_finding(old, new):
-    (alarm, *_) = seen().alarms
+    (alarm, *_) = watched_once().alarms
     words = f"Finding.{old} is called {new}"
     assert told(words, lambda: getattr(alarm, old)) == getattr(alarm, new)
 
 
 @pytest.mark.parametrize(("old", "new"), [("findings", "alarms"), ("levels", "scores"), ("given_up", "disarmed")])
 def test_attributes_of_a_watch(old, new):
-    found = told(f"Watch.{old} is called {new}", lambda: getattr(seen(), old))
-    assert found == getattr(seen(), new)
-    assert len(found) > 0
+    attribute = told(f"Watch.{old} is called {new}", lambda: getattr(watched_once(), old))
+    assert attribute == getattr(watched_once(), new)
+    assert len(attribute) > 0
 
 
 def test_attributes_of_a_bank_and_its_monitor():
@@ -118,8 +118,8 @@ def test_attributes_of_a_bank_and_its_monitor():
 
 
 def test_the_findings_of_a_log():
-    log = FlightLog(path=Path("x.csv"), segments=(seen().record,), remarks=(), method=())
-    watched = gb.WatchedLog(log=log, monitor=monitors.monitor(), identified_s=(), watches=(seen(),), reasons=())
+    log = FlightLog(path=Path("x.csv"), segments=(watched_once().record,), remarks=(), method=())
+    watched = gb.WatchedLog(log=log, monitor=monitors.monitor(), identified_s=(), watches=(watched_once(),), reasons=())
     assert told("WatchedLog.findings is called alarms", lambda: watched.findings) == watched.alarms != ()
 
 

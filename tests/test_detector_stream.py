@@ -74,7 +74,7 @@ class Means(SimpleDetector):
     memory_s: float = 1.0
 
     def learn(self, records):
-        return {"limits": np.array([1.0, max(float(np.nanmax(one["p"])) for one in records)])}
+        return {"limits": np.array([1.0, max(float(np.nanmax(record["p"])) for record in records)])}
 
     def scores(self, record, learned):
         padded = np.concatenate([np.full(2, np.nan), record["p"], np.full(2, np.nan)])
@@ -90,9 +90,9 @@ def test_a_simple_detectors_stream_says_what_the_whole_says(values, cuts):
     whole, stream, told = record(values), MEANS.stream(), []
     for part in parts(whole, cuts):
         told += stream.push(part)
-    seen = MEANS.watch(whole)
-    assert tuple(told) == stream.alarms == seen.alarms
-    assert stream.armed == {name: bool(score.armed.any()) for name, score in seen.scores.items()}
+    watched = MEANS.watch(whole)
+    assert tuple(told) == stream.alarms == watched.alarms
+    assert stream.armed == {name: bool(score.armed.any()) for name, score in watched.scores.items()}
 
 
 @given(values=levels)

@@ -71,9 +71,9 @@ def test_a_channel_that_never_moves_is_constant(flight, remarked):
 def test_a_gyro_at_its_limit_is_remarked(flight, remarked, factor):
     """At its greatest and its smallest value, with the share of samples that were cut off."""
     limit = factor * np.abs(flight["p"]).max()
-    found = remarked(flight.replace("p", np.clip(flight["p"], -limit, limit)))
-    assert {(remark.kind, remark.channel) for remark in found} == {("saturated", "p")}
-    for remark in found:
+    remarks = remarked(flight.replace("p", np.clip(flight["p"], -limit, limit)))
+    assert {(remark.kind, remark.channel) for remark in remarks} == {("saturated", "p")}
+    for remark in remarks:
         side = 1 if "greatest" in remark.text else -1
         cut_off = np.flatnonzero(side * flight["p"] >= limit)
         assert f"{len(cut_off)} samples" in remark.text
@@ -120,11 +120,11 @@ def test_alike_remarks_are_summed_up():
     ]
     few = summed_up(many)
     assert len(few) <= 36
-    assert [one.start_s for one in few] == sorted(one.start_s for one in few)
-    assert sum(int(one.text.split()[0]) for one in few) == len(many)
-    assert all((one.start_s, one.end_s) == (0.0, 199.5) for one in few)
+    assert [remark.start_s for remark in few] == sorted(remark.start_s for remark in few)
+    assert sum(int(remark.text.split()[0]) for remark in few) == len(many)
+    assert all((remark.start_s, remark.end_s) == (0.0, 199.5) for remark in few)
 
 
 def test_three_alike_stand_for_themselves():
     three = [Remark(kind="gap", channel="p", start_s=k, end_s=k + 1, text="nothing") for k in (3.0, 1.0, 2.0)]
-    assert summed_up(three) == tuple(sorted(three, key=lambda one: one.start_s))
+    assert summed_up(three) == tuple(sorted(three, key=lambda remark: remark.start_s))

@@ -160,7 +160,7 @@ def test_no_gap_is_bridged(tmp_path_factory, data, jitter):
     path = table(tmp_path_factory.mktemp("log"), time_s, p_deg_s=signal(time_s, 5))
     log = gb.open_log(path)
     assert len(log.segments) == len(kept)
-    holes = [(one[-1] * 0.01, other[0] * 0.01) for one, other in pairwise(kept)]
+    holes = [(before[-1] * 0.01, after[0] * 0.01) for before, after in pairwise(kept)]
     for record, part in zip(log.segments, kept, strict=True):
         assert record.start_s >= part[0] * 0.01 - 0.002001
         assert record.end_s <= part[-1] * 0.01 + 0.002001
@@ -177,7 +177,8 @@ def test_a_gap_of_one_topic_is_a_gap_of_the_record(tmp_path):
     fast_s, slow_s = fast_s[(fast_s < 10) | (fast_s > 12)], slow_s[(slow_s < 20) | (slow_s > 20.5)]
     log = gb.open_log(two_topics(tmp_path, fast_s, slow_s, fast_s, slow_s), rate_hz=50, needs=["p", "phi"])
     assert len(log.segments) == 3
-    assert [(round(one.start_s, 1), round(one.end_s, 1)) for one in log.remarks] == [(10.0, 12.0), (20.0, 20.5)]
+    spans = [(round(remark.start_s, 1), round(remark.end_s, 1)) for remark in log.remarks]
+    assert spans == [(10.0, 12.0), (20.0, 20.5)]
     for record in log.segments:
         assert not np.any((record.time_s > 10) & (record.time_s < 12) | (record.time_s > 20) & (record.time_s < 20.5))
 
@@ -254,8 +255,8 @@ def test_stray_and_doubled_stamps_are_left_out(tmp_path):
     expected = values.copy()
     expected[[300, 999, 1199]] = np.nan
     np.testing.assert_array_equal(record["p"], expected)
-    found = [(remark.kind, round(remark.start_s, 2)) for remark in log.remarks]
-    assert found == [("missing", 0.0), ("clock jump", 2.99), ("duplicate", 7.0), ("clock jump", 11.98)]
+    remarks = [(remark.kind, round(remark.start_s, 2)) for remark in log.remarks]
+    assert remarks == [("missing", 0.0), ("clock jump", 2.99), ("duplicate", 7.0), ("clock jump", 11.98)]
 
 
 def test_a_far_jump_forward_is_a_jump_of_the_clock(tmp_path):

@@ -33,9 +33,9 @@ def saved(tmp_path):
     return path
 
 
-def seen(found, of):
+def said(monitor_, of):
     """Return everything that watching gives: digests of arrays, and alarms."""
-    looked = found.watch(of)
+    looked = monitor_.watch(of)
     arrays = [*looked.residuals.values(), *looked.predictions.values(), *(one.values for one in looked.scores.values())]
     alarms = [(repr(one), repr(one.judgements)) for one in looked.alarms]  # NaN isn't equal to itself, its name is
     return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], alarms
@@ -47,7 +47,7 @@ def test_a_loaded_monitor_judges_bit_for_bit_alike(bank, tmp_path):
     loaded = gb.load_monitor(tmp_path / "m.json")
     broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
     assert loaded.bank == monitor(bank).bank
-    assert seen(loaded, broken) == seen(monitor(bank), broken)
+    assert said(loaded, broken) == said(monitor(bank), broken)
     assert dict(loaded.provenance) == dict(monitor(bank).provenance)
 
 
@@ -58,8 +58,8 @@ def test_saving_what_was_loaded_gives_the_same_bytes(bank, tmp_path):
     assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
 
 
-def digest(found):
-    arrays, alarms = seen(found, record(3000, seed=9))
+def digest(monitor_):
+    arrays, alarms = said(monitor_, record(3000, seed=9))
     return f"{arrays} {alarms}"
 
 
@@ -350,7 +350,7 @@ def test_the_norms_monitor_comes_back_bit_for_bit(tmp_path):
     loaded = gb.load_monitor(path)
     broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
     assert monitor_.watch(broken).alarms
-    assert seen(loaded, broken) == seen(monitor_, broken)
+    assert said(loaded, broken) == said(monitor_, broken)
     gb.save_monitor(loaded, tmp_path / "two.json")
     assert (tmp_path / "two.json").read_bytes() == path.read_bytes()
 

@@ -30,8 +30,8 @@ class BiasStep(Fault):
     kind = "bias_step"
     size: float = severity(per_second=False)
 
-    def distort(self, seen, elapsed_s, sample_period_s, carried):
-        return seen[:, 0] + self.size, None
+    def distort(self, readings, elapsed_s, sample_period_s, carried):
+        return readings[:, 0] + self.size, None
 """
 TABLE = '[[faults]]\nkind = "{kind}"\nchannels = ["p", "q"]\nonset_s = 300.0\nsize = [0.5, "20 % of rms"]\n'
 
@@ -44,8 +44,8 @@ class Stuck(Fault):
     level: float = severity(per_second=False)
     label: str = "unset"
 
-    def distort(self, seen, elapsed_s, sample_period_s, carried):
-        return np.full(len(seen), self.level), None
+    def distort(self, readings, elapsed_s, sample_period_s, carried):
+        return np.full(len(readings), self.level), None
 
 
 @pytest.fixture(autouse=True)

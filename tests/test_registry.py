@@ -72,9 +72,9 @@ class Theirs(FunctionDetector):
 
 @pytest.mark.parametrize("name", shipped_banks())
 def test_every_bank_is_found_by_its_name(name):
-    found = find_detector(name)
-    assert found == BankDetector(bank=gb.load_bank(name))
-    assert for_data_file(name) == found
+    detector = find_detector(name)
+    assert detector == BankDetector(bank=gb.load_bank(name))
+    assert for_data_file(name) == detector
 
 
 def test_the_dissertations_is_found_by_its_name():
@@ -161,9 +161,9 @@ def test_a_monitor_of_an_installed_one_is_read(tmp_path):
 def test_figures_of_ones_own_need_their_recipe(own, tmp_path):
     recipe, path = find_detector(f"{own}:recipe"), tmp_path / "m.json"
     gb.save_monitor(recipe.calibrate([record(seed=1), record(seed=2)]), path)
-    found = find_detector(f"{own}:recipe", calibrated=path)
-    assert isinstance(found, NormMonitor)
-    assert found.name == "mine"
+    monitor = find_detector(f"{own}:recipe", calibrated=path)
+    assert isinstance(monitor, NormMonitor)
+    assert monitor.name == "mine"
     gb.save_monitor(find_detector(f"{own}:quiet").calibrate(), path)
     with pytest.raises(gb.InputError, match="a monitor of 'quiet', which isn't installed here"):
         find_detector(path)

@@ -37,18 +37,18 @@ def read_back(path, entity):
 
 
 def test_results_have_the_promised_keys(study):
-    found = results(study)
-    assert found["schema"] == 2
+    plain = results(study)
+    assert plain["schema"] == 2
     top = {"trim", "operator", "threshold", "armed_s", "false_alarms", "healthy_hours", "versions", "seed"}
-    assert {*top, "trials", "detectors", "threshold_unit", "false_alarms_per_hour_at_most"} <= set(found)
-    (detector,) = found["detectors"]
-    assert {name: found[name] for name in detector} == detector
+    assert {*top, "trials", "detectors", "threshold_unit", "false_alarms_per_hour_at_most"} <= set(plain)
+    (detector,) = plain["detectors"]
+    assert {name: plain[name] for name in detector} == detector
     assert (detector["name"], detector["detected"], detector["isolated"]) == ("dissertation", 15, None)
     assert (detector["window_s"], detector["threshold_unit"], detector["look_ahead_s"]) == (10.01, "deg/s", 0.5)
     promised = {"detector", "scenario", "fault", "channel", "onset_s", "detected", "alarm_time_s", "detection_delay_s"}
-    assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in found["trials"])
-    assert found["versions"]["jsbsim"] == "1.3.3"
-    assert json.loads(json.dumps(found, allow_nan=False)) == json.loads(json.dumps(found))
+    assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in plain["trials"])
+    assert plain["versions"]["jsbsim"] == "1.3.3"
+    assert json.loads(json.dumps(plain, allow_nan=False)) == json.loads(json.dumps(plain))
 
 
 def test_files_say_what_the_study_says(study, tmp_path):

@@ -64,13 +64,13 @@ def verdict(
     if not all(isinstance(alarm, Alarm) for alarm in alarms):
         alarms = alarms_at(*alarms)
     shown = [norm_of(norm)] if scores is None else scores
-    seen = Watch(
+    watched = Watch(
         monitor=SimpleNamespace(name="mine", channels=channels, suspects=suspects, look_ahead_s=1.0),
         record=after,
-        scores={one.name: one for one in shown},
+        scores={each.name: each for each in shown},
         alarms=tuple(alarms),
     )
-    return score(seen, fault=fault, healthy=before, broken=after)
+    return score(watched, fault=fault, healthy=before, broken=after)
 
 
 def judged(time_s, *candidates, **more):
@@ -122,19 +122,19 @@ def test_rounding_of_times_makes_no_false_alarm():
 
 
 def test_alarms_that_count_to_an_earlier_ones_fault_are_one_false_alarm():
-    one, two, three = alarms_at(2.0, 4.0, 6.0)
-    two = Alarm(number=1, time_s=4.0, onset_s=4.0, source="r", fault=0)
-    assert verdict([one, two, three]).false_alarms == 2
-    result = verdict([one, two, three, Alarm(number=3, time_s=12.0, onset_s=11.0, source="r", fault=0)])
+    first, second, third = alarms_at(2.0, 4.0, 6.0)
+    second = Alarm(number=1, time_s=4.0, onset_s=4.0, source="r", fault=0)
+    assert verdict([first, second, third]).false_alarms == 2
+    result = verdict([first, second, third, Alarm(number=3, time_s=12.0, onset_s=11.0, source="r", fault=0)])
     assert (result.false_alarms, result.detection_delay_s) == (2, 2.0)  # one could be raised, whatever it counts to
 
 
 def test_on_a_healthy_record_every_fault_that_was_told_of_is_a_false_alarm():
     record = Record(HEALTHY, channels=["p"], sample_period_s=1.0)
-    one, two = alarms_at(2.0, 15.0)
+    first, second = alarms_at(2.0, 15.0)
     linked = Alarm(number=2, time_s=16.0, onset_s=16.0, source="r", fault=1)
-    seen = Watch(monitor=None, record=record, alarms=(one, two, linked))
-    assert false_alarms(seen) == (one, two)
+    watched = Watch(monitor=None, record=record, alarms=(first, second, linked))
+    assert false_alarms(watched) == (first, second)
 
 
 def test_a_norm_that_stood_above_since_before_the_onset_has_missed_the_fault():

@@ -67,8 +67,8 @@ def test_every_number_follows_from_the_public_functions_and_the_definitions():
     truth = flight["p"][2_500:30_001]
     half_width = 0.5 * np.sqrt(np.mean((truth - truth.mean()) ** 2))
     broken = gb.inject(healthy[2], gb.Deadzone(channel="p", onset_s=300, half_width=half_width))
-    seen = gb.windowed_norm(gb.residual(operator, broken.between(25, 500)), window=1000).values  # from 25 s on
-    watched = np.concatenate([np.full(2_500, np.nan), seen])
+    norm = gb.windowed_norm(gb.residual(operator, broken.between(25, 500)), window=1000).values  # from 25 s on
+    watched = np.concatenate([np.full(2_500, np.nan), norm])
     above = watched > limit
     first = next(k for k in range(2_551, 49_000) if above[k] and not above[k - 1] and k + 1000 + 50 >= 30_000)
 
@@ -84,9 +84,9 @@ def test_every_number_follows_from_the_public_functions_and_the_definitions():
 
 
 def test_the_same_seed_gives_the_same_study_and_another_seed_another():
-    one, again, other = (gb.run("jam", seed=seed) for seed in (4, 4, 5))
-    assert [trial.row() for trial in one] == [trial.row() for trial in again]
-    assert one[0].baseline.monitor.threshold != other[0].baseline.monitor.threshold
+    once, again, other = (gb.run("jam", seed=seed) for seed in (4, 4, 5))
+    assert [trial.row() for trial in once] == [trial.row() for trial in again]
+    assert once[0].baseline.monitor.threshold != other[0].baseline.monitor.threshold
 
 
 def test_a_harmless_fault_is_a_miss_with_its_reason(tmp_path):

@@ -24,26 +24,26 @@ COLOURS = {"p": (31, 119, 180), "q": (224, 130, 20), "r": (42, 157, 74), "thresh
 
 
 def test_the_viewer_shows_lines_in_the_colours_of_the_trials(recording_of):
-    seen = looked_at(recording_of(drift), 400.0)
+    picture = looked_at(recording_of(drift), 400.0)
     for name, colour in COLOURS.items():
-        assert close(seen, colour) > 150, f"no line in the colour of {name}"
+        assert close(picture, colour) > 150, f"no line in the colour of {name}"
 
 
 def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(recording_of):
-    seen = looked_at(recording_of(study), 70.0)
+    picture = looked_at(recording_of(study), 70.0)
     for name, colour in {**COLOURS, "virtual sensor": (214, 64, 159)}.items():
-        assert close(seen, colour) > 150, f"no line in the colour of {name}"
+        assert close(picture, colour) > 150, f"no line in the colour of {name}"
 
 
 def test_the_viewer_opens_a_study_of_several_detectors(recording_of):
     """The first one's tab, whose norms lie on each other but that of r."""
-    seen = looked_at(recording_of(several), 70.0)
+    picture = looked_at(recording_of(several), 70.0)
     for name in ("r", "threshold"):
-        assert close(seen, COLOURS[name]) > 150, f"no line in the colour of {name}"
+        assert close(picture, COLOURS[name]) > 150, f"no line in the colour of {name}"
 
 
-def close(seen, colour):
-    return (np.abs(seen - np.array(colour)).max(axis=2) < 40).sum()
+def close(picture, colour):
+    return (np.abs(picture - np.array(colour)).max(axis=2) < 40).sum()
 
 
 def looked_at(path, time_s):
@@ -84,8 +84,8 @@ def test_the_viewer_draws_no_line_over_a_gap(tmp_path):
     parts = [flight.between(0.0, 60.0), flight.between(120.0, 179.98)]
     path = tmp_path / "log.rrd"
     write_log_recording(watched_log(parts, parts, monitor()), path)
-    seen = looked_at(path, 175.0)
-    is_p = np.abs(seen - np.array(COLOURS["p"])).max(axis=2) < 40
+    picture = looked_at(path, 175.0)
+    is_p = np.abs(picture - np.array(COLOURS["p"])).max(axis=2) < 40
     columns = np.flatnonzero(is_p[300:].any(axis=0))  # below the levels' legend
     assert len(columns) > 300
     assert np.diff(columns).max() > 0.25 * (columns[-1] - columns[0])
