@@ -39,7 +39,7 @@ def test_other_manoeuvres_stay_quiet_where_every_axis_was_moved(manoeuvres, rate
     assert alarmed(calibrated(*manoeuvres, rate_hz=rate_hz), rate_hz) == []
 
 
-@pytest.mark.parametrize("rate_hz", [25, 50, 100])
+@pytest.mark.parametrize("rate_hz", [25, 100])
 @pytest.mark.parametrize("manoeuvre", ["pitch", "roll", "yaw", "still"])
 def test_other_manoeuvres_stay_quiet_where_one_axis_was_moved_or_none(manoeuvre, rate_hz):
     """The operator's error of the other axes lasts as long as the motion: it isn't averaged out as noise is."""

@@ -193,11 +193,10 @@ def test_what_is_no_whole_recording_is_refused(cli, scenario, tmp_path, monkeypa
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert cli("run", scenario, "-q")[0] == 0
     whole = (tmp_path / "study/study.rrd").read_bytes()
-    for content in (whole[: len(whole) // 2], b"garbage"):
-        (tmp_path / "not.rrd").write_bytes(content)
-        code, out, err = cli("view", "not.rrd")
-        assert (code, out, err.count("\n")) == (2, "", 1)
-        assert "isn't a whole rerun recording" in err
+    (tmp_path / "half.rrd").write_bytes(whole[: len(whole) // 2])
+    code, out, err = cli("view", "half.rrd")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "isn't a whole rerun recording" in err
     assert "no screen" in cli("view", "study/study.rrd")[2]  # whole, so it goes on to the window
 
 

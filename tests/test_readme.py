@@ -60,6 +60,7 @@ def test_the_commands_run_as_one_chain(tmp_path, monkeypatch, capsys):
     """In one folder, each with what those before it wrote; `view` opens a window, so here it has only to get there."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # flights are flown in turn
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     chain = [line for line in commands() if line.startswith("gtmbench")]

@@ -139,16 +139,16 @@ def test_a_fault_that_is_found_and_named_in_time_passes(shelf, tmp_path):
 
 
 def test_a_late_alarm_fails_with_its_delay_and_the_bound():
-    fault, healthy = gb.Drift(channel="p", onset_s=80.0, slope=0.05), monitors.record(seed=9)
+    fault, healthy = gb.Drift(channel="p", onset_s=110.0, slope=0.5), monitors.record(seed=9)
     alarm_s = gb.watch(monitors.monitor(), gb.inject(healthy, fault)).alarm_s
-    delay_s = alarm_s - 80.0
+    delay_s = alarm_s - 110.0
     assert_detects(monitors.monitor(), fault, within_s=delay_s, record=healthy)
     said, path = failure(assert_detects, monitors.monitor(), fault, within_s=0.9 * delay_s, record=healthy)
     assert said == (
-        f"drift of p, 0.05 deg/s² from 80.00 s: alarm at {alarm_s:.2f} s, {delay_s:.2f} s after the onset "
+        f"drift of p, 0.5 deg/s² from 110.00 s: alarm at {alarm_s:.2f} s, {delay_s:.2f} s after the onset "
         f"(allowed: within {0.9 * delay_s:g} s)"
     )
-    for entity, time_s in {"onset": 80.0, "due": 80.0 + 0.9 * delay_s, "alarms": alarm_s}.items():
+    for entity, time_s in {"onset": 110.0, "due": 110.0 + 0.9 * delay_s, "alarms": alarm_s}.items():
         assert read_back(path, f"/{entity}")[0] == pytest.approx([time_s], abs=1e-9)
 
 
