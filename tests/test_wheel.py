@@ -138,7 +138,7 @@ def test_the_pytest_plugin_works_in_a_project_of_its_own(installed, tmp_path):
 
 
 def test_the_pinned_versions_resolve(wheel, tmp_path):
-    """Pip resolves for every Python that the README names, from wheels alone, and installs nothing; `make` does for this.
+    """Pip resolves for each Python that the README names, of wheels only, and installs nothing; `make` does for this.
 
     At the same time: it waits for the network half of it.
     """
