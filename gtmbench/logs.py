@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gtmbench.channels import channel_of, header_of
-from gtmbench.checks import one_line, shown
+from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_size, count_lines, is_file
 from gtmbench.record import Record
@@ -99,11 +99,9 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     except (ValueError, OSError, MemoryError, pd.errors.ParserWarning) as error:
         reason = one_line(str(error)) or type(error).__name__
         raise InputError(f"{path} isn't a readable {suffix[1:]} table: {reason}") from error
-    try:
+    with naming(path):
         names = {name: name if name == "time_s" else channel_of(str(name)) for name in frame.columns}
         return Record.from_frame(frame.rename(columns=names), sample_period_s=sample_period_s)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _read_csv(path: Path) -> pd.DataFrame:

@@ -13,6 +13,7 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import calibration, flights, healthy_records
+from tests.watching import written_once
 
 os.environ.setdefault("CI", "1")
 
@@ -37,14 +38,7 @@ def _flown_once():
 @pytest.fixture(scope="session")
 def recording_of(tmp_path_factory):
     """Return a function that writes the recording of a study, as made by a function, once, and gives its path."""
-    folder = tmp_path_factory.mktemp("recordings")
-
-    @cache
-    def write(study):
-        write_recording(study(), folder / f"{study.__name__}.rrd")
-        return folder / f"{study.__name__}.rrd"
-
-    return write
+    return written_once(write_recording, tmp_path_factory.mktemp("recordings"))
 
 
 @pytest.fixture(scope="session")

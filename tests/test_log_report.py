@@ -34,6 +34,7 @@ from tests.logged import (
     unexplained,
     unwatched,
 )
+from tests.watching import written_once
 
 cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 
@@ -41,14 +42,7 @@ cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """Return a function that writes a case's recording, once, and gives its path."""
-    folder = tmp_path_factory.mktemp("recordings")
-
-    @cache
-    def write(case):
-        write_log_recording(case(), folder / f"{case.__name__}.rrd")
-        return folder / f"{case.__name__}.rrd"
-
-    return write
+    return written_once(write_log_recording, tmp_path_factory.mktemp("recordings"))
 
 
 @pytest.fixture(scope="module")

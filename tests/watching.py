@@ -132,3 +132,15 @@ class Swing:
 def several():
     """The same trials, watched by all kinds of detectors: the scenario's own, a bank, a function, one of one's own."""
     return gb.run_study([scenario()], detectors=["dissertation", monitor(), gb.FunctionDetector(spike), Swing()])
+
+
+def written_once(write, folder):
+    """Return a function that writes the recording of what a function makes, once, and gives its path."""
+
+    @cache
+    def path_of(making):
+        path = folder / f"{making.__name__}.rrd"
+        write(making(), path)
+        return path
+
+    return path_of

@@ -15,6 +15,7 @@ from gtmbench.check.compare import Compared, Number, Pair
 from gtmbench.check.run import Check
 from gtmbench.checks import printable
 from gtmbench.files import atomic_write
+from gtmbench.plain import finite_or_none
 from gtmbench.report.tables.results import versions
 
 
@@ -133,7 +134,7 @@ def _origin(reference: Reference) -> dict[str, Any]:
 
 
 def _compared(figure: Compared) -> dict[str, Any]:
-    allowed = {"allowed_from": _finite(figure.low), "allowed_to": _finite(figure.high)}
+    allowed = {"allowed_from": finite_or_none(figure.low), "allowed_to": finite_or_none(figure.high)}
     return {**_pair(figure), **allowed, "remark": figure.remark}
 
 
@@ -142,15 +143,10 @@ def _pair(pair: Pair) -> dict[str, Any]:
         "group": pair.group,
         "figure": pair.figure,
         "at": pair.at,
-        "was": _finite(pair.was),
-        "is": _finite(pair.now),
+        "was": finite_or_none(pair.was),
+        "is": finite_or_none(pair.now),
         "unit": pair.unit,
     }
-
-
-def _finite(value: Number | None) -> Number | None:
-    """Return a number as JSON has it: None where it isn't finite."""
-    return None if value is None or not math.isfinite(value) else value
 
 
 def write_junit(check: Check, path: Path, *, took_s: float) -> None:

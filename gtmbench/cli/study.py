@@ -152,7 +152,8 @@ def _run_seeds(
     quiet: bool,
 ) -> None:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
-    from gtmbench.report.tables.seeds import SeedTable, write_seeds
+    from gtmbench.report.tables.results import write_tables
+    from gtmbench.report.tables.seeds import SeedTable
 
     table = SeedTable()
     with progress_bar(silent=as_json or quiet) as tell, atomic_folder(out) as folder:
@@ -163,7 +164,7 @@ def _run_seeds(
             own.mkdir()
             _write(study, own, parts, lambda _step: None)
             table.add(seed, study)
-        write_seeds(table, folder)
+        write_tables(table.results(), folder)
     if as_json:
         print_json(table.results() | {"out": str(out)})
     elif not quiet:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.record import FloatArray, Span
-from gtmbench.report.style import colour
+from gtmbench.report.style import colours
 from gtmbench.study.trial import Trial
 
 LOWEST, HIGHEST = 0.03, 1e6  # of levels on a logarithmic axis
@@ -31,8 +31,7 @@ def level(score: Score) -> FloatArray:
 
 def tints(watch: Watch) -> dict[str, str]:
     """Return a colour for every score and every residual, by name."""
-    names = dict.fromkeys([*watch.scores, *watch.residuals])
-    return {name: colour(name, i) for i, name in enumerate(names)}
+    return colours([*watch.scores, *watch.residuals])
 
 
 def part(time_s: FloatArray, values: FloatArray, span: Span) -> tuple[FloatArray, FloatArray]:

@@ -1,5 +1,9 @@
 """Colours that mean the same everywhere: figures, recording."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 COLOURS = {
     "p": "#1f77b4",
     "q": "#e08214",
@@ -15,3 +19,12 @@ _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 def colour(name: str, position: int = 0) -> str:
     """Return a channel's colour; channels without one of their own take turns."""
     return COLOURS.get(name, _OTHERS[position % len(_OTHERS)])
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Return each name's colour, those that come again left out.
+
+    >>> colours(["p", "flow", "p"])
+    {'p': '#1f77b4', 'flow': '#17a2b8'}
+    """
+    return {name: colour(name, i) for i, name in enumerate(dict.fromkeys(names))}

@@ -14,7 +14,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import FloatArray, Record, Span
-from gtmbench.report.style import colour
+from gtmbench.report.style import colours
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import WatchedLog
 
@@ -72,8 +72,7 @@ def residuals_of(watched: WatchedLog) -> list[str]:
 
 def tints_of(watched: WatchedLog) -> dict[str, str]:
     """Return every score's and channel's colour, in figure and recording."""
-    names = dict.fromkeys([*scores_of(watched), *residuals_of(watched), *watched.log.channels])
-    return {name: colour(name, i) for i, name in enumerate(names)}
+    return colours([*scores_of(watched), *residuals_of(watched), *watched.log.channels])
 
 
 def signals_of(watched: WatchedLog) -> list[str]:

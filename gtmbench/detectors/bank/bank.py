@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import keys, number, shown, table_of, text
+from gtmbench.checks import keys, naming, number, shown, table_of, text
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
@@ -119,10 +119,8 @@ def load_bank(source: str | Path) -> Bank:
     if not is_file(path):
         raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
     table = read_toml(path, "bank")
-    try:
+    with naming(path):
         return bank_of(text("its name", path.stem), table)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def bank_of(name: str, table: dict[str, Any]) -> Bank:

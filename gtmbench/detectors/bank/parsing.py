@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.checks import number, shown, text
+from gtmbench.checks import naming, number, shown, text
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.statistics.statistic import Tolerance
@@ -70,10 +70,8 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
     """
     document = keys("figures", figures, _KEYS)
     name = text("name", document["name"])
-    try:
+    with naming("bank"):
         bank = bank_of(name, table_of("bank", document["bank"]))
-    except InputError as error:
-        raise InputError(f"bank: {error}") from error
     period_s = number("sample_period_s", document["sample_period_s"], *PERIODS_S)
     wanted = tuple(spec.output for spec in bank.residuals)
     parts = keys("residuals", document["residuals"], wanted)

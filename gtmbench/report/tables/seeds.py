@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gtmbench.plain import plain
-from gtmbench.report.tables.results import SCHEMA, false_alarm_figures, versions, write_tables
+from gtmbench.report.tables.results import SCHEMA, false_alarm_figures, versions
 from gtmbench.report.words.judgement import severity_text
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Study, Trial
@@ -99,11 +98,6 @@ class SeedTable:
             "versions": versions(),
         }
         return dict(plain(table))
-
-
-def write_seeds(table: SeedTable, folder: Path) -> None:
-    """Write ``results.json``, and ``trials.csv`` with one row a seed, detector and trial."""
-    write_tables(table.results(), folder)
 
 
 def _label(trial: Trial) -> list[str]:
