@@ -15,7 +15,7 @@ import scipy.linalg
 from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from gtmbench.report.dissertation.reproduction import Reproduction, flat, reproduce
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.theory.exact import exact_operator
@@ -33,6 +33,7 @@ def main(page: Reproduction) -> None:
     """Print Theorem 1, appendix A, what large models take, and appendix B."""
     theorem_1(page)
     companion_powers(page)
+    companion_forms(page)
     responses(page)
     large_models(page)
     adjugates(page)
@@ -68,11 +69,14 @@ def theorem_1(page: Reproduction) -> None:
             f"exactly, by {held[0]} of {count}, m = 1 to 3",
             agrees=bool(held[0] == count),
             note="u: lines, a growing oscillation, a decay",
+            runs=count,
             values=[held[0], count],
         )
         page.unprinted(
             f"(2.32) with more cancelled, {models}",
             f"delta^(m-1): {held[1]} of {count}; every common factor: {held[2]} of {count}",
+            holds=[*held[1:]] == [count, 0 if hidden else count],
+            runs=count,
             note="common factors are the uncontrollable modes, which motions have" if hidden else "",
             values=held[1:],
         )
@@ -101,8 +105,40 @@ def companion_powers(page: Reproduction) -> None:
         "for every alpha",
         f"exactly, for {symmetric} of {count}, n = 2 to 7",
         agrees=symmetric == count,
+        runs=count,
         values=[symmetric, count],
     )
+
+
+def companion_forms(page: Reproduction) -> None:
+    """Hold Lemma A.2: at t = 0 its sides are rows of numbers, and exp(A_c t) is on the right of both."""
+    count = 8 if page.quick else 40
+    held = sum(second_lemma(np.random.default_rng([12, run])) for run in range(count))
+    page.claim(
+        "Lemma A.2, (A.11), (A.12)",
+        "both sides equal, all t",
+        f"exactly, for {held} of {count}, n = 2 to 5",
+        agrees=held == count,
+        note="p exp(A_c t) = A_c exp(A_c t); Gamma from the adjugate, with D for (A.11), without for (A.12)",
+        runs=count,
+        values=[held, count],
+    )
+
+
+def second_lemma(rng: np.random.Generator) -> bool:
+    """Tell whether (A.11) and (A.12) hold for a random companion form."""
+    n = int(rng.integers(2, 6))
+    A = np.vstack([np.eye(n, dtype=int)[1:], rng.integers(-9, 10, n)])
+    Ci, Co = rng.integers(-9, 10, (2, 1, n))
+    Di, Do = rng.integers(1, 10, (2, 1, 1))
+    model = {"A": A, "B": np.eye(n, dtype=int)[:, -1:], "Ci": Ci, "Co": Co}
+    exact = A.astype(object)
+    sides = [
+        sum(c * row @ np.linalg.matrix_power(exact, k) for k, c in enumerate(reversed(flat(gamma)[0])))
+        for T in (exact_operator(**model, Di=Di, Do=Do), exact_operator(**model))
+        for gamma, row in ((T.gamma_o, Ci.astype(object)), (T.gamma_i, Co.astype(object)))
+    ]
+    return all(np.array_equal(left, right) for left, right in (sides[:2], sides[2:]))
 
 
 def responses(page: Reproduction) -> None:
@@ -121,6 +157,7 @@ def responses(page: Reproduction) -> None:
             f"to {worst:.1e} of the terms",
             agrees=bool(worst < 1e-8),
             note=f"{count} models each, stable and unstable, m = 1 and, as (2.32), 3",
+            runs=count,
             values=off,
         )
     figure, axes = panels(2, 2, (11.0, 6.0))
@@ -162,8 +199,10 @@ def large_models(page: Reproduction) -> None:
         exact, numeric = exact_operator(**model), NumericOperator(model=stacked(model))
         points = 3.0 * np.exp(1j * np.linspace(0.0, 3.0, 20))
         off.append(np.max(np.abs(numeric.at(points) / exact.at(points) - 1.0)))
-        off.append(np.max(np.abs(numeric.poles - exact.poles) / np.abs(exact.poles)))
-    page.unprinted("(2.49) without polynomials, 5 states", f"as the exact one to {max(off):.1e}", values=off)
+        zeros = [(numeric.zeros(o, i), exact.zeros(o, i)) for o, i in np.ndindex(2, 2)]
+        off += [np.max(np.abs(ours / theirs - 1.0)) for ours, theirs in [(numeric.poles, exact.poles), *zeros]]
+    ours = f"as the exact one to {max(off):.1e}"
+    page.unprinted("(2.49) without polynomials, 5 states", ours, holds=max(off) < 1e-9, runs=count, values=max(off))
     model = stacked(random_model(np.random.default_rng(9), m=3, outputs=2, n=40))
     T, points = NumericOperator(model=model), 1j * np.linspace(0.1, 10.0, 100)
     G = model.at(points)
@@ -171,6 +210,7 @@ def large_models(page: Reproduction) -> None:
     page.unprinted(
         "(2.49) without polynomials, 40 states, 3 inputs",
         f"T Gi = Go to {off:.1e}; {len(T.poles)} poles",
+        holds=off < 1e-9 and len(T.poles) == 40,
         values=T.poles,
     )
 
@@ -190,6 +230,7 @@ def adjugates(page: Reproduction) -> None:
         "for every A and i",
         f"exactly, for {held} of {count}",
         agrees=held == count,
+        runs=count,
         values=[held, count],
     )
     general, blank = (
@@ -202,12 +243,17 @@ def adjugates(page: Reproduction) -> None:
         f"exactly, for {blank} of {count}",
         agrees=blank == count,
         note="as in Theorem 6; C_[.,D] S nonsingular needs d <= n/2",
+        runs=count,
         values=[blank, count],
     )
-    page.unprinted(
+    page.claim(
         "Proposition B.2, (B.2), as stated, any C",
-        f"holds for {general} of {count}",
-        note="misprint: the columns of C at D must be zero",
+        "equal",
+        f"for {general} of {count}",
+        agrees=general == count,
+        differs="misprint: the columns of C at D must be zero",
+        holds=general == 0,
+        runs=count,
         values=[general, count],
     )
 

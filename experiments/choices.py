@@ -45,12 +45,12 @@ def count(page: Reproduction, excitations: int, seeds: range) -> gb.ExcitationCo
     ]
     counted = [choice.excitations for choice in choices]
     right = counted.count(excitations)
-    page.claim(
+    page.unprinted(
         f"4.3, {excitations} excitation{'s' if excitations > 1 else ''}, {SENSORS} sensors",
-        f"{excitations}, from the outputs",
-        f"{excitations} in {right} of {len(seeds)} plants",
-        agrees=right == len(seeds),
-        note="the source counts those of the plate and the drum",
+        f"counted as {excitations} in {right} of {len(seeds)} plants",
+        holds=right == len(seeds),
+        note="plants of our own; the source counts the excitations of the plate and the drum",
+        runs=len(seeds),
         values=counted,
     )
     return choices[-1]

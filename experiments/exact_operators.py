@@ -15,7 +15,13 @@ import scipy.linalg
 import sympy
 
 from gtmbench.report.dissertation.figures import draw_structure
-from gtmbench.report.dissertation.reproduction import Reproduction, claim_polynomials, flat, reproduce
+from gtmbench.report.dissertation.reproduction import (
+    Reproduction,
+    claim_equal,
+    claim_polynomials,
+    flat,
+    reproduce,
+)
 from gtmbench.report.figures.panels import panels
 from gtmbench.theory.exact import exact_operator
 from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
@@ -67,6 +73,7 @@ def common_factors(page: Reproduction) -> None:
         page.unprinted(
             f"{name}, such motions of a model",
             f"delta {'cancels' if kept else 'does not cancel'}, {factor} {'does' if lost else 'does not'}",
+            holds=kept and not lost,
             note="y_i = x1, y_o = x1 + x2, x1' = a x1 + u, x2' = a x2: x2 is uncontrollable",
             values=[kept, lost],
         )
@@ -114,17 +121,21 @@ def two_inputs(page: Reproduction) -> None:
     for name, whole in (("x1 + u1 and x2", right), ("x1 and x2, as printed", printed)):
         off = np.abs(relative_residual(T.theorem_1, **whole, x0=START, time_s=np.linspace(0.0, 10.0, 201))).max()
         held, misprint = holds_for_free_responses(T.theorem_1, **whole), whole is printed
-        ours = f"{'holds exactly' if held else 'does not hold'}; residual up to {off:.1e} of its terms"
-        note = "misprint: the first pseudo input is x1 + u1" if misprint else "with u1, u2 of lines and oscillations"
-        result = f"(2.75) with {name}"
-        if misprint:
-            page.unprinted(result, ours, note=note, values=off)
-        else:
-            page.claim(result, "holds", ours, agrees=held and off < 1e-12, note=note, values=off)
+        page.claim(
+            f"(2.75) with {name}",
+            "holds",
+            f"{'holds exactly' if held else 'does not hold'}; residual up to {off:.1e} of its terms",
+            agrees=held and off < 1e-12,
+            differs="misprint: by (2.70) the first pseudo input is x1 + u1" if misprint else "",
+            note="with u1, u2 of lines and oscillations",
+            values=off,
+        )
     held = holds_for_free_responses(T.system_equation, **right)
     short = [*flat(T.reduced.numerators), coefficients(T.reduced.denominator)]
     claim_symbolic(page, "(2.79) without (p+1)^3", [q, rest, r**2], short)
-    page.claim("(2.79) without (p+1)^3, any x(0), u", "holds", "holds" if held else "does not hold", agrees=held)
+    note = "(2.79) has this factor on both sides"
+    ours = "holds" if held else "does not hold"
+    page.unprinted("(2.79) without (p+1)^3, any x(0), u", ours, holds=held, note=note)
     zeros = [T.zeros(0, i).real for i in (0, 1)]
     page.unprinted(
         "Ex. 2.4.2, T reduced: poles; zeros; properness",
@@ -156,9 +167,7 @@ def three_masses(page: Reproduction) -> None:
     claim_ratio(page, "(2.93), T_3,2", third, second, T[3, 2])
     chained = [T[3, 2].gamma_o * T[2, 1].gamma_o * T[3, 1].gamma_i, T[3, 2].gamma_i * T[2, 1].gamma_i * T[3, 1].gamma_o]
     equal = bool(chained[0] == chained[1])
-    page.claim(
-        "(2.96), (2.97), T_3,2 T_2,1 and T_3,1", "equal", "equal, exactly" if equal else "not equal", agrees=equal
-    )
+    claim_equal(page, "(2.96), (2.97), T_3,2 T_2,1 and T_3,1", equal)
 
 
 def second_order(omega: Any, masses: list[int]) -> dict[str, Any]:

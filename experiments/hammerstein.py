@@ -5,8 +5,8 @@ predicted and measured, and the error (6.34) of normalised Markov parameters aga
 what theory says of it: sqrt(2/pi) standard deviations. Short records lie above it: (6.34) divides by H_0-hat, which may
 come close to 0 there.
 
-The samples start when the outputs are stationary (assumption 1). Identification removes their means: right where N_2
-has one (examples 4 and 5), and the realisation's mean of N_1 (examples 2 and 5) goes with it.
+The samples start when the outputs are stationary (assumption 1). Identification removes their means, which (6.4)
+doesn't: right where N_2 has one (examples 4 and 5), and the realisation's mean of N_1 (examples 2 and 5) goes with it.
 
 Misprints: the exponent of (6.1) runs down, mu - i; (6.2) has H_0..H_mu, theta H_0..H_(mu-1), as here; (6.34) sums 201
 terms over 200. G_2/G_1 is biproper, so H_d, which normalises, is H_0.
@@ -34,6 +34,8 @@ B2, A2 = [0.0, 0.0, 2.0, 5.0], np.poly([0.55, -0.6, 0.4])  # (6.32)
 G1, G2 = companion(B1, A1), companion(B2, A2)
 MU = 30  # Markov parameters of the model, H_0..H_29; not printed
 LINEAR = companion(np.polymul(A1, B2), np.polymul(A2, B1)).markov(MU)[:, 0, 0]  # H' of (6.33)
+REALISATIONS = 200  # (6.34)
+MEANS = "means are removed, unlike in (6.4)"
 SHOWN = [2, 3, 4, 5]  # of Figs. 6.5-6.9
 UNTIL_STATIONARY = 400  # samples: 0.9^400 is 5e-19
 DEVIATIONS = 4.5  # that chance is allowed
@@ -102,11 +104,13 @@ def example_6_4_1(page: Reproduction) -> None:
     scales = [Pair(first=lambda u: u**3, second=lambda u: u**7, density=uniform(-a, 2.0 * a)).scale for a in widths]
     ratio = np.array(scales) / (7.0 * widths**4 / 11.0)
     page.number("Ex. 6.4.1, factor over 7 a^4/11, four a", np.ones(4), ratio, tolerance=1e-12)
+    factors = [pair.scale for pair in EXAMPLES.values()]
+    page.unprinted("(6.29), factors of Ex. 6.5.1..6.5.5", listed(factors), values=factors)
 
 
 def example(page: Reproduction, number: int, name: str, pair: Pair) -> None:
     """Hold the factor and the errors of one example against theory, and draw its figure."""
-    runs = 50 if page.quick else 200
+    runs = 50 if page.quick else REALISATIONS
     lengths = [round(10.0 ** (half / 2)) for half in range(4, 10 if page.quick else 12)]
     markov = estimates(pair, lengths, runs, number)
     single, error = predicted(pair)
@@ -124,7 +128,9 @@ def example(page: Reproduction, number: int, name: str, pair: Pair) -> None:
         "falls with the length",
         f"slope {slopes.min():.2f}..{slopes.max():.2f}, {ratio.min():.2f}..{ratio.max():.2f} of theory",
         agrees=bool(np.all(np.abs(ratio - 1.0) < chance)),
-        note=f"slope -1/2 is theory; from {np.array(lengths)[settled][0]} samples on; (6.34) is the mean of {runs}",
+        note=f"slope -1/2 is theory; from {np.array(lengths)[settled][0]} samples on; (6.34) is the mean of {runs}; "
+        f"{MEANS}; mu is missing: {MU}",
+        runs=runs,
         values={"lengths": lengths, "measured": measured, "theory": expected, "slopes": slopes},
     )
     page.draw(f"fig_6_{number + 4}", figure(f"Fig. 6.{number + 4}: N₁, N₂ = {name}", lengths, measured, expected))
@@ -141,7 +147,8 @@ def factor(page: Reproduction, number: int, pair: Pair, ratios: FloatArray, devi
         "tends to (6.29)",
         f"{mean:.4g} ± {spread / np.sqrt(runs):.1g} ({pair.scale:.7g})",
         agrees=bool(agrees),
-        note=f"in brackets (6.29); one realisation is off by {spread:.2g}, theory has {deviation:.2g}",
+        note=f"in brackets (6.29); one realisation is off by {spread:.2g}, theory has {deviation:.2g}; {MEANS}",
+        runs=runs,
         values={"scale": pair.scale, "correlation": pair.correlation, "mean": mean, "deviation": spread},
     )
 

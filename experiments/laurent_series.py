@@ -90,6 +90,44 @@ def proposition_3(page: Reproduction) -> None:
     page.claim("Prop. 3, (3.14)", "radii of G_ref: reciprocals", ours, agrees=off < 1e-10, values=table)
 
 
+def proposition_4(page: Reproduction) -> None:
+    """Hold Definition 5, by the poles of G, against the stability of G_ref, by those of its realisation."""
+    systems = {**EXAMPLES, **{f"{name}, G_u": split(G)[1] for name, G in EXAMPLES.items() if any(abs(G.poles) > 1.0)}}
+    table = {
+        name: [bool(np.all(np.abs(G.poles) > 1.0)), bool(np.all(np.abs(reflected(G).poles) < 1.0))]
+        for name, G in systems.items()
+    }
+    strongly = sum(first for first, _ in table.values())
+    page.claim(
+        "Prop. 4, strongly unstable",
+        "iff G_ref is stable",
+        f"in {len(table)} systems, {strongly} of them strongly unstable",
+        agrees=all(first == second for first, second in table.values()) and 0 < strongly < len(table),
+        values=table,
+    )
+
+
+def lemma_1(page: Reproduction) -> None:
+    """Hold both parts on scaled examples, whose outermost and innermost poles lie on either side of the unit circle."""
+    table = {}
+    for name, G in EXAMPLES.items():
+        for radius in (0.8, 1.25):
+            inner, outer = (scaled(G, rho(G) / radius) for rho in (inner_spectral_radius, spectral_radius))
+            for part, system in (("i)", reflected(inner)), ("ii)", outer)):  # (3.15) are the Markov parameters of G_ref
+                size = np.linalg.norm(system.markov(FAR["causal_order"] + 1), axis=(1, 2))
+                bounded = bool(size[len(size) // 2 :].max() <= size[: len(size) // 2].max())
+                table[f"{part} {name}, radius {radius}"] = [bounded, radius >= 1.0 if part == "i)" else radius <= 1.0]
+    bounded = sum(first for first, _ in table.values())
+    page.claim(
+        "Lemma 1, coefficients (3.15), (3.12)",
+        "bounded: rho_inner >= 1, rho <= 1",
+        f"in {bounded} bounded of {len(table)} series",
+        agrees=0 < bounded < len(table) and all(holds for bounded, holds in table.values() if bounded),
+        note=f"examples scaled to radii 0.8 and 1.25, judged by the lags 0..{FAR['causal_order']}",
+        values=table,
+    )
+
+
 def judged(series: LaurentSeries) -> list[bool]:
     """Return whether coefficients look square summable, convergent to 0, bounded: their far half against the near."""
     size = np.linalg.norm(series.coefficients, axis=(1, 2))
@@ -106,7 +144,7 @@ def theorem_2(page: Reproduction) -> None:
         for annulus in annuli(G):
             series = laurent(G, radius=annulus.radius, **FAR)
             verdicts = [*judged(series), 1.0 in annulus]
-            table.append({"system": name, "rho_1": annulus.inner, "rho_2": str(annulus.outer), "i to iv": verdicts})
+            table.append({"system": name, "rho_1": annulus.inner, "rho_2": annulus.outer, "i to iv": verdicts})
     bounded = [row["system"] for row in table if all(row["i to iv"])]
     page.claim(
         "Theorem 2",
@@ -120,7 +158,8 @@ def theorem_2(page: Reproduction) -> None:
     verdicts = [*judged(integrator), 1.0 in integrator.annulus]
     ours = ", ".join("holds" if holds else "fails" for holds in verdicts)
     note = "bounded all the same: it needs the assumption, stated after it, that no pole lies on the unit circle"
-    page.unprinted("Theorem 2, i) to iv) for 1 / (z - 1) in P(1)", ours, note=note, values=verdicts)
+    result = "Theorem 2, i) to iv) for 1 / (z - 1) in P(1)"
+    page.unprinted(result, ours, holds=verdicts == [False, False, True, False], note=note, values=verdicts)
 
 
 def scaling(page: Reproduction) -> None:
@@ -249,7 +288,9 @@ def annuli_figure(name: str, system: StateSpace) -> Figure:
 def main(page: Reproduction) -> None:
     """Print every row and draw every figure, in the order of the text."""
     proposition_3(page)
+    proposition_4(page)
     examples_3_4(page)
+    lemma_1(page)
     theorem_2(page)
     page.draw("annuli", annuli_figure("Example 3.4.2", EXAMPLES["Ex. 3.4.2"]))
     scaling(page)

@@ -92,7 +92,7 @@ def sensed(aircraft: str, weather: str, manoeuvre: str, seed: int) -> gb.Record:
     for number, (name, (_, lag_s, gain, bias, vibration, noise, quantum)) in enumerate(SENSORS.items()):
         random = np.random.default_rng([seed, number])
         values = truth[:, number] if name == "ny" else np.rad2deg(np.unwrap(truth[:, number]))
-        read = gain * lagged(values, lag_s, SAMPLE_S / STEPS)[::STEPS] + bias
+        read = gain * lagged(values, lag_s, SAMPLE_S / STEPS)[0][::STEPS] + bias
         read += vibration * shaken(random, len(read)) + noise * random.standard_normal(len(read))
         channels.append(np.rint(read / quantum) * quantum)
     return gb.Record(np.column_stack(channels), channels=list(SENSORS), sample_period_s=SAMPLE_S)

@@ -20,9 +20,23 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
-from gtmbench.faults.fault import Fault, inject, severity
-from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
+from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
+from gtmbench.faults.fault import Fault, inject
+from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.registry import register_fault
+from gtmbench.faults.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.shaping import (
+    Deadzone,
+    Hysteresis,
+    Lag,
+    Misalignment,
+    Quantisation,
+    RateSaturation,
+    Saturation,
+    ScaleFactor,
+    SignFlip,
+)
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.intake.resampling import decimate
@@ -46,6 +60,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
+from gtmbench.study.log.inject import ChangedColumn, inject_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -64,35 +79,49 @@ __all__ = [
     "BaseMonitor",
     "Baseline",
     "Bayesian",
+    "Bias",
+    "ChangedColumn",
     "Channel",
     "ConvergenceWarning",
     "Deadzone",
+    "Delay",
     "Detector",
     "DissertationOperator",
     "Drift",
+    "Dropout",
     "EnvelopeError",
     "ExcitationCount",
     "Fault",
     "FlightLog",
     "FunctionDetector",
+    "GSensitivity",
     "GtmbenchError",
+    "Hardover",
+    "Hysteresis",
     "Imperfections",
     "InputChoice",
     "InputError",
     "InstrumentalVariables",
+    "Intermittent",
     "Jam",
     "Judgement",
+    "Lag",
     "LeastSquares",
     "LogColumn",
+    "Misalignment",
     "Mode",
     "Monitor",
+    "Noise",
     "NoiseModel",
     "NormMonitor",
     "NormStream",
     "OrderChoice",
+    "Oscillation",
     "Outcome",
     "PredictionError",
     "PseudoInput",
+    "Quantisation",
+    "RandomWalk",
     "RankWarning",
     "RateSaturation",
     "Record",
@@ -101,12 +130,18 @@ __all__ = [
     "Residual",
     "ResidualStream",
     "Saturation",
+    "ScaleFactor",
     "Scenario",
     "Score",
+    "SignFlip",
     "Signatures",
     "SimpleDetector",
+    "Spikes",
+    "Stale",
     "Stream",
+    "Stuck",
     "Study",
+    "Swap",
     "TotalLeastSquares",
     "Transmissibility",
     "Trial",
@@ -125,10 +160,12 @@ __all__ = [
     "derive",
     "filtered_attitude",
     "find_detector",
+    "flag",
     "fly",
     "identify",
     "imperfect",
     "inject",
+    "inject_log",
     "innovations",
     "load_bank",
     "load_monitor",
@@ -137,6 +174,8 @@ __all__ = [
     "measure",
     "modes",
     "open_log",
+    "other_channel",
+    "random_seed",
     "read_log",
     "read_recording",
     "register_fault",
@@ -147,6 +186,7 @@ __all__ = [
     "score",
     "select_inputs",
     "select_orders",
+    "setting",
     "severity",
     "signatures",
     "threshold",

@@ -98,10 +98,20 @@ CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
 SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
+_AXES = {name: axis for axis in (("p", "phi"), ("q", "theta"), ("r", "psi")) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
 # how logs write units; "p_rad_s" is channel p in another unit, "p_2" is somebody's second gyro
 _FOREIGN_UNITS = {"rad", "rad_s", "dps", "rps", "m", "m_s", "m_s2", "mps", "ft_s", "fps", "kts", "mg", "norm"}
+
+
+def axis_of(name: str) -> tuple[str, ...]:
+    """Return the sensors of a channel's axis: a gyro and the angle that it turns; any other sensor is one of its own.
+
+    >>> axis_of("theta"), axis_of("beta")
+    (('q', 'theta'), ('beta',))
+    """
+    return _AXES.get(name, (name,))
 
 
 def unit_of(name: str) -> str:

@@ -31,7 +31,11 @@ def check_record(given: object) -> None:
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
     """Return a read-only copy as float64; with order F, its columns lie together in memory."""
-    array = np.array(values, dtype=np.float64, order=order)
+    return sealed(np.array(values, dtype=np.float64, order=order))
+
+
+def sealed(array: FloatArray) -> FloatArray:
+    """Return an array that nobody else holds, read-only from now on."""
     array.setflags(write=False)
     return array
 

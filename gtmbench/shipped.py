@@ -7,6 +7,10 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent
 
 
+# those of the dissertation's section 4.4: what `gtmbench run` runs where nothing is named
+MAIN_JOB = ("deadzone", "drift", "jam", "rate_saturation", "saturation")
+
+
 def share() -> Path:
     """Return the folder that holds ``aircraft/`` and ``faults/``: the wheel's copy, else the checkout's."""
     return _PACKAGE / "_share" if is_installed() else _PACKAGE.parent

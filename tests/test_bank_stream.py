@@ -242,6 +242,21 @@ def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter
     assert [arming.take(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_without_news_change_nothing_of_an_arming(seed):
+    random = np.random.default_rng(seed)
+    one, other = (Arming(output="p", track=Track(monitor("C"), "p"), changes=[]) for _ in range(2))
+    for start in range(0, 600, 100):
+        scores = random.choice([0.5, 1.0, 2.0, np.nan, np.inf], 100, p=random.dirichlet(np.ones(5)))
+        news = one.news(scores)
+        assert news.tolist() == sorted(set(news.tolist()))
+        risen = [at for at in news.tolist() if one.take(scores[at], start + at)]
+        assert risen == [at for at, score in enumerate(scores.tolist()) if other.take(score, start + at)]
+        assert vars(one) | {"track": None} == vars(other) | {"track": None}
+        for arming in (one, other):
+            (arming.disarm, arming.rearm)[start // 100 % 2](start + 100, *(start,) * (1 - start // 100 % 2))
+
+
 def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():
     watched = watched_by(monitor("C"), "jam")
     (alarm,) = watched.alarms

@@ -10,6 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli import study
+from gtmbench.faults.kinds import FAULTS
 
 SHORT = """
 duration_s = 60.0
@@ -142,7 +143,7 @@ def test_list_names_everything_there_is(cli):
         "pseudo inputs",
     }
     assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}
-    assert set(listed["scenarios"]) == {"drift", "deadzone", "saturation", "rate_saturation", "jam"}
+    assert set(listed["scenarios"]) == set(FAULTS)  # one for every kind
     _, text, _ = cli("list")
     assert all(name in text for section in listed.values() for name in section)
 

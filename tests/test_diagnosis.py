@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.monitor.scores import over
 from gtmbench.errors import InputError
 from gtmbench.record import Record
@@ -66,6 +67,17 @@ def test_every_fault_of_a_gyro_is_named_and_measured(monitor, truth, healthy, ch
     for name, value in parameters.items():
         share = 0.0 if name == "onset_s" else 0.05 * abs(value)
         assert abs(finding.last.parameters[name] - value) <= 5.0 * finding.last.errors[name] + share + 1e-9
+
+
+def test_a_family_that_is_left_out_names_no_kind_and_raises_the_same_alarms(monitor, truth, healthy):
+    fault, _ = faults(truth, "q")["jam"]
+    broken = gb.inject(healthy, fault)
+    (known,), (unheard_of,) = monitor.watch(broken).alarms, monitor.watch(broken, without=["replacing"]).alarms
+    assert (unheard_of.time_s, unheard_of.source) == (known.time_s, known.source)
+    assert "q" in unheard_of.candidates
+    assert "jam" not in {judged.kind for judged in unheard_of.judgements}
+    with pytest.raises(InputError, match=r"no family of hypotheses is called 'jams'; they are additive, "):
+        monitor.watch(healthy, without=["jams"])
 
 
 @pytest.mark.parametrize("kind", ["drift", "jam"])
@@ -227,19 +239,28 @@ def gaps(record):
     return record
 
 
-def test_gaps_raise_no_alarm_and_hide_no_fault(monitor, healthy):
-    assert gb.watch(monitor, gaps(healthy)).alarms == ()
+def others(watch):
+    """Return the alarms that tell of something else than missing samples."""
+    return [alarm for alarm in watch.alarms if alarm.test != MISSING]
+
+
+def test_gaps_are_told_raise_no_other_alarm_and_hide_no_fault(monitor, healthy):
+    watch = gb.watch(monitor, gaps(healthy))
+    # a hole of 2.5 s in one channel while the others live is a dropout that ends; single samples are nothing
+    assert others(watch) == []
+    assert {alarm.sensor for alarm in watch.alarms} == {"p", "r", "psi", "theta"}
+    assert all(2.5 - 1e-9 <= alarm.ended_s - alarm.onset_s < 4.5 for alarm in watch.alarms)  # 2 s before are looked at
     jams = [gb.Jam(channel=channel, onset_s=ONSET_S) for channel in GYROS]
     for fault in (*jams, gb.Drift(channel="q", onset_s=ONSET_S, slope=0.5)):
-        finding = gb.watch(monitor, gaps(gb.inject(healthy, fault))).alarms[0]
+        finding = others(gb.watch(monitor, gaps(gb.inject(healthy, fault))))[0]
         assert (finding.sensor, finding.last.kind) == (fault.channel, fault.kind)
 
 
 @pytest.mark.parametrize("channel", [*GYROS, "psi", "theta"])
-def test_a_channel_that_goes_missing_raises_no_alarm_and_no_exception(monitor, healthy, channel):
+def test_a_channel_that_goes_missing_raises_no_other_alarm_and_no_exception(monitor, healthy, channel):
     gone = np.where(np.arange(len(healthy)) < 3000, healthy[channel], np.nan)
-    assert gb.watch(monitor, healthy.replace(channel, gone)).alarms == ()
-    assert gb.watch(monitor, healthy.replace(channel, np.full(len(healthy), np.nan))).alarms == ()
+    assert others(gb.watch(monitor, healthy.replace(channel, gone))) == []
+    assert others(gb.watch(monitor, healthy.replace(channel, np.full(len(healthy), np.nan)))) == []
 
 
 @pytest.mark.parametrize("samples", [0, 1, 30, 500])

@@ -4,11 +4,19 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from gtmbench.cli.app import app
+from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.study.expectation import Expectation
+from gtmbench.study.scenario import load_faults, load_scenario
+from gtmbench.study.score import SAME_KINDS
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -36,6 +44,36 @@ def test_its_commands_parse(page):
         program, command, *arguments = shlex.split(line, comments=True)
         assert program == "gtmbench"
         app.commands[command].make_context(command, arguments)
+
+
+def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
+    """One chain: every command ends as its remark says, with what those before it wrote."""
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 3)
+    page = ROOT / "docs/scenarios.md"
+    for content in blocks(page, "toml"):
+        (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
+        assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
+    assert [len(load_scenario(tmp_path / f"{name}.toml").faults) for name in ("gusts", "chain")] == [5, 2]
+    chain = "".join(blocks(page, "sh")).splitlines()
+    assert len(chain) == 5
+    for line in chain:
+        _, command, *arguments = shlex.split(line, comments=True)
+        cheap = ["--no-figures", "--no-recording"] if command == "run" else []
+        code, out, err = cli(command, *arguments, *cheap)
+        assert (code, err) == (int(command == "monitor"), ""), line
+        if command == "monitor":
+            assert "q failed at 4" in out
+            assert "r failed at 5" in out
+        if "--strict" in line:
+            assert "as the scenarios expect: 5 of 5" in out
+
+
+def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():
+    told = set(re.findall(r"`(\w+)", (ROOT / "docs/scenarios.md").read_text()))
+    text = (ROOT / "docs/scenarios.md").read_text()
+    common = {item.name for item in fields(Fault)} - {"channel"}
+    assert common | {"kind", "channels", "end_s", "unit"} | {item.name for item in fields(Expectation)} <= told
+    assert all(f"{item.name} =" in text for item in fields(Intermittent))
 
 
 def test_the_example_is_the_file_and_short():
@@ -72,3 +110,22 @@ def test_every_room_stands_in_the_design():
         inner = [path.parent.name for path in room.glob("*/__init__.py")]
         line = re.search(rf"^\| `gtmbench/{room.name}/`.*$", text, flags=re.MULTILINE)[0]
         assert [name for name in inner if f"{name}/`" not in line] == []
+
+
+def test_every_kind_of_fault_stands_in_its_page_with_its_parameters():
+    rows = re.findall(r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/faults.md").read_text(), flags=re.MULTILINE)
+    told = {kind: set(re.findall(r"`(\w+)`", parameters)) for kind, parameters in rows if kind in FAULTS}
+    assert told == {kind: {item.name for item in cls.parameters()} for kind, cls in FAULTS.items()}
+
+
+def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_of():
+    text = (ROOT / "docs/diagnosis.md").read_text()
+    rows = re.findall(r"^\| `([\w-]+)` \| ([\w, ]+) \|", text, flags=re.MULTILINE)
+    assert [family for family, _ in rows] == list(FAMILIES)
+    told = {kind for _, kinds in rows for kind in kinds.split(", ")}
+    assert told | {"dropout"} == set(FAULTS)
+
+
+def test_kinds_that_count_as_the_same_stand_in_the_page():
+    text = (ROOT / "docs/diagnosis.md").read_text()
+    assert re.findall(r"^\| `(\w+)` \| `(\w+)` \|", text, flags=re.MULTILINE) == list(SAME_KINDS)

@@ -10,20 +10,15 @@ from hypothesis import strategies as st
 from oracles import RARE, siso
 from scipy.signal import lfilter
 from scipy.stats import chi2, expon, norm, uniform
+from scripts import script
 
 from gtmbench.record import Record
 from gtmbench.theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
 from gtmbench.theory.state_space import StateSpace, companion
 
 WIDE, NORMAL = uniform(-5.0, 10.0), norm()
-PAIRS = {
-    "6.5.1": Pair(first=np.sign, second=np.sin, density=WIDE),
-    "6.5.2": Pair(first=centred(np.square, NORMAL), second=np.cos, density=NORMAL),
-    "6.5.3": Pair(first=np.sinh, second=lambda u: u**3, density=NORMAL),
-    "6.5.4": Pair(first=np.sign, second=np.exp, density=WIDE),
-    "6.5.5": Pair(first=centred(lambda u: u**2 * np.exp(u), WIDE), second=lambda u: np.sin(u) + 10.0, density=WIDE),
-}
-FIRST, SECOND = companion([4.0, 1.0], np.poly([0.6, -0.8, 0.9])), companion([2.0, 5.0], np.poly([0.55, -0.6, 0.4]))
+PAIRS = {f"6.5.{i}": pair for i, pair in enumerate(script("hammerstein")["EXAMPLES"].values(), 1)}
+FIRST, SECOND = script("hammerstein")["G1"], script("hammerstein")["G2"]
 
 
 def exact():

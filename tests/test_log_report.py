@@ -57,7 +57,9 @@ def test_every_alarm_and_every_remark_is_named_with_its_time(case):
     for alarm in watched.alarms[:12]:
         assert f"{alarm.time_s:.2f} s  " in text
         assert all(name in text for name in alarm.candidates)
-        assert alarm.last is None or alarm.last.kind is None or f"; {alarm.last.kind}" in text
+        if alarm.last is not None and alarm.last.kind is not None:
+            kind = "unknown kind" if alarm.last.kind == "unknown" else alarm.last.kind.replace("_", " ")
+            assert (f"; {kind}" if alarm.sensor else f"; if {alarm.candidates[0]}, {kind}") in text
     for told in watched.log.remarks:
         assert f"remark: {told.start_s:.2f} to {told.end_s:.2f} s  {told.kind}" in text
     assert all(reason in text for reason in watched.reasons)
@@ -66,9 +68,9 @@ def test_every_alarm_and_every_remark_is_named_with_its_time(case):
 
 def test_the_report_tells_a_fault_from_beginning_to_end():
     text = "\n".join(log_report(passing()))
-    assert re.search(r"60\.\d\d s  p failed; saturation 3\.0\d ± 0\.0\d deg/s\n", text)
-    assert re.search(r"since about (59\.9|60\.\d)\d s; named at 60\.\d\d s; gone since (89\.9|90\.0)\d s", text)
-    assert "psi failed; jam" in text
+    assert re.search(r"60\.\d\d s  p failed; saturation (2\.9|3\.0)\d ± 0\.0\d deg/s\n", text)
+    assert re.search(r"since about (59\.9|60\.\d)\d s; named at 6[01]\.\d\d s; gone since (89\.9|90\.0)\d s", text)
+    assert "psi failed; jam at " in text
     assert "not seen to end; no longer watched: p, q, r" in text
     assert outcome_text(passing()).startswith("p failed at 60.")
     assert "; reference attitude failed (psi) at 170." in outcome_text(passing())
@@ -76,15 +78,19 @@ def test_the_report_tells_a_fault_from_beginning_to_end():
 
 def test_a_sensor_that_isnt_decided_on_is_said_to_be_so():
     (alarm,) = odd().alarms
-    assert outcome_text(odd()) == f"something failed at {alarm.time_s:.2f} s, undecided: {' or '.join(ODD)}"
+    undecided = f"something failed at {alarm.time_s:.2f} s, undecided: {' or '.join(ODD)}"
+    assert alarm.last.reason
+    assert outcome_text(odd()) == f"{undecided} - {alarm.last.reason}"
+    assert int(odd().outcome) == 1  # something failed
 
 
 def test_a_fault_that_is_found_again_and_again_is_one_fault():
-    healthy, broken = jammed().watches
+    gappy, broken = jammed().watches
     later = replace(broken.alarms[0], number=1, fault=1, time_s=200.0)
-    again = replace(jammed(), watches=(healthy, replace(broken, alarms=(broken.alarms[0], later))))
-    first_s = broken.alarms[0].time_s
-    assert outcome_text(again) == f"q failed at {first_s:.2f} s (found 2 times, last at 200.00 s)"
+    again = replace(jammed(), watches=(gappy, replace(broken, alarms=(broken.alarms[0], later))))
+    missing_s, first_s = gappy.alarms[0].time_s, broken.alarms[0].time_s
+    twice = f"q failed at {first_s:.2f} s (found 2 times, last at 200.00 s)"
+    assert outcome_text(again) == f"p failed at {missing_s:.2f} s; {twice}"
 
 
 def test_a_long_list_of_remarks_is_shortened_and_counted():
@@ -175,7 +181,9 @@ def test_results_are_plain_data_and_say_what_the_watch_says(case):
             alarm.last.parameters if alarm.last else {},
             list(alarm.candidates),
         )
-        assert "kind" in row
+        last = alarm.last or gb.Judgement(time_s=alarm.time_s, sensor=None, candidates=())
+        assert (row["kind"], row["partner"], row["reason"]) == (last.kind, last.partner, last.reason)
+        assert list(row["parameter_units"]) == list(row["parameters"])
     assert [told["text"] for told in results["log"]["remarks"]] == [told.text for told in watched.log.remarks]
     assert results["log"]["segments_s"] == [[segment.start_s, segment.end_s] for segment in watched.log.segments]
     assert len(results["residuals"]) == sum(len({*watch.scores, *watch.residuals}) for watch in watched.watches)
@@ -307,7 +315,7 @@ def words_of(path, entity, component):
 
 def test_the_recording_tells_what_happened_when(recorded, read):
     path, watched = recorded(jammed), jammed()
-    (alarm,) = watched.alarms
+    missing, alarm = watched.alarms
     told = dict(words_of(path, "/events", "TextLog:text")[::-1])
     texts = [text for _, text in words_of(path, "/events", "TextLog:text")]
     assert all(
@@ -316,13 +324,16 @@ def test_the_recording_tells_what_happened_when(recorded, read):
     )
     assert f"{alarm.time_s:.2f} s  alarm: residual of q, {alarm.test}" in texts
     assert any("q failed; jam" in text for text in texts)
+    assert f"{missing.time_s:.2f} s  alarm: missing samples of p" in texts
+    assert f"{missing.time_s:.2f} s  p failed; dropout" in texts
+    assert f"{missing.end_known_s:.2f} s  the fault has gone, since {missing.ended_s:.2f} s" in texts
     assert told[239.0] == f"239.00 s  outcome: {outcome_text(watched)}"
     states = words_of(path, "/state", "StateChange:state")
     assert states[:-1] == [(pytest.approx(stretch.start_s), str(stretch.state)) for stretch in stretches(watched)]
     assert states[-1][1] == ""
     frame = read(jammed)
-    for entity, time_s in (("/alarm", alarm.time_s), ("/named", alarm.isolated_s)):
-        assert of(frame, entity)[0] == pytest.approx([time_s])
+    for entity, times in (("/alarm", "time_s"), ("/named", "isolated_s")):
+        assert of(frame, entity)[0] == pytest.approx([getattr(missing, times), getattr(alarm, times)])
 
 
 def test_the_recording_holds_outcome_and_findings_for_programs(read):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.faults.kinds import FAULTS
 from gtmbench.plain import plain
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
@@ -82,28 +83,79 @@ def test_the_table_names_sensor_kind_and_parameters_with_their_errors():
     drift, _, ended, jam, unwatched, harmless = (dict(zip(columns, row, strict=True)) for row in rows)
     assert (drift["verdict"], drift["kind"][:10]) == ("p failed", "drift 0.30")
     assert " ± 0.00" in drift["kind"]
-    assert drift["kind"].endswith(" deg/s²")
+    assert " deg/s², from 60." in drift["kind"]
     assert ended["verdict"] == "q failed, ended at 80.00 s"
     assert jam["kind"].endswith(" deg/s")
     assert unwatched["verdict"] == "missed: C doesn't use this channel"
     assert (harmless["delay (s)"], harmless["isolated after (s)"], harmless["kind"]) == ("-", "-", "-")
     text = "\n".join(summary_lines(study()))
-    assert "detected: 3 of 6; the right sensor named: 3; the right kind of fault 20 s after the alarm: 3" in text
+    assert (
+        "detected: 3 of 6; the right sensor named: 3, a wrong one: 0; the right kind of fault 20 s after the alarm: 3"
+        in text
+    )
     assert "false alarms: 0; healthy flight watched: 0.06 h (at most" in text
     assert "bank C; 54 thresholds, set on 0.13 h of healthy flight; delays count look-ahead (p/q/r 0.11 s)" in text
 
 
+def judged(*candidates, **more):
+    """A judgement; of one candidate, it has decided."""
+    sensor = candidates[0] if len(candidates) == 1 else None
+    return gb.Judgement(time_s=1.0, sensor=sensor, candidates=candidates, **more)
+
+
 def test_judgements_are_said_in_words():
-    judged = gb.Judgement(
-        time_s=1.0,
-        sensor=None,
-        candidates=("p", "phi"),
-        kind="drift",
-        parameters={"slope": 0.5},
-        errors={},
-        kind_margin=0.0,
-    )
-    assert judgement_text(judged) == "undecided: p or phi; drift 0.5 deg/s²"
+    drift = {"kind": "drift", "parameters": {"slope": 0.5}}
+    assert judgement_text(judged("p", "phi", **drift)) == "undecided: p or phi; if p, drift 0.5 deg/s²"
+    why = "a fault of phi explains it nearly as well as one of p"
+    told = judgement_text(judged("p", "phi", reason=why, kind="unknown"))
+    assert told == f"undecided: p or phi - {why}; if p, unknown kind"
+    assert judgement_text(judged()) == "nothing is left to explain"
+
+
+def test_the_other_sensor_of_a_fault_that_mixes_two_is_told():
+    swap = judged("p", kind="swap", partner="q")
+    assert judgement_text(swap) == swap.verdict == "p and q have changed places"
+    alarm = gb.Alarm(number=0, time_s=1.0, onset_s=1.0, source="p", judgements=(swap,))
+    assert (alarm.verdict, alarm.sensor) == ("p and q have changed places", "p")
+    assert judgement_text(judged("p", "phi", kind="swap", partner="q")) == "undecided: p or phi; if p, swap with q"
+    bent = judged("p", kind="misalignment", parameters={"angle_deg": -5.0}, errors={"angle_deg": 0.1}, partner="q")
+    assert judgement_text(bent) == "p failed; misalignment -5.0 ± 0.1 deg towards q"
+
+
+# what a diagnosis may say of each kind, by the names of the fault's own class
+TOLD = {
+    "bias": ({"size": 2.0}, "bias 2 deg"),
+    "drift": ({"slope": 2.0, "onset_s": 3000.5}, "drift 2 deg/s, from 3000.50 s"),
+    "random_walk": ({"gain": 2.0}, "random walk 2 deg/sqrt(s)"),
+    "oscillation": ({"amplitude": 2.0, "frequency_hz": 0.5}, "oscillation 2 deg, 0.5 Hz"),
+    "scale_factor": ({"factor": 2.0}, "scale factor 2"),
+    "sign_flip": ({}, "sign flip"),
+    "noise": ({"deviation": 2.0}, "noise 2 deg"),
+    "spikes": ({"size": 2.0, "rate_hz": 0.5}, "spikes 2 deg, 0.5 Hz"),
+    "dropout": ({}, "dropout"),
+    "stuck": ({"value": 2.0}, "stuck at 2 deg"),
+    "jam": ({"value": 2.0}, "jam at 2 deg"),
+    "hardover": ({"value": 2.0}, "hardover at 2 deg"),
+    "hysteresis": ({"width": 2.0}, "hysteresis 2 deg"),
+    "quantisation": ({"quantum": 2.0}, "quantisation 2 deg"),
+    "lag": ({"lag_s": 2.0}, "lag 2 s"),
+    "delay": ({"delay_s": 2.0}, "delay 2 s"),
+    "stale": ({"hold_s": 2.0}, "stale 2 s"),
+    "misalignment": ({"angle_deg": 2.0}, "misalignment 2 deg"),
+    "swap": ({}, "swap"),
+    "g_sensitivity": ({"coefficient": 2.0}, "g sensitivity 2 deg/g"),
+    "deadzone": ({"half_width": 2.0}, "deadzone 2 deg"),
+    "saturation": ({"limit": 2.0}, "saturation 2 deg"),
+    "rate_saturation": ({"rate_limit": 2.0}, "rate saturation 2 deg/s"),
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_every_parameter_of_every_kind_is_told_with_its_unit(kind):
+    parameters, words = TOLD[kind]
+    assert judgement_text(judged("phi", kind=kind, parameters=parameters)) == f"phi failed; {words}"
+    declared = {item.name for item in FAULTS[kind].parameters()}
+    assert set(parameters) <= declared | {"onset_s", "value"}
 
 
 def test_what_a_fault_doesnt_enter_stands_there_once(recording):
@@ -211,7 +263,9 @@ class Wobble(gb.Fault):
 def test_a_kind_of_ones_own_is_told_without_a_table():
     fault = Wobble(channel="p", onset_s=1.0)
     assert fault_text(fault) == "wobble and drift of p"
-    assert estimate_text("unheard of", {"depth": 2.0, "onset_s": 1.0}, {"depth": 0.1}, "deg/s") == "2.0 ± 0.1"
+    assert (
+        estimate_text("unheard of", {"depth": 2.0, "onset_s": 1.0}, {"depth": 0.1}, "deg/s") == "2.0 ± 0.1, from 1.00 s"
+    )
     assert estimate_text(fault.kind, {"depth": 2.0}, {}, "deg/s", fault) == "2 deg/s"
 
 

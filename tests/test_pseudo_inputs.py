@@ -297,3 +297,21 @@ def test_an_operator_takes_a_pseudo_input_like_a_channel(flight):
     cut = gb.identify(record.between(0.02, 29.98), **setup)
     for operator in (weighted, cut):
         np.testing.assert_allclose(operator.markov.ravel(), [0.0, 1 / 3, 1 / 3, 1 / 3, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2, 3, 4095, 4096, 4097, 4098, 8193, 10_000])
+def test_a_long_record_gives_what_its_parts_give(samples):
+    random = np.random.default_rng(1)
+    values = np.cumsum(random.standard_normal((samples, 3)), axis=0)
+    record = Record(values, channels=ANGLES, sample_period_s=0.01)
+    whole = derive(record, ["q_att", "psi_rate"]).values[:, 3:]
+    expected = np.full((samples, 2), np.nan)
+    for row in range(1, samples - 1):
+        if row % 97 in (0, 1) or not 10 < row % 4096 < 4086:
+            near = Record(values[row - 1 : row + 2], channels=ANGLES, sample_period_s=0.01)
+            expected[row] = derive(near, ["q_att", "psi_rate"]).values[1, 3:]
+    there = np.isfinite(expected[:, 0])
+    np.testing.assert_array_equal(whole[there], expected[there])
+    assert np.isnan(whole[:1]).all()
+    assert np.isnan(whole[samples - 1 :]).all()
+    assert np.isfinite(whole[1:-1]).all()

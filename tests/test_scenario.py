@@ -1,5 +1,6 @@
 """Scenarios: what is shipped loads, what a list means, and what can't be meant is refused by file and key."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -12,6 +13,7 @@ from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.parameter import Parameter
 from gtmbench.record import Record
 from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import Severity, build, parse_severity, resolve
@@ -85,6 +87,10 @@ def test_what_the_template_leaves_out_loads_too(load):
     lines = TEMPLATE.read_text(encoding="utf-8").split("# ---- what breaks")[1].splitlines()[1:]
     commented_in = "\n".join(line.removeprefix("# ") for line in lines)
     assert {spec.kind for spec in load(commented_in).faults} <= set(FAULTS)
+
+
+def test_the_template_names_every_kind():
+    assert set(FAULTS) <= set(re.findall(r"\w+", TEMPLATE.read_text(encoding="utf-8")))
 
 
 def test_severities_and_channels_multiply_into_trials(load):
@@ -255,7 +261,7 @@ def test_shares_dont_depend_on_an_offset_and_follow_the_unit(of):
 
 @pytest.mark.parametrize("text", ["50 % of rms", "50% of rms", " 50 %  of rms ", "50.0 % of rms"])
 def test_a_share_reads_the_same_however_it_is_spaced(text):
-    share = parse_severity(text, per_second=False, key="limit")
+    share = parse_severity(text, Parameter(name="limit", is_severity=True, default=0.0), key="limit")
     assert share == Severity(value=0.5, of="rms")
 
 

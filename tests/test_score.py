@@ -7,16 +7,27 @@ import pytest
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
-from gtmbench.faults.kinds import Drift, Jam
+from gtmbench.faults.fault import inject
+from gtmbench.faults.kinds import FAULTS, Bias, Drift, Hardover, Jam, Misalignment, Oscillation, Spikes, Stuck
 from gtmbench.method.alarms import came_down
 from gtmbench.record import Record
-from gtmbench.study.score import false_alarms, score
+from gtmbench.study.score import SAME_KINDS, false_alarms, score
 
 # a second a sample; E(k) needs k..k+2 and one sample of look-ahead, so it is known 3 s after k
 SAMPLES, ONSET_S, THRESHOLD = 20, 10.0, 2.0
 KNOWN_AFTER_S = 3
 HEALTHY = np.linspace(1.0, 2.0, SAMPLES)
-ISOLATION = ("isolated", "isolated_s", "isolation_delay_s", "sensor", "kind", "kind_right", "kind_right_20s")
+ISOLATION = (
+    "isolated",
+    "named_wrong",
+    "axis_right",
+    "isolated_s",
+    "isolation_delay_s",
+    "sensor",
+    "kind",
+    "kind_right",
+    "kind_right_20s",
+)
 
 
 def alarms_at(*times):
@@ -55,12 +66,14 @@ def verdict(
     channel="p",
     channels=("p", "r"),
     suspects=(),
+    also=(),
+    records=None,
 ):
     """Score alarms (or their times), a norm and a fault that altered those samples."""
     changed = healthy.copy()
     changed[list(altered)] += 0.5
     fault = fault or Drift(channel=channel, onset_s=onset_s, duration_s=duration_s, slope=1.0)
-    before, after = (Record(y, channels=[channel], sample_period_s=1.0) for y in (healthy, changed))
+    before, after = records or (Record(y, channels=[channel], sample_period_s=1.0) for y in (healthy, changed))
     if not all(isinstance(alarm, Alarm) for alarm in alarms):
         alarms = alarms_at(*alarms)
     shown = [norm_of(norm)] if scores is None else scores
@@ -70,7 +83,7 @@ def verdict(
         scores={each.name: each for each in shown},
         alarms=tuple(alarms),
     )
-    return score(watched, fault=fault, healthy=before, broken=after)
+    return score(watched, fault=fault, also=also, healthy=before, broken=after)
 
 
 def judged(time_s, *candidates, **more):
@@ -278,6 +291,72 @@ def test_a_jams_true_value_is_what_the_channel_reads_then():
     stuck = Jam(channel="p", onset_s=ONSET_S)
     result = named([alarm(judged(14.0, "p", kind="jam", parameters={"value": 2.0}))], fault=stuck)
     assert result.parameters[0].true == HEALTHY[10] + 0.5
+
+
+def told(fault, kind, parameters=None):
+    """The verdict on a kind that is told of what a fault makes of noise about 10 that runs from 8 to 12."""
+    channels = list(dict.fromkeys([*fault.reads, "p"]))
+    noise = np.random.default_rng(1).uniform(8.0, 12.0, (SAMPLES, len(channels)))
+    before = Record(noise, channels=channels, sample_period_s=1.0)
+    said = alarm(judged(14.0, "p", kind=kind, parameters=parameters or {}))
+    return named([said], fault=fault, records=(before, inject(before, fault)))
+
+
+@pytest.mark.parametrize(
+    ("fault", "right"),
+    [
+        (Stuck(channel="p", onset_s=ONSET_S, value=100.0), {"stuck", "hardover"}),
+        (Stuck(channel="p", onset_s=ONSET_S, value=-12.5), {"stuck", "hardover"}),
+        (Stuck(channel="p", onset_s=ONSET_S), {"stuck"}),
+        (Stuck(channel="p", onset_s=ONSET_S, value=10.0), {"stuck", "jam"}),
+        (Hardover(channel="p", onset_s=ONSET_S, limit=100.0, rate_limit=20.0), {"hardover", "stuck"}),
+        (Jam(channel="p", onset_s=ONSET_S), {"jam", "stuck"}),
+        (Bias(channel="p", onset_s=ONSET_S, size=1.0), {"bias"}),
+    ],
+)
+def test_kinds_that_are_physically_the_same_are_right_and_no_others(fault, right):
+    assert {kind for kind in [*FAULTS, "unknown"] if told(fault, kind).kind_right} == right
+    assert {pair for pair in SAME_KINDS if pair[0] == fault.kind} >= {
+        (fault.kind, kind) for kind in right - {fault.kind}
+    }
+
+
+def test_where_nothing_was_read_before_only_the_name_counts():
+    at_once = Stuck(channel="p", onset_s=0.0, value=100.0)
+    assert [told(at_once, kind).kind_right for kind in ("stuck", "hardover", "jam")] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("fault", "true"),
+    [
+        (Bias(channel="p", onset_s=ONSET_S, size=1.5), {"size": 1.5, "onset_s": ONSET_S}),
+        (Stuck(channel="p", onset_s=ONSET_S, value=1.5), {"value": 1.5}),
+        (Hardover(channel="p", onset_s=ONSET_S, limit=-90.0, rate_limit=1.0), {"value": -90.0}),
+        (Spikes(channel="p", onset_s=ONSET_S, size=1.5, rate_hz=0.5), {"size": 1.5, "rate_hz": 0.5}),
+        (
+            Oscillation(channel="p", onset_s=ONSET_S, amplitude=1.5, frequency_hz=0.2),
+            {"amplitude": 1.5, "frequency_hz": 0.2},
+        ),
+        (Misalignment(channel="p", onset_s=ONSET_S, axis="q", angle_deg=-5.0), {"angle_deg": -5.0}),
+    ],
+)
+def test_the_truth_stands_beside_every_parameter_that_a_diagnosis_names(fault, true):
+    result = told(fault, fault.kind, dict.fromkeys(true, 0.0))
+    assert {each.name: each.true for each in result.parameters} == true
+
+
+def test_the_value_of_a_jam_that_comes_in_slowly_is_where_it_arrives():
+    jam = Jam(channel="p", onset_s=ONSET_S, ramp_s=5.0)
+    (value,) = told(jam, "jam", {"value": 0.0}).parameters
+    (at_once,) = told(Jam(channel="p", onset_s=ONSET_S), "jam", {"value": 0.0}).parameters
+    assert value.true == pytest.approx(at_once.true, rel=1e-12)
+
+
+def test_the_other_sensor_and_why_none_is_named_are_part_of_a_verdict():
+    result = named([alarm(judged(14.0, "p", kind="swap", partner="r"))])
+    assert (result.partner, result.kind, result.reason) == ("r", "swap", "")
+    result = named([alarm(judged(14.0, "p", "r", reason="both may be"))])
+    assert (result.detected, result.sensor, result.partner, result.reason) == (True, None, None, "both may be")
 
 
 def test_kinds_are_judged_at_the_end_and_20_s_after_the_alarm():

@@ -163,6 +163,20 @@ def test_a_row_stands_on_rows_up_to_it(name):
 
 
 @every_statistic
+@pytest.mark.parametrize("block", [1, 7, 100])
+def test_blocks_laid_end_to_end_are_the_whole(name, block):
+    test, e, carried = Statistic(name=name, **GIVEN), noise(), {}
+    _, given = test.given(e, e)
+    parts = {}
+    for start in range(0, len(e), block):
+        at = range(start, min(start + block, len(e)))
+        for score in test.of(given, TS, SOME, at=at, carried=carried):
+            parts.setdefault(score.label, []).append(score.values.copy())
+    for label, score in series(name, e, tolerance=SOME).items():
+        np.testing.assert_allclose(np.concatenate(parts[label]), score.values, rtol=1e-12, atol=1e-12)
+
+
+@every_statistic
 @pytest.mark.parametrize("spike", [1e12, -1e12, 1e300, np.inf])
 def test_a_spike_is_forgotten_with_its_windows(name, spike):
     e = noise(400)

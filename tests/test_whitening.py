@@ -147,3 +147,15 @@ def test_whitening_undoes_the_model_it_states():
     innovations = np.random.default_rng(1).standard_normal(1000)
     e = 5.0 + 3.0 * lfilter([1.0], AR2, innovations)
     np.testing.assert_allclose(whitener.whiten(e)[2:], innovations[2:], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("samples", [1, 3, 8192, 8194, 8195, 20_000])
+def test_a_long_residual_is_whitened_as_its_parts_are(samples):
+    whitener = Whitener(coefficients=np.array([1.0, -1.6, 0.8]), mean=1.0, deviation=2.0)
+    residual = coloured(samples)
+    residual[samples // 2] = np.inf
+    residual[samples // 3] = np.nan
+    x = np.where(np.isfinite(residual), (residual - 1.0) / 2.0, np.nan)
+    expected = np.full(samples, np.nan)
+    expected[2:] = x[2:] - 1.6 * x[1:-1][: len(x[2:])] + 0.8 * x[:-2][: len(x[2:])]
+    np.testing.assert_allclose(whitener.whiten(residual), expected, rtol=0, atol=1e-12)

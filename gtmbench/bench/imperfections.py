@@ -159,10 +159,11 @@ def parse_imperfections(text: str) -> Imperfections:
 def _imperfect(y: FloatArray, by: Imperfections, sample_period_s: float, name: str, seed: int) -> FloatArray:
     """Return what an imperfect sensor makes of one channel."""
     if by.lag_s:
-        y = lagged(y, by.lag_s, sample_period_s)
+        y, _ = lagged(y, by.lag_s, sample_period_s)
     # names of channels are printable: none has a zero byte, so no channel's noise comes from these streams
     if by.bias:
         y = y + by.bias * stream(seed, f"{name}\0bias").standard_normal()
     if by.wander:
-        y = y + random_walk(stream(seed, f"{name}\0wander").standard_normal(len(y)), by.wander, sample_period_s)
+        wandering, _ = random_walk(stream(seed, f"{name}\0wander").standard_normal(len(y)), by.wander, sample_period_s)
+        y = y + wandering
     return quantised(y, by.quantum) if by.quantum else y

@@ -16,6 +16,7 @@ from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
+from gtmbench.report.words.judgement import kind_text
 from gtmbench.study.trial import Baseline, Study, Trial
 
 Value = bool | int | float | tuple[float, ...]
@@ -39,6 +40,8 @@ class Group:
         Of its residual.
     remark : str
         What the study itself says of it, for people.
+    unexpected : tuple of str
+        Where a trial goes otherwise than its scenario expects.
     """
 
     kind: str
@@ -47,6 +50,7 @@ class Group:
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unit: str = ""
     remark: str = ""
+    unexpected: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -169,6 +173,14 @@ def _trial(name: str, trial: Trial) -> Group:
         if trial.isolation_delay_s is not None:
             values["isolation_delay_s"] = rounded(trial.isolation_delay_s)
         values["kind_right"] = bool(trial.kind_right)
-    said = ", ".join(part for part in (trial.verdict, trial.kind) if part)
+    kind = kind_text(trial.kind, {}, {}, "", trial.partner) if trial.kind else ""
+    said = ", ".join(part for part in (trial.verdict, kind) if part)
     remark = said if trial.detected else f"missed: {trial.reason}"
-    return Group(kind="trials", name=name, values=values, labels={"severity": tuple(trial.severity)}, remark=remark)
+    return Group(
+        kind="trials",
+        name=name,
+        values=values,
+        labels={"severity": tuple(trial.severity)},
+        remark=remark,
+        unexpected=trial.unexpected,
+    )

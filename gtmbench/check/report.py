@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, Number, Pair
+from gtmbench.check.figures import Group
 from gtmbench.check.run import Check
 from gtmbench.checks import printable
 from gtmbench.files import atomic_write
@@ -39,9 +40,15 @@ def check_lines(check: Check) -> list[str]:
     return [
         *map(regression_line, regressions),
         *_better_lines(better),
+        *(f"not as expected: {line}" for group in check.groups for line in _unexpected(group)),
         f"{check.reference.path}: {verdict}; {len(better)} better, {same} within their tolerances",
         *_advice(check),
     ]
+
+
+def _unexpected(group: Group) -> list[str]:
+    """Say where a trial goes otherwise than its scenario expects: told, but a check fails by its figures only."""
+    return [f"{group.title}: {line}" for line in group.unexpected]
 
 
 def changed_rows(pairs: Iterable[Pair]) -> list[list[str]]:
@@ -113,6 +120,7 @@ def check_results(check: Check) -> dict[str, Any]:
         "regressions": list(map(_compared, check.regressions)),
         "better": list(map(_compared, check.better)),
         "figures": list(map(_compared, check.compared)),
+        "unexpected": [line for group in check.groups for line in _unexpected(group)],
         "versions": versions(),
     }
 
@@ -164,6 +172,9 @@ def write_junit(check: Check, path: Path, *, took_s: float) -> None:
         lines = [printable(line) for line in failed.get(group.title, [])]
         if lines:
             ET.SubElement(case, "failure", {"message": lines[0], "type": "regression"}).text = "\n".join(lines)
+        if group.unexpected:
+            said = [f"not as expected: {line}" for line in group.unexpected]
+            ET.SubElement(case, "system-out").text = "\n".join(map(printable, said))
     ET.indent(suites)
     suites.tail = "\n"
     with atomic_write(path) as aside:

@@ -1,7 +1,8 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`); 2 bad input or a failure that was foreseen (one line says why); 3 `monitor` could not tell; 130 Ctrl-C.
+(`monitor`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was foreseen
+(one line says why); 3 `monitor` could not tell; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
 from gtmbench.cli.study import new_command, run_command, view_command
@@ -42,6 +44,7 @@ for command in (
     calibrate_command,
     bank_command,
     monitor_command,
+    inject_command,
     trim_command,
     fly_command,
     view_command,

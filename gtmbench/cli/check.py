@@ -16,7 +16,7 @@ from gtmbench.detectors.registry import find_detector, is_python
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
-from gtmbench.shipped import is_installed, shipped_baselines, shipped_scenarios
+from gtmbench.shipped import MAIN_JOB, is_installed, shipped_baselines
 
 if TYPE_CHECKING:
     from gtmbench.check.baseline import Reference
@@ -134,7 +134,7 @@ def _update(
     if not path.exists():
         python = detector is not None and is_python(detector)
         named = find_detector(str(detector), calibrated=calibrated).name if python else detector
-        text = new_baseline(path, scenarios=scenarios or tuple(shipped_scenarios()), detector=named)
+        text = new_baseline(path, scenarios=scenarios or MAIN_JOB, detector=named)
         reference = reference_of(path, tomllib.loads(text))
     elif scenarios:
         raise InputError(f"{path} exists and names its own scenarios; edit them there")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
@@ -22,19 +21,12 @@ from gtmbench.record import Span
 from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
-    from gtmbench.intake.open import LogColumn
     from gtmbench.study.log.watch import WatchedLog
 
 
 @click.command("monitor")
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option(
-    "--map",
-    "mapping",
-    multiple=True,
-    metavar="CHANNEL=COLUMN:UNIT",
-    help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), time=stamp:us.",
-)
+@map_option
 @detector_option("A bank or a detector is calibrated on what is healthy first.")
 @click.option(
     "--identify",
@@ -171,7 +163,7 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     except InputError as error:
         no_use = str(error)
     if shown:
-        _print_columns(log, columns)
+        print_columns(log, columns)
         for line in _possible(channels):
             echo(line)
     if no_use:
@@ -194,16 +186,6 @@ def _possible(channels: Iterable[str]) -> list[str]:
             f"bank {name}: " + (f"no, {', '.join(missing)} missing" if missing else f"possible ({bank.title})")
         )
     return [*lines, f"pseudo inputs: {', '.join(derivable(there)) or 'none'}"]
-
-
-def _print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
-    names = ["column", "unit", "samples", "rate (Hz)", "from (s)", "to (s)", "channel"]
-    rows = []
-    for column in columns:
-        times = [column.rate_hz, column.start_s, column.end_s]
-        shown = [f"{value:.6g}" if math.isfinite(value) else "-" for value in times]
-        rows.append([column.name, column.unit, str(column.samples), *shown, column.channel or column.why_not])
-    print_table(log.name, names, rows, right=names[2:6])
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from gtmbench.checks import printable
 from gtmbench.plain import dumps
+
+if TYPE_CHECKING:
+    from gtmbench.intake.open import LogColumn
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -17,6 +22,18 @@ def common_options(command: F) -> F:
     """Add ``--json`` and ``-q`` to a command."""
     command = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
     return click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")(command)
+
+
+def map_option(command: F) -> F:
+    """Add ``--map`` to a command that reads a log."""
+    return click.option(
+        "--map",
+        "mapping",
+        multiple=True,
+        metavar="CHANNEL=COLUMN:UNIT",
+        help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
+        "time=stamp:us.",
+    )(command)
 
 
 def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
@@ -50,3 +67,14 @@ def print_table(
     if not console.is_terminal:
         console = Console(highlight=False, width=140)  # a pipe or a log has no width of its own
     console.print(table)
+
+
+def print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
+    """Print what a log holds: its columns, and which channels they become."""
+    names = ["column", "unit", "samples", "rate (Hz)", "from (s)", "to (s)", "channel"]
+    rows = []
+    for column in columns:
+        times = [column.rate_hz, column.start_s, column.end_s]
+        shown = [f"{value:.6g}" if math.isfinite(value) else "-" for value in times]
+        rows.append([column.name, column.unit, str(column.samples), *shown, column.channel or column.why_not])
+    print_table(log.name, names, rows, right=names[2:6])

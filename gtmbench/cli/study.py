@@ -19,7 +19,7 @@ from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
 from gtmbench.progress import progress_bar
 from gtmbench.report.recording.read import check_recording
-from gtmbench.shipped import shipped_scenarios
+from gtmbench.shipped import MAIN_JOB
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.trial import Study
@@ -65,6 +65,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     callback=_seeds,
     help="Instead of the scenarios' own. Of several (1:20, both included), each has a folder.",
 )
+@click.option("--strict", is_flag=True, help="Exit code 1 where a trial goes otherwise than its scenario expects.")
 @click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
@@ -77,10 +78,11 @@ def run_command(
     seeds: tuple[int, ...] | None,
     figures: bool,
     recording: bool,
+    strict: bool,
     force: bool,
     as_json: bool,
     quiet: bool,
-) -> None:
+) -> int:
     """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
 
     Without a scenario: the dissertation's study, every gyro broken in five ways. Into the folder go results.json,
@@ -88,12 +90,12 @@ def run_command(
     flight, and there is one row a detector and trial.
     """
     check_folder(out, force=force)
-    loaded = [load_scenario(source) for source in scenarios or shipped_scenarios()]
+    loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
-        _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)
-        return
+        differs = _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)
+        return int(strict and differs)
     with progress_bar(silent=as_json or quiet) as tell:
         study = run_study(
             loaded,
@@ -109,6 +111,9 @@ def run_command(
         print_json(results(study) | {"out": str(out)})
     elif not quiet:
         _print_study(study, out, parts)
+        if strict and not any(trial.expected for trial in study.trials):
+            echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
+    return int(strict and any(trial.unexpected for trial in study.trials))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +155,11 @@ def _run_seeds(
     *,
     as_json: bool,
     quiet: bool,
-) -> None:
-    """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
+) -> bool:
+    """Run a study for every seed, each into a folder of its own, and put all of them into one table.
+
+    Return whether a trial went otherwise than its scenario expects.
+    """
     from gtmbench.report.tables.results import write_tables
     from gtmbench.report.tables.seeds import SeedTable
 
@@ -173,6 +181,7 @@ def _run_seeds(
         for line in table.summary_lines():
             echo(line)
         echo(f"one folder a seed, all trials in trials.csv: {out}/")
+    return any(row["unexpected"] for row in table.trials)
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.virtual import ANGLES
 
+MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
+
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
@@ -24,9 +26,14 @@ class Judgement:
     kind : str or None
         The kind of fault that explains it, of `sensor` or the likeliest candidate; None where none does.
     parameters, errors : dict
-        Its parameters and their standard errors, in the channel's unit (per second for slopes).
+        Its parameters and their standard errors, by the names and in the units of the kind's class; `value`, what a
+        sensor that is stuck reads, in the channel's; `onset_s`.
     kind_margin : float
         By how much BIC the next kind of the same sensor is worse.
+    partner : str or None
+        The other sensor of a fault that mixes two: that they have changed places, or one is turned towards the other.
+    reason : str
+        Why no sensor is named; empty where one is, or nothing is left to explain.
     """
 
     time_s: float
@@ -36,11 +43,27 @@ class Judgement:
     parameters: dict[str, float] = field(default_factory=dict)
     errors: dict[str, float] = field(default_factory=dict)
     kind_margin: float = 0.0
+    partner: str | None = None
+    reason: str = ""
+
+    @property
+    def swapped(self) -> bool:
+        """Whether it says that `sensor` and `partner` have changed places."""
+        return self.kind == "swap" and None not in (self.sensor, self.partner)
+
+    @property
+    def verdict(self) -> str:
+        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``."""
+        if self.swapped:
+            return f"{self.sensor} and {self.partner} have changed places"
+        if self.sensor is not None:
+            return f"{self.sensor} failed"
+        return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """A score that rose above its threshold, and what became of it.
+    """A score that rose above its threshold, or a channel whose samples are missing, and what became of it.
 
     That it was raised, and when, depends on nothing after `time_s`. What is said of it later is added to it: a stream
     gives the same alarm, by its `number`, again.
@@ -54,9 +77,9 @@ class Alarm:
     onset_s : float
         When the change began, as far as the test tells; `time_s` where it doesn't.
     source : str
-        The name of the score that rose.
+        The name of the score that rose; of the channel, where samples are missing.
     test : str
-        Which test of it; empty where there is one only.
+        Which test of it; empty where there is one only; `missing` where samples are.
     judgements : tuple of Judgement
         In time; empty for a detector that names no sensor, and while the alarm counts to another one's fault.
     fault : int
@@ -91,7 +114,8 @@ class Alarm:
         """What is known at the end; of a fault that ended, what was decided while it lasted. None where nothing is."""
         decided = [judged for judged in self.judgements if judged.sensor is not None]
         if decided and self.ended_s is not None:
-            return decided[-1]
+            lasting = [judged for judged in decided if judged.time_s <= self.ended_s]
+            return (lasting or decided)[-1]
         return self.judgements[-1] if self.judgements else None
 
     @property
@@ -132,14 +156,12 @@ class Alarm:
         """Say it in words: ``p failed``, ``reference attitude failed (psi)``, ``undecided: p or phi``, ``alarm``."""
         if self.last is None:
             return "alarm"
-        if self.last.sensor is not None:
-            named = self.last.sensor
-            return f"reference attitude failed ({named})" if named in ANGLES else f"{named} failed"
-        if not self.last.candidates:
-            return "passed: nothing is left to explain"
-        if set(self.last.candidates) <= set(ANGLES):
-            return f"reference attitude failed ({' or '.join(self.last.candidates)})"
-        return f"undecided: {' or '.join(self.last.candidates)}"
+        names = self.last.candidates if self.last.sensor is None else (self.last.sensor,)
+        if not names:
+            return f"passed: {self.last.verdict}"
+        if set(names) <= set(ANGLES) and not self.last.swapped:
+            return f"reference attitude failed ({' or '.join(names)})"
+        return self.last.verdict
 
     alarm_s = renamed("Finding.alarm_s", "time_s")
     residual = renamed("Finding.residual", "source")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -60,10 +60,17 @@ class BankMonitor(CalibratedBank):
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
         return BankStream(self)
 
-    def watch(self, record: Record) -> Watch:
+    def watch(self, record: Record, *, without: Iterable[str] = ()) -> Watch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
         A stream does the same with rows as they come in; here they are all there.
+
+        Parameters
+        ----------
+        record : Record
+        without : iterable of str
+            Families of hypotheses that diagnoses don't try (`isolation.hypotheses.FAMILIES`): what is said of faults
+            that nobody wrote a hypothesis for.
 
         Raises
         ------
@@ -72,7 +79,8 @@ class BankMonitor(CalibratedBank):
         """
         residuals = bank_residuals(self, record)
         tracks = tracks_of(self, residuals)
-        logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True)
+        logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True, without=without)
+        logic.missing.take(record.matrix(self.bank.channels))
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}
         return Watch(

@@ -57,7 +57,7 @@ class Monitor(Protocol):
     channels : tuple of str
         What a record must hold.
     suspects : tuple of str
-        The sensors that it may name; empty where it names none.
+        The sensors that it may name; empty where it names none. Of samples that are missing it may name any channel's.
     sample_period_s : float or None
         That it was calibrated at; None where any is well.
     look_ahead_s : float

@@ -3,39 +3,71 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from gtmbench.clock import FloatArray
 
+NOTHING = (math.nan, 0.0)  # what a lag carries before its first sample
+
+
+def clipped(y: Any, low: float, high: float) -> Any:
+    """Return min(max(y, low), high) of a float, or of an array; NaN stays.
+
+    >>> clipped(3.0, -1.0, 1.0), clipped(np.array([-3.0, 0.5]), -1.0, 1.0)
+    (1.0, array([-1. ,  0.5]))
+    """
+    if isinstance(y, float):
+        return low if y < low else high if y > high else y
+    return np.clip(y, low, high)
+
+
+def followed(at: float, y: float, step: float) -> float:
+    """Return at + clip(y - at, +-step), exactly y where that is near; of two, one of which is missing, the other.
+
+    >>> followed(0.0, 3.0, 2.0), followed(2.0, 3.0, 2.0)
+    (2.0, 3.0)
+    """
+    move = y - at
+    if move > step:
+        return at + step
+    if move < -step:
+        return at - step
+    return y if y == y else at
+
 
 def rate_limited(values: FloatArray, step: float, start: float) -> tuple[FloatArray, float]:
     """Return y_b(k) = y_b(k-1) + clip(y(k) - y_b(k-1), +-step), from y_b(-1) = start, and its last value.
 
-    NaN stays and is passed over; a start that is NaN lets the first value pass.
+    NaN stays and is passed over; a start that is NaN lets the first value pass. Only samples that are held back are
+    looked at one by one.
 
     >>> rate_limited(np.array([0.0, 3.0, 3.0]), 2.0, 0.0)
     (array([0., 2., 3.]), 3.0)
     """
-    at = start
-    limited = []
-    for y in values.tolist():
-        move = y - at
-        if -step <= move <= step:
-            at = y
-        elif move == move:  # it is a number
-            at = at + step if move > 0.0 else at - step
-        elif y == y:  # the first value that is there
-            at = y
-        else:
-            limited.append(y)
-            continue
-        limited.append(at)
-    return np.array(limited), at
+    there = ~np.isnan(values)
+    path = np.concatenate([[start], values[there]])
+    with np.errstate(invalid="ignore"):  # of two infinities
+        leaps = np.flatnonzero(np.abs(np.diff(path)) > step) + 1
+    y, done = path.tolist(), 0
+    for leap in leaps.tolist():
+        at = y[leap - 1]
+        for row in range(leap, len(y)) if leap > done else ():
+            path[row] = at = followed(at, y[row], step)
+            done = row
+            if at == y[row]:  # it has caught up
+                break
+    limited = values.copy()
+    limited[there] = path[1:]
+    return limited, float(path[-1])
 
 
-def lagged(values: FloatArray, lag_s: float, sample_period_s: float) -> FloatArray:
-    """Return a signal behind a first-order lag tau y' + y = u, in rest at the first sample.
+def lagged(
+    values: FloatArray, lag_s: float, sample_period_s: float, carried: tuple[float, float] = NOTHING
+) -> tuple[FloatArray, tuple[float, float]]:
+    """Return a signal behind a first-order lag tau y' + y = u, and what is carried into the next stretch.
 
     The signal runs straight from sample to sample, and on these ramps (so on held signals, too) the solution is exact:
     with a = exp(-Ts/tau) and g = (1 - a) tau/Ts,
@@ -43,39 +75,74 @@ def lagged(values: FloatArray, lag_s: float, sample_period_s: float) -> FloatArr
         y(k) = a y(k-1) + (1 - g) u(k) + (g - a) u(k-1).
 
     Holding u(k-1) over the step instead would add half a sample of delay, as much as a lag of 5 ms does at 100 Hz.
-    Missing samples are passed over.
+    Carried are the value in which it was at rest, and the filter's state from there; with nothing carried it is in rest
+    at the first sample. Missing samples are passed over.
 
-    >>> lagged(np.arange(4.0), 1e-4, 1.0).round(4)
+    >>> lagged(np.arange(4.0), 1e-4, 1.0)[0].round(4)
     array([0.    , 0.9999, 1.9999, 2.9999])
     """
     from scipy.signal import lfilter
 
+    rest, state = carried
     there = np.isfinite(values)
     behind = values.copy()
     if there.any():
         kept = values[there]
-        a = math.exp(-sample_period_s / lag_s)
-        g = -math.expm1(-sample_period_s / lag_s) * lag_s / sample_period_s
-        # the filter starts from zero, and so at rest, when it sees what has changed since the first sample
-        behind[there] = kept[0] + lfilter([1.0 - g, g - a], [1.0, -a], kept - kept[0])
-    return behind
+        rest = float(kept[0]) if math.isnan(rest) else rest
+        a, now, before = _lag_gains(lag_s, sample_period_s)
+        # the filter starts from zero, and so at rest, when it sees what has changed since
+        moved, states = lfilter([now, before], [1.0, -a], kept - rest, zi=[state])
+        behind[there] = rest + moved
+        state = float(states[0])
+    return behind, (rest, state)
 
 
-def quantised(values: FloatArray, quantum: float) -> FloatArray:
-    """Return values rounded to whole multiples of a quantum.
+def lagged_sample(
+    u: float, lag_s: float, sample_period_s: float, carried: tuple[float, float]
+) -> tuple[float, tuple[float, float]]:
+    """Return `lagged` of one sample."""
+    rest, state = carried
+    if not math.isfinite(u):
+        return u, carried
+    rest = u if math.isnan(rest) else rest
+    a, now, before = _lag_gains(lag_s, sample_period_s)
+    moved = state + now * (u - rest)
+    return rest + moved, (rest, before * (u - rest) + a * moved)
+
+
+@lru_cache(maxsize=64)
+def _lag_gains(lag_s: float, sample_period_s: float) -> tuple[float, float, float]:
+    """Return the weights of y(k-1), u(k) and u(k-1)."""
+    a = math.exp(-sample_period_s / lag_s)
+    g = -math.expm1(-sample_period_s / lag_s) * lag_s / sample_period_s
+    return a, 1.0 - g, g - a
+
+
+def quantised(values: Any, quantum: float) -> Any:
+    """Return values rounded to whole multiples of a quantum; of a float, or of an array.
 
     >>> quantised(np.array([-0.2, 0.3, 0.9]), 0.5)
     array([0. , 0.5, 1. ])
     """
-    return np.asarray(np.rint(values / quantum) * quantum + 0.0)  # a sensor doesn't read -0
+    number = values / quantum
+    whole = round(number) if isinstance(number, float) and math.isfinite(number) else np.rint(number)
+    return whole * quantum + 0.0  # a sensor doesn't read -0
 
 
-def random_walk(draws: FloatArray, gain: float, sample_period_s: float) -> FloatArray:
-    """Return a random walk from 0, of deviation gain sqrt(t), from a standard normal draw a sample, the first unused.
+def random_walk(
+    draws: FloatArray, gain: float, sample_period_s: float, start: float | None = None
+) -> tuple[FloatArray, float | None]:
+    """Return a random walk of deviation gain sqrt(t), and where it is at the end, in units of gain sqrt(Ts).
+
+    It is made of a standard normal draw a sample. With no start it is 0 at the first sample, whose draw is unused: no
+    time has passed.
 
     >>> random_walk(np.ones(3), 2.0, 0.25)
-    array([0., 1., 2.])
+    (array([0., 1., 2.]), 2.0)
     """
+    if not len(draws):
+        return draws, start
     steps = draws.copy()
-    steps[:1] = 0.0  # no time has passed at the first sample
-    return np.asarray(gain * math.sqrt(sample_period_s) * np.cumsum(steps))
+    steps[0] = 0.0 if start is None else start + steps[0]
+    walk = np.cumsum(steps)
+    return gain * math.sqrt(sample_period_s) * walk, float(walk[-1])

@@ -30,7 +30,8 @@ def register_fault(cls: _Class) -> _Class:
     Raises
     ------
     InputError
-        Where it isn't a frozen dataclass with a `kind` and a `distort`, or the kind is taken by another class.
+        Where it isn't a frozen dataclass with a `kind` and a `distort` or `distort_sample`, or the kind is taken by
+        another class.
 
     Examples
     --------
@@ -67,8 +68,8 @@ def fault_kinds() -> tuple[str, ...]:
 
     Examples
     --------
-    >>> fault_kinds()[:5]
-    ('drift', 'deadzone', 'saturation', 'rate_saturation', 'jam')
+    >>> fault_kinds()[:6]
+    ('drift', 'deadzone', 'saturation', 'rate_saturation', 'jam', 'bias')
     """
     return tuple(dict.fromkeys([*loaded_faults(), *installed(GROUP)]))
 
@@ -114,7 +115,7 @@ def _checked(cls: object) -> type[Fault]:
     kind, place = getattr(cls, "kind", None), _place(cls)
     if not isinstance(kind, str) or not _KIND.fullmatch(kind):
         raise InputError(f"{place}: kind is {shown(kind)}; give a name of small letters, digits and _, as 'bias_step'")
-    if cls.distort is Fault.distort:
+    if cls.distort is Fault.distort and cls.distort_sample is Fault.distort_sample:
         raise InputError(f"{place} has no distort; define what it makes of the samples it sees")
     if "__dataclass_params__" not in vars(cls) or not vars(cls)["__dataclass_params__"].frozen:
         raise InputError(f"{place} isn't a frozen dataclass; put {_HOW} above it, and @register_fault above that")

@@ -10,6 +10,8 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 
+_BLOCK = 8192  # rows at a time: what is worked out of them stays in the cache
+
 
 def innovations(residual: FloatArray, taps: FloatArray) -> FloatArray:
     """Return epsilon(k) = sum over i = 0..n of a_i e(k-i), row for row; NaN where a residual it needs is missing.
@@ -19,12 +21,10 @@ def innovations(residual: FloatArray, taps: FloatArray) -> FloatArray:
     """
     order = len(taps) - 1
     left = np.full(len(residual), np.nan)
-    if len(residual) > order:
-        there = np.isfinite(residual)
-        left[order:] = np.convolve(np.where(there, residual, 0.0), taps, mode="valid")
-        if not there.all():
-            spoilt = np.convolve(~there, np.ones(order + 1), mode="valid") > 0.5
-            left[order:][spoilt] = np.nan
+    for row in range(order, len(residual), _BLOCK):
+        part = residual[row - order : row + _BLOCK]
+        # a sum with a NaN in it is NaN, and no other: each is worked out by itself
+        left[row : row + _BLOCK] = np.convolve(np.where(np.isfinite(part), part, np.nan), taps, mode="valid")
     return left
 
 

@@ -10,8 +10,9 @@ first and last rows are missing. Angles in the formulas are radians; what comes 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +22,52 @@ from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
 
 _G = 9.80665  # m/s2
+_STEP = 1e-5  # of a derivative, in the formulas' units
 _M_S_PER_KT = 1852.0 / 3600.0
+_BLOCK = 4096  # rows at a time: what is worked out of them stays in the cache
 
-Read = Callable[[str], FloatArray]  # a channel by name, angles in radians, kt in m/s
-Slope = Callable[[str], FloatArray]  # its derivative
+
+class Motion:
+    """What the formulas read: channels, pseudo inputs, derivatives, sines, each worked out once.
+
+    Arrays, or the numbers of one sample.
+
+    Parameters
+    ----------
+    measured : container of str
+        Names of channels.
+    channel : callable
+        One of them by its name, in radians, m/s or g.
+    slope : callable
+        Its derivative.
+    """
+
+    def __init__(self, measured: Container[str], channel: Callable[[str], Any], slope: Callable[[str], Any]) -> None:
+        self._measured, self._channel, self._slope = measured, channel, slope
+        self._known: dict[tuple[str, str], Any] = {}
+
+    def __call__(self, name: str) -> Any:
+        """Return a channel or a pseudo input, in radians, m/s or g."""
+        if name in self._measured:
+            return self._once("", name, self._channel)
+        return self._once("", name, lambda _: PSEUDO_INPUTS[name].compute(self))
+
+    def slope(self, channel: str) -> Any:
+        """Return a channel's derivative."""
+        return self._once("'", channel, self._slope)
+
+    def sin(self, name: str) -> Any:
+        """Return the sine of an angle."""
+        return self._once("sin", name, lambda _: np.sin(self(name)))
+
+    def cos(self, name: str) -> Any:
+        """Return the cosine of an angle."""
+        return self._once("cos", name, lambda _: np.cos(self(name)))
+
+    def _once(self, what: str, name: str, work_out: Callable[[str], Any]) -> Any:
+        if (what, name) not in self._known:
+            self._known[what, name] = work_out(name)
+        return self._known[what, name]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,36 +92,36 @@ class PseudoInput:
     needs: tuple[str, ...]
     formula: str
     meaning: str
-    compute: Callable[[Read, Slope], FloatArray] = field(repr=False)
+    compute: Callable[[Motion], Any] = field(repr=False)
     reproduces: str | None = None
 
 
-def _p_att(x: Read, d: Slope) -> FloatArray:
-    return d("phi") - d("psi") * np.sin(x("theta"))
+def _p_att(x: Motion) -> Any:
+    return x.slope("phi") - x.slope("psi") * x.sin("theta")
 
 
-def _q_att(x: Read, d: Slope) -> FloatArray:
-    return d("theta") * np.cos(x("phi")) + d("psi") * np.cos(x("theta")) * np.sin(x("phi"))
+def _q_att(x: Motion) -> Any:
+    return x.slope("theta") * x.cos("phi") + x.slope("psi") * x.cos("theta") * x.sin("phi")
 
 
-def _r_att(x: Read, d: Slope) -> FloatArray:
-    return d("psi") * np.cos(x("theta")) * np.cos(x("phi")) - d("theta") * np.sin(x("phi"))
+def _r_att(x: Motion) -> Any:
+    return x.slope("psi") * x.cos("theta") * x.cos("phi") - x.slope("theta") * x.sin("phi")
 
 
-def _r_lat(x: Read, d: Slope) -> FloatArray:
-    forward = x("tas") * np.cos(x("alpha")) * np.cos(x("beta"))
+def _r_lat(x: Motion) -> Any:
+    forward = x("tas") * x.cos("alpha") * x.cos("beta")
     forward = np.where(np.abs(forward) > 1.0, forward, np.nan)  # m/s: standing still, it says nothing
-    return _G * (np.sin(x("phi")) * np.cos(x("theta")) + x("ny")) / forward + d("phi") * np.tan(x("alpha"))
+    return _G * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
 
 
-def _q_from(yaw: str) -> Callable[[Read, Slope], FloatArray]:
-    return lambda x, d: (d("theta") + x(yaw) * np.sin(x("phi"))) / np.cos(x("phi"))
+def _q_from(yaw: str) -> Callable[[Motion], Any]:
+    return lambda x: (x.slope("theta") + x(yaw) * x.sin("phi")) / x.cos("phi")
 
 
-def _p_from(yaw: str) -> Callable[[Read, Slope], FloatArray]:
-    def compute(x: Read, d: Slope) -> FloatArray:
-        pitch = _q_from(yaw)(x, d)
-        return d("phi") - np.tan(x("theta")) * (pitch * np.sin(x("phi")) + x(yaw) * np.cos(x("phi")))
+def _p_from(yaw: str) -> Callable[[Motion], Any]:
+    def compute(x: Motion) -> Any:
+        pitch = _q_from(yaw)(x)
+        return x.slope("phi") - np.tan(x("theta")) * (pitch * x.sin("phi") + x(yaw) * x.cos("phi"))
 
     return compute
 
@@ -90,13 +133,11 @@ def _slope_of(channel: str) -> PseudoInput:
         needs=(channel,),
         formula=f"{channel}'",
         meaning="central difference",
-        compute=lambda _, d: d(channel),
+        compute=lambda x: x.slope(channel),
     )
 
 
-def _rate(
-    name: str, needs: str, formula: str, meaning: str, compute: Callable[[Read, Slope], FloatArray]
-) -> PseudoInput:
+def _rate(name: str, needs: str, formula: str, meaning: str, compute: Callable[[Motion], Any]) -> PseudoInput:
     return PseudoInput(
         name=name,
         unit="deg/s",
@@ -160,22 +201,70 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     """
     check_record(record)
     new = [name for name in names("pseudo inputs", wanted) if name not in record]
-    for name in new:
-        check_derivable(name, record.channels)
     if not new:
         return record
-    cache: dict[str, FloatArray] = {}
-    slopes: dict[str, FloatArray] = {}
     values = np.empty((len(record), len(record.channels) + len(new)), order="F")  # as records are: no transposing
     values[:, : len(record.channels)] = record.values
-    for i, name in enumerate(new, len(record.channels)):
-        values[:, i] = np.rad2deg(_computed(name, record, cache, slopes))
+    for i, column in enumerate(derived(record, new), len(record.channels)):
+        values[:, i] = column
     return Record(
         values,
         channels=[*record.channels, *new],
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
     )
+
+
+def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, FloatArray]:
+    """Return a pseudo input's derivatives with respect to a channel's value and to its slope (per second), row by row.
+
+    In the units of the table, by differences so small that they are exact where the formula is linear.
+
+    Examples
+    --------
+    >>> record = Record(np.zeros((3, 2)), channels=["phi", "theta"], sample_period_s=0.1)
+    >>> [values.round(6).tolist() for values in sensitivities(record, "phi_rate", "phi")]
+    [[nan, 0.0, nan], [nan, 1.0, nan]]
+    """
+    check_derivable(name, record.channels)
+
+    period_s = record.sample_period_s
+
+    def at(value: float, slope: float) -> FloatArray:
+        def read(other: str) -> FloatArray:
+            return record[other] * factor_of(other) + (value if other == channel else 0.0)
+
+        def steep(other: str) -> FloatArray:
+            return _slope(read(other), period_s) + (slope if other == channel else 0.0)
+
+        return np.asarray(PSEUDO_INPUTS[name].compute(Motion(record.channels, read, steep)))
+
+    still, per_radian = at(0.0, 0.0), factor_of(channel) / factor_of(name)
+    return (at(_STEP, 0.0) - still) / _STEP * per_radian, (at(0.0, _STEP) - still) / _STEP * per_radian
+
+
+def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None = None) -> list[FloatArray]:
+    """Return channels and pseudo inputs as `derive` adds them, without copying a record.
+
+    Parameters
+    ----------
+    record : Record
+    wanted : sequence of str
+    among : iterable of str, optional
+        The record's channels that are looked at; all, unless told.
+    """
+    measured = set(record.channels) if among is None else set(record.channels).intersection(among)
+    for name in wanted:
+        if name not in measured:
+            check_derivable(name, measured)
+    columns = {name: np.empty(len(record)) for name in wanted if name not in measured}
+    for start in range(0, len(record) if columns else 0, _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        before = min(start, 1)  # a derivative needs the rows beside a row
+        motion = _motion(record, slice(start - before, rows.stop + 1), measured)
+        for name, column in columns.items():
+            column[rows] = np.rad2deg(motion(name))[before:][:_BLOCK]
+    return [columns[name] if name in columns else record[name] for name in wanted]
 
 
 def derivable(channels: Iterable[str]) -> tuple[str, ...]:
@@ -218,23 +307,16 @@ def factor_of(name: str) -> float:
     return _M_S_PER_KT if unit == "kt" else np.pi / 180.0 if "deg" in unit else 1.0
 
 
-def _computed(name: str, record: Record, cache: dict[str, FloatArray], slopes: dict[str, FloatArray]) -> FloatArray:
-    """Return a channel or a pseudo input in radians, m/s or g."""
-    if name not in cache:
-        if name in record:
-            cache[name] = record[name] * factor_of(name)
-        else:
+def _motion(record: Record, rows: slice, measured: Container[str]) -> Motion:
+    """Return the motion of some rows; its first and last have no derivatives."""
 
-            def read(channel: str) -> FloatArray:
-                return _computed(channel, record, cache, slopes)
+    def channel(name: str) -> FloatArray:
+        return record[name][rows] * factor_of(name)
 
-            def slope(channel: str) -> FloatArray:
-                if channel not in slopes:
-                    slopes[channel] = _slope(read(channel), record.sample_period_s)
-                return slopes[channel]
+    def slope(name: str) -> FloatArray:
+        return _slope(channel(name), record.sample_period_s)
 
-            cache[name] = PSEUDO_INPUTS[name].compute(read, slope)
-    return cache[name]
+    return Motion(measured, channel, slope)
 
 
 def _slope(values: FloatArray, sample_period_s: float) -> FloatArray:

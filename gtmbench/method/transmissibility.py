@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -165,10 +166,13 @@ class Transmissibility:
             Where the record lacks an input or has another sample period.
         """
         record.check_period(self.sample_period_s, f"the operator {self.name} was identified at")
-        channels = [record[name] for name in self.inputs]
-        r, d = self.causal_order, self.noncausal_order
-        predicted = np.full((len(record), len(self.outputs)), np.nan)
+        return self.predicted([record[name] for name in self.inputs])
+
+    def predicted(self, channels: Sequence[FloatArray]) -> FloatArray:
+        """Return what `predict` does of a record with these channels, one an input, of shape (samples,)."""
+        r, d, samples = self.causal_order, self.noncausal_order, len(channels[0])
+        predicted = np.full((samples, len(self.outputs)), np.nan)
         # the first complete window, samples 0..r+d, predicts sample r: there lag -d is the newest
-        filtered(channels, self.markov, self.input_means, out=predicted[r : max(len(record) - d, r)])
+        filtered(channels, self.markov, self.input_means, out=predicted[r : max(samples - d, r)])
         predicted += self.output_means
         return predicted

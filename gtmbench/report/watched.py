@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import FloatArray, Record, Span
@@ -43,7 +43,7 @@ def disarmed_by(alarm: Alarm, watch: Watch) -> list[str]:
 
 def _disarming(time_s: float, watch: Watch) -> Alarm | None:
     """Return the alarm that was judged at a time, or else the last one before it."""
-    told = [alarm for alarm in watch.faults if alarm.time_s <= time_s + 1e-9]
+    told = [alarm for alarm in watch.faults if alarm.time_s <= time_s + 1e-9 and alarm.test != MISSING]
     at_it = [alarm for alarm in told if any(abs(judged.time_s - time_s) < 1e-9 for judged in alarm.judgements)]
     return next(reversed(at_it or told), None)
 

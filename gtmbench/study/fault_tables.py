@@ -1,45 +1,59 @@
 """Trials to come: the ``[[faults]]`` tables of a scenario, one trial a channel and severity, or ready faults.
 
-A severity is an absolute figure, or a share of what the healthy channel does, resolved once against a flight.
+A ``[[faults.also]]`` table adds a fault to the trials of the table above it. A severity is an absolute figure, or a
+share of what the healthy channel does, resolved once against a flight.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gtmbench.bench.sensors import rms_about_mean
-from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import keys, naming, number, shown
+from gtmbench.channels import CHANNELS, sensor_list, unit_of
+from gtmbench.checks import keys, naming, number, shown, table_of
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault, Parameter
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
 from gtmbench.record import Record
+from gtmbench.study.expectation import Expectation, expectations
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
+_SHARES = {"": ("rms", "peak"), "s": ("slew",)}  # of what a severity may be a share, by what its unit is divided by
+_TIMES = ("onset_s", "duration_s", "end_s", "ramp_s", "intermittent")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Severity:
-    """A number in the channel's unit (per second for slopes), or a share of ``of``: rms, peak or slew."""
+    """A number in the parameter's unit, or a share of ``of``: rms, peak or slew."""
 
     value: float
     of: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.value:g}" if self.of is None else f"{100.0 * self.value:g} % of {self.of}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class FaultSpec:
     """One trial to come: a fault, and by name the severities that a file gives, which may be relative to the flight.
 
-    In `fault` a relative severity is its share (0.5 for half the RMS) until `build` puts the figure there.
+    In `fault` a relative severity is its share (0.5 for half the RMS) until `build` puts the figure there. `also` are
+    further faults of the same trial, in the order in which they act after it; `expect` is what is expected of
+    detectors, by their names.
     """
 
     fault: Fault
     severities: dict[str, Severity] = field(default_factory=dict)
+    also: tuple[FaultSpec, ...] = ()
+    expect: Mapping[str, Expectation] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -61,6 +75,35 @@ class FaultSpec:
         """For how long; None: for good."""
         return self.fault.duration_s
 
+    @property
+    def text(self) -> str:
+        """The trial in a line: ``drift of p, slope 0.05, from 300 s``, and so on for the others."""
+        severities = "".join(f", {name} {given}" for name, given in self.severities.items())
+        until = "" if self.duration_s is None else f" to {self.onset_s + self.duration_s:g} s"
+        own = f"{self.kind.replace('_', ' ')} of {self.channel}{severities}, from {self.onset_s:g} s{until}"
+        return " + ".join([own, *(other.text for other in self.also)])
+
+    def absolute(self, where: str) -> tuple[Fault, ...]:
+        """Return the trial's faults in their order where no severity is relative, for a record without its truth.
+
+        Raises
+        ------
+        InputError
+            Naming the severity that is.
+        """
+        for name, given in self.severities.items():
+            if given.of is not None:
+                raise InputError(
+                    f"{where}: {name} is '{given}', and what it is a share of is only known of a flight of the bench; "
+                    f"give a figure in {unit_of(self.channel)}{' per second' * (given.of == 'slew')}"
+                )
+        return self.fault, *(fault for other in self.also for fault in other.absolute(where))
+
+    def faults(self, reference: Record) -> tuple[Fault, ...]:
+        """Return the trial's faults in their order, relative severities resolved against a noise-free record."""
+        own = build(self, {name: resolve(given, reference, self.channel) for name, given in self.severities.items()})
+        return own, *(fault for other in self.also for fault in other.faults(reference))
+
 
 def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[FaultSpec]:
     """Return the trials of one table of a flight of `flight_s` seconds.
@@ -72,32 +115,101 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
     """
     with naming(where):
         cls = find_fault(block.get("kind"))
-    parameters = cls.parameters()
-    own = [item.name for item in parameters]
-    legal = ["kind", "channels", "onset_s", "duration_s", "unit", *own]
-    keys(block, legal, where=where, there=f"a {cls.kind} has")
-    for key in ("channels", "onset_s", *own):
-        if key not in block:
-            raise InputError(f"{where}: key '{key}' is missing; a {cls.kind} needs it")
-    channels = _channels(block["channels"], block.get("unit"), where)
-    onset_s = number(f"{where}: onset_s", block["onset_s"], 0.0, flight_s)
-    duration_s = number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
-    others = {item.name: block[item.name] for item in parameters if not item.is_severity}
-    for key, name in others.items():
-        sensor_list(f"{where}: {key}", [name])
-    combinations = _severities(parameters, block, where)
+    _check_keys(cls, block, ("channels", *_TIMES, "unit", "also", "expect"), where)
     specs = []
-    for channel in channels:
-        for severities in combinations:
-            figures = {name: given.value for name, given in severities.items()}
-            with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
-                fault = cls(channel=channel, onset_s=onset_s, duration_s=duration_s, **figures, **others)
-            specs.append(FaultSpec(fault=fault, severities=severities))
+    for channel in _channels(block["channels"], block.get("unit"), where):
+        also = tuple(_also(where, number, table, channel, flight_s) for number, table in _tables(block, where))
+        expect = expectations(where, block.get("expect", {}), channel)
+        for severities in _severities(cls.parameters(), block, where):
+            fault = _fault(cls, channel, block, severities, where, flight_s)
+            specs.append(FaultSpec(fault=fault, severities=severities, also=also, expect=expect))
     return specs
 
 
-def spec_of(fault: Fault, flight_s: float = math.inf) -> FaultSpec:
-    """Return the trial of a ready fault, of whatever class, in a flight of `flight_s` seconds.
+def _tables(block: Mapping[str, Any], where: str) -> list[tuple[int, dict[str, Any]]]:
+    also = block.get("also", [])
+    if not isinstance(also, list) or not all(isinstance(table, dict) for table in also):
+        raise InputError(f"{where}: also is {shown(also)}; write further faults of the trial as [[faults.also]] tables")
+    return list(enumerate(also, 1))
+
+
+def _also(where: str, number: int, block: dict[str, Any], channel: str, flight_s: float) -> FaultSpec:
+    """Return a further fault of a trial: of one channel, the trial's own where the table names none."""
+    where = f"{where}, also {number}"
+    with naming(where):
+        cls = find_fault(block.get("kind"))
+    if "channels" in block:
+        raise InputError(f"{where}: a fault of [[faults.also]] has one channel, not channels; write a table for each")
+    _check_keys(cls, block, ("channel", *_TIMES, "unit"), where)
+    (own,) = _channels([block.get("channel", channel)], block.get("unit"), where, key="channel")
+    severities, *more = _severities(cls.parameters(), block, where)
+    if more:
+        raise InputError(f"{where}: a list of severities would be more trials; a fault of [[faults.also]] has one")
+    fault = _fault(cls, own, block, severities, where, flight_s)
+    return FaultSpec(fault=fault, severities=severities)
+
+
+def _check_keys(cls: type[Fault], block: Mapping[str, Any], common: Sequence[str], where: str) -> None:
+    parameters = cls.parameters()
+    keys(block, ["kind", *common, *(item.name for item in parameters)], where=where, there=f"a {cls.kind} has")
+    needed = [item.name for item in parameters if item.is_required]
+    for key in (*(name for name in ("channels", "onset_s") if name in common), *needed):
+        if key not in block:
+            raise InputError(f"{where}: key '{key}' is missing; a {cls.kind} needs it")
+
+
+def _fault(
+    cls: type[Fault],
+    channel: str,
+    block: Mapping[str, Any],
+    severities: Mapping[str, Severity],
+    where: str,
+    flight_s: float,
+) -> Fault:
+    """Return a fault as a table states it; a relative severity as its share."""
+    onset_s = number(f"{where}: onset_s", block["onset_s"], 0.0, flight_s)
+    settings = {item.name: block[item.name] for item in cls.parameters() if item.name in block and not item.is_severity}
+    for item in cls.parameters():
+        if item.is_channel and item.name in settings:
+            sensor_list(f"{where}: {item.name}", [settings[item.name]])
+    figures: dict[str, Any] = {name: given.value for name, given in severities.items()}
+    with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
+        return cls(
+            channel=channel,
+            onset_s=onset_s,
+            duration_s=_duration_s(block, onset_s, where),
+            ramp_s=block.get("ramp_s", 0.0),
+            intermittent=_intermittent(block),
+            **figures,
+            **settings,
+        )
+
+
+def _duration_s(block: Mapping[str, Any], onset_s: float, where: str) -> float | None:
+    if "duration_s" in block and "end_s" in block:
+        raise InputError(f"{where}: both duration_s and end_s are given; keep one")
+    if "end_s" in block:
+        return round(number(f"{where}: end_s", block["end_s"], onset_s, above=True) - onset_s, 9)
+    return number(f"{where}: duration_s", block["duration_s"], 0.0, above=True) if "duration_s" in block else None
+
+
+def _intermittent(block: Mapping[str, Any]) -> Intermittent | None:
+    if "intermittent" not in block:
+        return None
+    written = "{period_s = ..., duty = ...}"
+    table = keys(
+        table_of("intermittent", block["intermittent"], written),
+        ["period_s", "duty", "jitter", "seed"],
+        where="intermittent",
+    )
+    for key in ("period_s", "duty"):
+        if key not in table:
+            raise InputError(f"intermittent: key '{key}' is missing; it is {written}, and perhaps jitter and seed")
+    return Intermittent(**table)
+
+
+def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> FaultSpec:
+    """Return the trial of a ready fault, of whatever class, or of several, in a flight of `flight_s` seconds.
 
     Raises
     ------
@@ -110,11 +222,12 @@ def spec_of(fault: Fault, flight_s: float = math.inf) -> FaultSpec:
     >>> spec_of(Jam(channel="p", onset_s=300.0)).kind
     'jam'
     """
-    if not isinstance(fault, Fault) or not isinstance(getattr(fault, "kind", None), str):
-        raise InputError(f"{shown(fault)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
-    sensor_list(f"{fault.kind}: channels", list(dict.fromkeys(fault.reads)))
-    number(f"{fault.kind}: onset_s", fault.onset_s, 0.0, flight_s)
-    return FaultSpec(fault=fault)
+    first, *also = faults if isinstance(faults, (tuple, list)) and faults else [faults]
+    if not isinstance(first, Fault) or not isinstance(getattr(first, "kind", None), str):
+        raise InputError(f"{shown(first)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
+    sensor_list(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
+    number(f"{first.kind}: onset_s", first.onset_s, 0.0, flight_s)
+    return FaultSpec(fault=first, also=tuple(spec_of(other, flight_s) for other in also))
 
 
 def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
@@ -123,8 +236,8 @@ def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
     return replace(spec.fault, **figures)
 
 
-def _channels(channels: Any, unit: Any, where: str) -> tuple[str, ...]:
-    names = sensor_list(f"{where}: channels", channels)
+def _channels(channels: Any, unit: Any, where: str, *, key: str = "channels") -> tuple[str, ...]:
+    names = sensor_list(f"{where}: {key}", channels)
     for name in names:
         if unit is not None and unit != CHANNELS[name].unit:
             raise InputError(
@@ -133,22 +246,22 @@ def _channels(channels: Any, unit: Any, where: str) -> tuple[str, ...]:
     return names
 
 
-def _severities(parameters: tuple[Parameter, ...], block: dict[str, Any], where: str) -> list[dict[str, Severity]]:
+def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], where: str) -> list[dict[str, Severity]]:
     """Return every combination of the severities given."""
     combinations: list[dict[str, Severity]] = [{}]
     for item in parameters:
-        if item.is_severity:
+        if item.is_severity and item.name in block:
             key = f"{where}: {item.name}"
             given = block[item.name] if isinstance(block[item.name], list) else [block[item.name]]
             if not given:
                 raise InputError(f"{key} is an empty list; give a number or a list of them")
-            steps = [parse_severity(entry, per_second=item.per_second, key=key) for entry in given]
+            steps = [parse_severity(entry, item, key=key) for entry in given]
             combinations = [{**others, item.name: step} for others in combinations for step in steps]
     return combinations
 
 
-def parse_severity(given: Any, *, per_second: bool, key: str) -> Severity:
-    """Read a number, or a text such as ``"50 % of rms"``.
+def parse_severity(given: Any, item: Parameter, *, key: str) -> Severity:
+    """Read a severity: a number, or a text such as ``"50 % of rms"`` of one in the channel's unit.
 
     Raises
     ------
@@ -157,20 +270,28 @@ def parse_severity(given: Any, *, per_second: bool, key: str) -> Severity:
 
     Examples
     --------
-    >>> parse_severity("40 % of peak", per_second=False, key="limit")
+    >>> from gtmbench.faults.kinds import Saturation
+    >>> (limit,) = Saturation.parameters()
+    >>> parse_severity("40 % of peak", limit, key="limit")
     Severity(value=0.4, of='peak')
     """
-    legal = ("slew",) if per_second else ("rms", "peak")
+    legal = _SHARES.get(item.per, ()) if item.unit is None else ()
     is_number = isinstance(given, (int, float)) and not isinstance(given, bool)
     if is_number and abs(given) < 1e9:  # neither inf nor NaN is
         return Severity(value=float(given))
     match = _SHARE.fullmatch(given) if isinstance(given, str) else None
     if match and match[2] in legal:
         return Severity(value=float(match[1]) / 100.0, of=match[2])
-    texts = " or ".join(f"'20 % of {name}'" for name in legal)
-    raise InputError(
-        f"{key} is {shown(given)}; it must be a number in the channel's unit{' per second' * per_second}, or {texts}"
-    )
+    texts = [_in_words(item), *(f"'20 % of {name}'" for name in legal)]
+    raise InputError(f"{key} is {shown(given)}; it must be {' or '.join(texts)}")
+
+
+def _in_words(item: Parameter) -> str:
+    """Say what kind of number a severity is."""
+    if item.unit is not None:
+        return f"a number in {item.unit}" if item.unit else "a number"
+    per = " per second" if item.per_second else f" per {item.per}" if item.per else ""
+    return f"a number in the channel's unit{per}"
 
 
 def resolve(severity: Severity, reference: Record, channel: str) -> float:

@@ -13,7 +13,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject
 from gtmbench.progress import Tell
 from gtmbench.record import Record
-from gtmbench.study.fault_tables import FaultSpec, build, resolve
+from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import Injection
 
@@ -41,18 +41,17 @@ class Flown:
         )
 
     def broken(self, scenario: str, spec: FaultSpec, healthy: Record) -> Injection:
-        """Put a fault into healthy readings, its severities resolved against the flight."""
-        reference = self.flight.between(*self.setup.severity_reference_s)
-        shares = spec.severities.items()
-        fault = build(spec, {name: resolve(share, reference, spec.channel) for name, share in shares})
+        """Put a trial's faults into healthy readings, their severities resolved against the flight."""
+        first, *also = spec.faults(self.flight.between(*self.setup.severity_reference_s))
         return Injection(
             scenario=scenario,
-            fault=fault.kind,
-            channel=fault.channel,
-            severity=fault.severities,
-            unit=unit_of(fault.channel),
-            injected=fault,
-            record=inject(healthy, fault),
+            fault=first.kind,
+            channel=first.channel,
+            severity=first.severities,
+            unit=unit_of(first.channel),
+            injected=first,
+            also=tuple(also),
+            record=inject(healthy, [first, *also]),
         )
 
 

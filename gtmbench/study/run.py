@@ -24,7 +24,7 @@ def run(
     *,
     seed: int | None = None,
     detectors: Sequence[Any] = (),
-    faults: Sequence[Fault] = (),
+    faults: Sequence[Fault | Sequence[Fault]] = (),
 ) -> list[Trial]:
     """Run one scenario, from trim to verdicts, and return its trials.
 
@@ -36,8 +36,8 @@ def run(
         Instead of the scenario's.
     detectors : sequence
         What watches, as `run_study` takes it; the scenario's own operator unless told.
-    faults : sequence of Fault
-        Instead of the scenario's, one trial each; a class of your own does.
+    faults : sequence of Fault, or of sequences of Fault
+        Instead of the scenario's, one trial each (several together are one); a class of your own does.
 
     Raises
     ------
@@ -135,9 +135,17 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
         for name, monitor in monitors.items():
             tell(f"{broken.fault} of {broken.channel}")
             watch = _watched(monitor, broken.record, flown.setup)
-            verdict = score(watch, fault=broken.injected, healthy=healthy, broken=broken.record)
+            truth = {"healthy": healthy, "broken": broken.record}
+            verdict = score(watch, fault=broken.injected, also=broken.also, **truth)
             trials[name].append(
-                Trial(**vars(verdict), **vars(broken), detector=name, watch=watch, baseline=baselines[name])
+                Trial(
+                    **vars(verdict),
+                    **vars(broken),
+                    detector=name,
+                    watch=watch,
+                    baseline=baselines[name],
+                    expected=spec.expect.get(name),
+                )
             )
     return Study(baselines=tuple(baselines.values()), trials=tuple(trial for of in trials.values() for trial in of))
 

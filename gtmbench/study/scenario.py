@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -104,19 +105,44 @@ def _find(source: str | Path) -> Path:
 def _scenario(name: str, table: dict[str, Any]) -> Scenario:
     title = text("title", table.pop("title", text("its name", name)))
     blocks = table.pop("faults", None)
-    if not isinstance(blocks, list) or not blocks or not all(isinstance(block, dict) for block in blocks):
-        raise InputError("no [[faults]] given; add at least one table with kind, channels and onset_s")
     setup = _setup(table)
-    specs = [
-        spec for i, block in enumerate(blocks, 1) for spec in fault_specs(f"faults, table {i}", block, setup.duration_s)
-    ]
-    if len(specs) > _MOST_TRIALS:
-        raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
+    specs = _specs(blocks, setup.duration_s)
     if len(specs) * setup.duration_s > _LONGEST_S:
         held = f"{len(specs)} trials of {setup.duration_s:g} s would be held in memory"
         raise InputError(f"{held}; a scenario has at most {_LONGEST_S:g} s in all, so split it")
     states_noise = "snr" in table or "noise" in table
     return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
+
+
+def _specs(blocks: Any, end_s: float) -> list[FaultSpec]:
+    if not isinstance(blocks, list) or not blocks or not all(isinstance(block, dict) for block in blocks):
+        raise InputError("no [[faults]] given; add at least one table with kind, channels and onset_s")
+    specs = [spec for i, block in enumerate(blocks, 1) for spec in fault_specs(f"faults, table {i}", block, end_s)]
+    if len(specs) > _MOST_TRIALS:
+        raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
+    return specs
+
+
+def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
+    """Read what a scenario breaks, for a recorded flight: a fault may begin whenever that has samples.
+
+    Raises
+    ------
+    InputError
+        As `load_scenario`.
+
+    Examples
+    --------
+    >>> [trial.text for trial in load_faults("jam")]
+    ['jam of p, from 300 s', 'jam of q, from 300 s', 'jam of r, from 300 s']
+    """
+    path = _find(source)
+    table = read_toml(path, "scenario")
+    with naming(path):
+        text("title", table.pop("title", path.stem))
+        blocks = table.pop("faults", None)
+        _setup(table)
+        return tuple(_specs(blocks, math.inf))
 
 
 def _setup(table: dict[str, Any]) -> Setup:

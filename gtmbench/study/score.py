@@ -1,6 +1,8 @@
 """Scoring: the one place that is handed the truth, and where the words of every table are defined.
 
-Of one watch of a record with one fault, for any detector:
+Of one watch of a record with one fault or several, for any detector:
+
+- *onset*: of several faults in one record, the earliest.
 
 - *armed*: where an alarm was possible (`Score.armed`): the score exists, it has been known at or below its threshold
   since watching began, and no judgement has disarmed it. A score that stands above from the start isn't armed.
@@ -9,27 +11,64 @@ Of one watch of a record with one fault, for any detector:
   of a fault: alarms which the detector itself counts to the fault of an earlier one are that one, once.
 - *detected*: an alarm could be raised at or after the onset. The first such alarm is what counts.
 - *delay*: from the onset to when it could be raised, look-ahead and windows counted.
-- *isolated*: the sensor that the alarm's fault ends up with is the one that failed. None where the detector names none.
+- *failed*: a channel is, from the onset of the first fault that changes it on, whether the fault lasts or not.
+- *isolated*: the sensor that the alarm's fault ends up with is one that had failed by when it was named. Of several
+  sensors that failed, any is right: an alarm tells of one. None where the detector names none.
+- *named wrong*: one sensor is named in the end, and it isn't one that had failed. Neither isolated nor named wrong:
+  missed, or left undecided, and then `candidates` are what it is left between.
+- *axis right*: there are candidates, and all lie on the axes of sensors that had failed. A gyro and the angle that it
+  turns are one axis (p and phi, q and theta, r and psi); any other sensor is one of its own.
+- *kind right*: the kind is that of a fault of the sensor that is named, or likeliest, begun by then, or what physically
+  is the same (`SAME_KINDS`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.record import Record
+from gtmbench.record import FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
 _JUDGED_S = 20.0
+_OF_NOISE = 3.0  # deviations
+
+
+def _always(*_: object) -> bool:
+    """Whatever it reads."""
+    return True
+
+
+def _is_beyond(value: float, before: FloatArray) -> bool:
+    """Whether a sensor that is stuck reads more than it ever read before."""
+    return len(before) > 0 and abs(value) > float(np.abs(before).max())
+
+
+def _is_last(value: float, before: FloatArray) -> bool:
+    """Whether it reads what it read last, within the noise: what changes from one reading to the next."""
+    if len(before) < 2:
+        return False
+    noise = float(np.sqrt(0.5 * np.mean(np.square(np.diff(before)))))
+    return abs(value - float(before[-1])) <= _OF_NOISE * noise
+
+
+# the kind injected, the kind told: when both are the same, by the value that a sensor sticks at and what it read before
+SAME_KINDS: Mapping[tuple[str, str], Callable[[float, FloatArray], bool]] = {
+    ("jam", "stuck"): _always,  # a jam is stuck, at the last healthy value
+    ("stuck", "jam"): _is_last,
+    ("hardover", "stuck"): _always,  # at its stop it is stuck, and only the stop's place tells that it is one
+    ("stuck", "hardover"): _is_beyond,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +98,7 @@ class Verdict:
     Attributes
     ----------
     onset_s : float
+        Of several faults, the earliest.
     detected : bool
         Whether an alarm could be raised at or after the onset.
     alarm_time_s, detection_delay_s : float or None
@@ -69,11 +109,16 @@ class Verdict:
         Greatest score known at or after the onset over its threshold, of those that the sensor's fault enters; 0
         without any.
     altered_share : float
-        Share of samples in the active interval at which the broken signal differs from the healthy one.
+        Share of samples at which a broken signal differs from the healthy one while a fault of it is active.
     false_alarms : int
         Alarms before the onset.
     isolated : bool or None
-        Whether the sensor that it names is the one that failed.
+        Whether the sensor that it names is one that had failed.
+    named_wrong : bool or None
+        Whether it names a single sensor in the end that hadn't failed.
+    axis_right : bool or None
+        Whether there are candidates, all of them on the axis of a sensor that had failed: p or phi, q or theta, r or
+        psi.
     isolated_s, isolation_delay_s : float or None
         When that decision was possible, and how long after the onset.
     sensor : str or None
@@ -82,15 +127,18 @@ class Verdict:
     verdict : str
         In words; empty where the fault was missed.
     kind : str or None
-        The kind of fault at the end.
+        The kind of fault at the end; "unknown" where it is none of those that there are.
+    partner : str or None
+        The other sensor of a kind that mixes two.
     kind_right, kind_right_20s : bool or None
-        Whether that is the kind injected, of the sensor that failed: at the end, and as judged 20 s after the alarm.
+        Whether that is a kind injected, or physically the same, of the sensor that failed so: at the end, and as judged
+        20 s after the alarm.
     parameters : tuple of ParameterEstimate
         Of that kind, at the end.
     ended_s, end_error_s : float or None
         When the fault had gone, and how much later than in truth.
     reason : str
-        Why a fault was missed; empty where it was detected.
+        Why a fault was missed, or why no sensor is named where one could be; empty otherwise.
     """
 
     onset_s: float
@@ -102,12 +150,15 @@ class Verdict:
     altered_share: float
     false_alarms: int
     isolated: bool | None = None
+    named_wrong: bool | None = None
+    axis_right: bool | None = None
     isolated_s: float | None = None
     isolation_delay_s: float | None = None
     sensor: str | None = None
     candidates: tuple[str, ...] = ()
     verdict: str = ""
     kind: str | None = None
+    partner: str | None = None
     kind_right: bool | None = None
     kind_right_20s: bool | None = None
     parameters: tuple[ParameterEstimate, ...] = ()
@@ -116,8 +167,8 @@ class Verdict:
     reason: str
 
 
-def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Verdict:
-    """Hold what a detector said of a broken record against the fault that was injected.
+def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: Sequence[Fault] = ()) -> Verdict:
+    """Hold what a detector said of a broken record against what was injected.
 
     Parameters
     ----------
@@ -127,6 +178,8 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Ver
         The truth.
     healthy, broken : Record
         The measurements before and after `inject`.
+    also : sequence of Fault
+        Further faults of the same record.
 
     Examples
     --------
@@ -146,21 +199,93 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record) -> Ver
             f"a {type(watch).__name__} was given for a Watch; score what a monitor's watch(record) returns, such as "
             "gb.DissertationOperator(...).calibrate(records).watch(broken)"
         )
-    told = first_after(watch.alarms, fault.onset_s)
-    altered = altered_share(fault, healthy, broken)
-    peak = _peak_ratio(watch, fault)
+    truth = _Truth(faults=(fault, *also), broken=broken)
+    told = first_after(watch.alarms, truth.onset_s)
+    altered = altered_share(truth.faults, healthy, broken)
+    peak = _peak_ratio(watch, truth)
     return Verdict(
-        onset_s=fault.onset_s,
+        onset_s=truth.onset_s,
         detected=told is not None,
         alarm_time_s=None if told is None else round(told.time_s, 9),
-        detection_delay_s=None if told is None else _since(told.time_s, fault.onset_s),
+        detection_delay_s=None if told is None else _since(told.time_s, truth.onset_s),
         look_ahead_s=round(watch.monitor.look_ahead_s, 9),
         peak_ratio=peak,
         altered_share=altered,
-        false_alarms=len(false_alarms(watch, fault.onset_s)),
-        reason="" if told is not None else _reason(watch, fault, altered, peak),
-        **({} if not watch.monitor.suspects else _isolation(watch, told, fault, broken)),
+        false_alarms=len(false_alarms(watch, truth.onset_s)),
+        **{"reason": "" if told is not None else _reason(watch, truth, altered, peak)}
+        | ({} if not watch.monitor.suspects else _isolation(watch, told, truth)),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Truth:
+    """What was injected into a record, and what became of it."""
+
+    faults: tuple[Fault, ...]
+    broken: Record
+
+    @property
+    def onset_s(self) -> float:
+        """The earliest onset."""
+        return min(fault.onset_s for fault in self.faults)
+
+    @property
+    def channels(self) -> frozenset[str]:
+        """What the faults change."""
+        return _changed(self.faults)
+
+    def begun(self, time_s: float) -> tuple[Fault, ...]:
+        """Return the faults that had begun by a time."""
+        return tuple(fault for fault in self.faults if fault.onset_s <= time_s + _TIE)
+
+    def failed(self, time_s: float) -> frozenset[str]:
+        """Return the channels that had failed by a time."""
+        return _changed(self.begun(time_s))
+
+    def judged_right(self, judged: Judgement, time_s: float) -> Fault | None:
+        """Return the fault, begun by a time, that a judgement has the kind of, and the sensor."""
+        likeliest = set(judged.candidates[:1])
+        own = (fault for fault in self.begun(time_s) if likeliest & set(fault.changes))
+        return next((fault for fault in own if self._is_kind(fault, judged.kind)), None)
+
+    def _is_kind(self, fault: Fault, kind: str | None) -> bool:
+        """Tell whether a fault is of a kind, by name or physically."""
+        if kind is None or kind == fault.kind:
+            return kind is not None
+        holds, value = SAME_KINDS.get((fault.kind, kind)), self.stuck_at(fault)
+        if holds is None or value is None:
+            return False
+        before = self.broken[fault.channel][self.broken.time_s < fault.onset_s - _TIE]
+        return holds(value, before[np.isfinite(before)])
+
+    def parameters(self, fault: Fault) -> dict[str, float]:
+        """Return the true parameters by the names a diagnosis has: the class's, the onset, where a constant stands."""
+        numbers = {item.name: getattr(fault, item.name) for item in fault.parameters() if item.value_type is float}
+        true = {**numbers, "onset_s": fault.onset_s, "value": self.stuck_at(fault)}
+        return {name: float(value) for name, value in true.items() if value is not None}
+
+    def stuck_at(self, fault: Fault) -> float | None:
+        """Return what a sensor reads that a fault has stuck; None of other kinds, and where it never got there."""
+        if fault.kind == "stuck":
+            return fault.severities["value"]
+        if fault.kind == "hardover":
+            return fault.severities["limit"]
+        if fault.kind != "jam":
+            return None
+        arrived = fault.active(self.broken.time_s) & (self.broken.time_s >= fault.onset_s + fault.ramp_s - _TIE)
+        reads = self.broken[fault.channel][arrived]
+        reads = reads[np.isfinite(reads)]
+        return float(reads[0]) if len(reads) else None
+
+    def gone_s(self, sensor: str | None) -> float | None:
+        """Return when the last fault of a sensor ends (of any, where it never failed); None where one lasts."""
+        own = [fault for fault in self.faults if sensor in fault.changes] or self.faults
+        ends_s = [math.inf if fault.duration_s is None else fault.onset_s + fault.duration_s for fault in own]
+        return max(ends_s) if max(ends_s) < math.inf else None
+
+
+def _changed(faults: Iterable[Fault]) -> frozenset[str]:
+    return frozenset(channel for fault in faults for channel in fault.changes)
 
 
 def first_after(alarms: Iterable[Alarm], onset_s: float) -> Alarm | None:
@@ -173,41 +298,56 @@ def false_alarms(watch: Watch, onset_s: float = math.inf) -> tuple[Alarm, ...]:
     return tuple(alarm for alarm in watch.faults if alarm.time_s < onset_s - _TIE)
 
 
-def altered_share(fault: Fault, healthy: Record, broken: Record) -> float:
-    """Return the share of samples in a fault's active interval at which the broken signal differs from the healthy."""
-    active = fault.active(healthy.time_s)
-    was, became = healthy[fault.channel][active], broken[fault.channel][active]
-    altered = (was != became) & ~(np.isnan(was) & np.isnan(became))
-    return float(np.mean(altered)) if len(altered) else 0.0
+def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record) -> float:
+    """Return the share of samples of faults' active intervals at which a broken signal differs from the healthy."""
+    altered = []
+    for channel in dict.fromkeys(channel for fault in faults for channel in fault.changes):
+        own = [fault.active(healthy.time_s) for fault in faults if channel in fault.changes]
+        active = np.logical_or.reduce(own)
+        was, became = healthy[channel][active], broken[channel][active]
+        altered.append((was != became) & ~(np.isnan(was) & np.isnan(became)))
+    samples = np.concatenate(altered)
+    return float(np.mean(samples)) if len(samples) else 0.0
 
 
-def _isolation(watch: Watch, told: Alarm | None, fault: Fault, broken: Record) -> dict[str, Any]:
+def _isolation(watch: Watch, told: Alarm | None, truth: _Truth) -> dict[str, Any]:
     """Return the fields on isolation. What is said of a fault stands with the alarm that first told of it."""
     judged = None if told is None else next(alarm for alarm in watch.alarms if alarm.number == told.fault)
     last = None if judged is None else judged.last
     if told is None or judged is None or last is None:
         return {
             "isolated": False,
+            "named_wrong": False,
+            "axis_right": False,
             "kind_right": False,
             "kind_right_20s": False,
             "verdict": "" if told is None else "alarm",
         }
-    isolated_s = judged.isolated_s if judged.sensor == fault.channel else None
-    if isolated_s is not None:  # of a fault that an earlier alarm had told of: no sooner than this one
-        isolated_s = max(isolated_s, told.time_s)
+    named_s = judged.isolated_s
+    if named_s is not None:  # of a fault that an earlier alarm had told of: no sooner than this one
+        named_s = max(named_s, told.time_s)
+    isolated = named_s is not None and judged.sensor in truth.failed(named_s)
+    last_s = max(last.time_s, told.time_s)
+    on_axes = {name for channel in truth.failed(last_s) for name in axis_of(channel)}
+    right = truth.judged_right(last, last_s)
     by_20s = judged.at(told.time_s - judged.time_s + _JUDGED_S)
-    gone_s = None if fault.duration_s is None else fault.onset_s + fault.duration_s
+    right_20s = by_20s and truth.judged_right(by_20s, max(by_20s.time_s, told.time_s))
+    gone_s = truth.gone_s(judged.sensor)
     return {
-        "isolated": isolated_s is not None,
-        "isolated_s": isolated_s,
-        "isolation_delay_s": _since(isolated_s, fault.onset_s),
+        "isolated": isolated,
+        "named_wrong": named_s is not None and not isolated,
+        "axis_right": bool(last.candidates) and on_axes.issuperset(last.candidates),
+        "isolated_s": named_s if isolated else None,
+        "isolation_delay_s": _since(named_s, truth.onset_s) if isolated else None,
         "sensor": judged.sensor,
         "candidates": last.candidates,
         "verdict": judged.verdict,
         "kind": last.kind,
-        "kind_right": _is_right(last, fault),
-        "kind_right_20s": by_20s is not None and _is_right(by_20s, fault),
-        "parameters": _parameters(last, fault, broken),
+        "partner": last.partner,
+        "reason": last.reason,
+        "kind_right": right is not None,
+        "kind_right_20s": right_20s is not None,
+        "parameters": _parameters(last, {} if right is None else truth.parameters(right)),
         "ended_s": judged.ended_s,
         "end_error_s": None if gone_s is None else _since(judged.ended_s, gone_s),
     }
@@ -217,52 +357,36 @@ def _since(time_s: float | None, start_s: float) -> float | None:
     return None if time_s is None else round(time_s - start_s, 9)
 
 
-def _is_right(judged: Judgement, fault: Fault) -> bool:
-    return judged.kind == fault.kind and judged.candidates[:1] == (fault.channel,)
-
-
-def _parameters(judged: Judgement, fault: Fault, broken: Record) -> tuple[ParameterEstimate, ...]:
-    truth = _truth(fault, broken) if _is_right(judged, fault) else {}
+def _parameters(judged: Judgement, true: Mapping[str, float]) -> tuple[ParameterEstimate, ...]:
     return tuple(
         ParameterEstimate(
-            name=name, value=float(value), error=float(judged.errors.get(name, math.nan)), true=truth.get(name)
+            name=name, value=float(value), error=float(judged.errors.get(name, math.nan)), true=true.get(name)
         )
         for name, value in judged.parameters.items()
     )
 
 
-def _truth(fault: Fault, broken: Record) -> dict[str, float]:
-    """Return the true parameters by the names a diagnosis has: severities, the onset, and where a jam stands."""
-    truth = {**fault.severities, "onset_s": fault.onset_s}
-    if fault.kind == "jam":
-        stuck = broken[fault.channel][fault.active(broken.time_s)]
-        stuck = stuck[np.isfinite(stuck)]
-        if len(stuck):
-            truth["value"] = float(stuck[0])
-    return truth
-
-
-def _entered(watch: Watch, fault: Fault) -> list[Score]:
+def _entered(watch: Watch, truth: _Truth) -> list[Score]:
     """Return the scores that a fault enters; one that doesn't say whose faults those are may be entered by any."""
-    return [score for score in watch.scores.values() if fault.channel in (score.channels or (fault.channel,))]
+    return [score for score in watch.scores.values() if truth.channels & set(score.channels or truth.channels)]
 
 
-def _peak_ratio(watch: Watch, fault: Fault) -> float:
-    return max((score.peak(fault.onset_s) for score in _entered(watch, fault)), default=0.0)
+def _peak_ratio(watch: Watch, truth: _Truth) -> float:
+    return max((score.peak(truth.onset_s) for score in _entered(watch, truth)), default=0.0)
 
 
-def _reason(watch: Watch, fault: Fault, altered: float, peak: float) -> str:
-    if watch.monitor.channels and fault.channel not in watch.monitor.channels:
+def _reason(watch: Watch, truth: _Truth, altered: float, peak: float) -> str:
+    if watch.monitor.channels and not truth.channels & set(watch.monitor.channels):
         return f"{watch.monitor.name} doesn't use this channel"
     if altered == 0.0:
         return "the fault changed no sample"
-    own = _entered(watch, fault)
+    own = _entered(watch, truth)
     if not own:
         return NO_ALARM
     disarmed = [score.disarmed_s for score in own if score.disarmed_s is not None]
     if len(disarmed) == len(own):
         return f"no longer watched since {max(disarmed):.2f} s: what an earlier alarm told of was taken to last"
-    if not any((score.exists & (score.known_s >= fault.onset_s - _TIE)).any() for score in own):
+    if not any((score.exists & (score.known_s >= truth.onset_s - _TIE)).any() for score in own):
         return "no score is known after the onset"
     if not any(score.armed.any() for score in own):
         return "can't tell: the score never came down to its threshold"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from typing import cast
 
 from gtmbench.bench.trim import Trim
+from gtmbench.channels import unit_of
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
@@ -13,6 +15,7 @@ from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import Alarms, alarms
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.record import Record
+from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
 
@@ -59,17 +62,19 @@ class Baseline:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Injection:
-    """A fault put into healthy measurements.
+    """A fault put into healthy measurements, or several.
 
     Attributes
     ----------
     scenario, fault, channel : str
-        The scenario's name, the fault's kind, the channel that broke.
+        The scenario's name, the fault's kind, the channel that broke: of several faults, the first's.
     severity : dict
         The fault's parameters as absolute figures, in the channel's unit (per second for slopes).
     unit : str
         The channel's.
     injected : Fault
+    also : tuple of Fault
+        Further faults of the same record, in the order in which they act on what those before them left.
     record : Record
         The broken measurements.
     """
@@ -80,12 +85,18 @@ class Injection:
     severity: dict[str, float]
     unit: str
     injected: Fault = field(repr=False)
+    also: tuple[Fault, ...] = ()
     record: Record = field(repr=False)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that break, the first fault's own first."""
+        return tuple(dict.fromkeys(channel for fault in (self.injected, *self.also) for channel in fault.changes))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial(Injection, Verdict):
-    """One fault, watched by one detector: the verdict and what it was reached on.
+    """One fault, or several of one record, watched by one detector: the verdict and what it was reached on.
 
     Attributes
     ----------
@@ -95,11 +106,19 @@ class Trial(Injection, Verdict):
         Of the broken record, from `setup.alarm.watch_from_s` on.
     baseline : Baseline
         Shared by the trials of this detector.
+    expected : Expectation or None
+        What the scenario expects of this detector, if anything.
     """
 
     detector: str
     watch: Watch = field(repr=False)
     baseline: Baseline = field(repr=False)
+    expected: Expectation | None = None
+
+    @property
+    def unexpected(self) -> tuple[str, ...]:
+        """Where the verdict differs from what is expected, in words; empty where it doesn't."""
+        return () if self.expected is None else tuple(_differences(self, self.expected))
 
     def row(self) -> dict[str, object]:
         """Return the trial as one row of the results: plain values, units in the names."""
@@ -114,6 +133,10 @@ class Trial(Injection, Verdict):
             "parameters": [asdict(estimate) for estimate in self.parameters],
             "severity": self.severity,
             "unit": self.unit,
+            "settings": settings_of(self.injected),
+            "also": [fault_row(fault) for fault in self.also],
+            "expected": None if self.expected is None else _told_expected(self.expected),
+            "unexpected": list(self.unexpected),
         }
 
     watched = renamed("MonitoredTrial.watched", "watch")
@@ -147,6 +170,57 @@ class Study:
     def trials_of(self, detector: str) -> tuple[Trial, ...]:
         """Return the trials of one detector."""
         return tuple(trial for trial in self.trials if trial.detector == detector)
+
+
+def fault_row(fault: Fault) -> dict[str, object]:
+    """Return a fault as plain values, by the names that a trial's row has."""
+    return {
+        "fault": fault.kind,
+        "channel": fault.channel,
+        "onset_s": fault.onset_s,
+        "severity": fault.severities,
+        "unit": unit_of(fault.channel),
+        "settings": settings_of(fault),
+    }
+
+
+def settings_of(fault: Fault) -> dict[str, object]:
+    """Return what else is said of a fault, as plain values: its settings, its duration, how it comes in and goes.
+
+    >>> from gtmbench.faults.additive import Noise
+    >>> settings_of(Noise(channel="p", onset_s=300, deviation=2, ramp_s=5))
+    {'seed': 0, 'ramp_s': 5}
+    """
+    own = {item.name: getattr(fault, item.name) for item in fault.parameters() if not item.is_severity}
+    times = {name: value for name in ("duration_s", "ramp_s") if (value := getattr(fault, name))}
+    spells = {} if fault.intermittent is None else asdict(fault.intermittent)
+    return {**own, **times, **{f"intermittent_{name}": value for name, value in spells.items()}}
+
+
+def _told_expected(expected: Expectation) -> dict[str, object]:
+    return {**asdict(expected), "isolate_as": list(expected.isolate_as)}
+
+
+def _differences(verdict: Verdict, expected: Expectation) -> Iterator[str]:
+    """Say where a verdict differs from what is expected."""
+    delay_s = verdict.detection_delay_s
+    if expected.undetectable_because:
+        if delay_s is not None:
+            yield f"alarm {delay_s:.2f} s after the onset, expected none ({expected.undetectable_because})"
+        return
+    within_s = expected.detect_within_s
+    by = "" if within_s is None else f" within {within_s:g} s"
+    if delay_s is None:
+        yield f"missed, expected an alarm{by}"
+        return
+    if within_s is not None and delay_s > within_s + 1e-9:
+        yield f"alarm {delay_s:.2f} s after the onset, expected{by}"
+    wanted = expected.isolate_as
+    is_within = verdict.sensor == wanted[0] if len(wanted) == 1 else bool(verdict.candidates)
+    if wanted and not (is_within and set(verdict.candidates) <= set(wanted)):
+        yield f"{verdict.verdict or 'no sensor named'}, expected {' or '.join(wanted)}"
+    if expected.kind is not None and verdict.kind != expected.kind:
+        yield f"kind {verdict.kind or 'not told'}, expected {expected.kind}"
 
 
 def _residual(watch: Watch) -> Residual:

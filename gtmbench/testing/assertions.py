@@ -76,7 +76,7 @@ def assert_detects(
             f"an alarm is due at {due_s:g} s and the record ends at {broken.end_s:g} s; give a longer record, or an "
             "earlier onset"
         )
-    if altered_share(fault, healthy, broken) == 0.0:
+    if altered_share([fault], healthy, broken) == 0.0:
         raise InputError(f"the {fault_text(fault)} changes no sample of this record, so there is nothing to detect")
     monitor = _monitor(detector)
     if named and not monitor.suspects:

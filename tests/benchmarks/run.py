@@ -6,13 +6,13 @@ import click
 
 from gtmbench.cli.output import print_table
 
-from . import flight, growth, identification, peers, residual, stream
+from . import faults, flight, growth, identification, peers, residual, stream
 from .machine import machine
 from .results import rounded, write
 from .table import tables
 
 SECTIONS = ("identification", "peers", "residual", "norm", "flight", "growth")
-ALONE = ("stream",)  # that are only measured when asked for
+ALONE = ("stream", "faults")  # that are only measured when asked for
 ROUNDS, QUICK_ROUNDS = 7, 3
 
 
@@ -33,6 +33,7 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
         "residual": lambda: residual.measure(rounds),
         "norm": lambda: residual.measure_norm(rounds),
         "stream": lambda: stream.measure(rounds),
+        "faults": lambda: faults.measure(rounds),
         "flight": lambda: flight.measure(rounds),
         "growth": lambda: growth.measure(1 if quick else 3, 10**5 if quick else growth.SAMPLES[-1]),
     }

@@ -48,6 +48,9 @@ def tables(results: dict) -> Iterator[Table]:
     if "peers" in results:
         columns = ("over `gb.identify`", "time", "time over lstsq", "memory", "difference", "note")
         yield Table("Peers", columns, [_peer(name, row) for name, row in _fastest_first(results["peers"])])
+    if "faults" in results:
+        rows = [(kind, f"{of['stream_us']:.2f}", f"{of['array_us']:.3f}") for kind, of in results["faults"].items()]
+        yield Table("Faults, microseconds a sample", ("kind", "stream", "array"), rows)
     for over, grown in results.get("growth", {}).items():
         title = {"samples": "Growth over samples, 101 taps", "taps": "Growth over taps, 20,000 samples"}[over]
         sizes = tuple(f"{size:,}" for size in grown["sizes"])

@@ -12,9 +12,9 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, check_record, frozen
+from gtmbench.record import FloatArray, Record, check_record, sealed
 
 Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a score (by label)
 
@@ -120,10 +120,10 @@ def residuals_of(
     raw, predicted = {}, {}
     specs = [spec for spec in bank.residuals if outputs is None or spec.output in outputs]
     inputs = tuple(dict.fromkeys(name for spec in specs for name in spec.inputs))
-    known = record if record.channels == bank.channels else record.select(bank.channels)
-    derived = derive(known, inputs)  # once: the residuals of a bank share angles and slopes
+    # once: the residuals of a bank share angles and slopes
+    columns = dict(zip(inputs, derived(record, inputs, among=bank.channels), strict=True))
     for spec in specs:
-        hat = operators[spec.output].predict(derived)[:, 0]
-        predicted[spec.output] = frozen(hat)
-        raw[spec.output] = frozen(record[spec.output] - hat)
+        operator = operators[spec.output]
+        hat = operator.predicted([columns[name] for name in operator.inputs])[:, 0]
+        raw[spec.output], predicted[spec.output] = sealed(record[spec.output] - hat), sealed(hat)
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))

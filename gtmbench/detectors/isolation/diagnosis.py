@@ -1,30 +1,52 @@
-"""From an alarm to judgements: which sensor, since when it could be said, what kind of fault, whether it ended."""
+"""From an alarm to judgements: which sensor, since when it could be said, what kind of fault, whether it ended.
+
+What may be said, of every bank:
+
+- A sensor is named where one suspect's hypotheses are decisively better than those of all others, its fault enters the
+  residual that alarmed, and no residual that it doesn't enter is left that another sensor of its axis would heal; in
+  the first seconds only where its own readings show the fault, or its correction makes the residuals healthy by the
+  monitor's own calibrated test.
+- A kind is named where its correction leaves the suspect's own residuals healthy, or nothing that belongs to no kind
+  explains them decisively better; otherwise the kind is `unknown`.
+- Else it is either-or, with the reason. Physically equal faults (`SAME`) are either-or, too.
+- Nothing is left to explain only where the residuals are healthy and no step of an angle would have made them so.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.isolation.fits import (
-    Case,
-    FittedHypothesis,
-    corrected,
-    corrected_residuals,
-    standard_errors,
-    stretch_of,
-    virtual_sensor,
-)
-from gtmbench.detectors.isolation.hypotheses import HYPOTHESES
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
+from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.isolation.health import MOST, greatest
+from gtmbench.detectors.isolation.suspect import Suspect
+from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.replacing import Stuck
 
 DECISIVE = 20.0  # of BIC: odds of e^10
+_NEARLY = 0.97  # of what is wrong
+_ALIKE = 200.0  # between faults that are physically the same
 _END = 20.0  # nats
+# kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
+_ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
+_PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
+_QUIET = 0.5  # of the thresholds: what has passed leaves no more
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
+
+# faults of a gyro, and of the angle about the same axis, that look the same near wings level
+SAME = frozenset({("bias", "drift"), ("oscillation", "oscillation")})
 
 
 def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
@@ -49,71 +71,186 @@ def by_signature(bank: Bank, trusted: Sequence[str], output: str, time_s: float)
     return Judgement(time_s=time_s, sensor=able[0] if len(able) == 1 else None, candidates=able)
 
 
-def end_s(case: Case) -> float:
-    """Return when the last sample of a case is there."""
-    return round(float(case.record.time_s[case.stop - 1]), 9)
-
-
 def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
-    """Weigh the hypotheses: decided where one suspect's is decisively better than all others'.
+    """Weigh the hypotheses on a case.
 
-    Of several that explain something, but not most of what is wrong, none is taken. Where the signature left one
-    suspect only, hypotheses tell no more than the kind of its fault.
+    Where the signature left one suspect only, hypotheses tell no more than the kind of its fault.
     """
-    time_s = end_s(case)
     if first.sensor is not None:
         ranking = [fit for fit in ranking if fit.channel == first.sensor]
-    healthy, _ = case.energy(dict(case.residuals.raw))
-    good = [fit for fit in ranking if fit.bic < healthy - DECISIVE]
+    healthy, worst = case.deviance, max(case.sickness.values())
+    good = [fit for fit in ranking if fit.bic < healthy - DECISIVE and fit.channel in first.candidates]
+    if first.sensor is None and worst <= 1.0:
+        step = _stepped(case, first)
+        if step is not None:
+            return step
+        good = [fit for fit in good if good[0].bic < healthy - _PLAIN]
     if not good:
-        return replace(first, time_s=time_s, candidates=_unexplained(case, first))
-    best, untestable = good[0], _untestable(case)
-    explains = _explains(case, best)
-    order = tuple(dict.fromkeys(fit.channel for fit in good if not explains or fit.bic < best.bic + DECISIVE))
-    alone = order == (best.channel,) and not untestable
-    sensor = first.sensor or (best.channel if alone else None)
-    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind != best.kind]
+        return _unexplained(case, first)
+    best = good[0]
+    order = _rivals(good)
+    untestable = _untestable(case)
+    pair = {best.channel, best.partner} if best.kind == "swap" else {best.channel}
+    alone = set(order) <= pair and not untestable
+    strays = [] if first.sensor is not None else _strays(case, best)
+    is_early = not (case.is_telling or best.is_shown or best.left.heals(case.monitor))
+    sensor = first.sensor or (best.channel if alone and not strays and not is_early else None)
+    kind = _kind(case, best.channel, ranking, healthy)
+    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
     return Judgement(
-        time_s=time_s,
+        time_s=case.end_s,
         sensor=sensor,
-        candidates=(sensor,) if sensor else (*order, *(name for name in untestable if name not in order)),
-        kind=best.kind if explains else None,
-        parameters=best.parameters if explains else {},
-        errors=standard_errors(case, best) if explains else {},
-        kind_margin=min(others, default=float("inf")) - best.bic if explains else 0.0,
+        candidates=_named(best, sensor)
+        if sensor
+        else _candidates(case, order, untestable, whole_axis=bool(strays) or is_early),
+        kind=kind.kind,
+        parameters=dict(kind.parameters),
+        errors=kind.errors(),
+        kind_margin=max(min(others, default=float("inf")) - kind.bic, 0.0),
+        partner=kind.partner,
+        reason="" if sensor else _reason(best, order, untestable, strays),
     )
 
 
-def _unexplained(case: Case, first: Judgement) -> tuple[str, ...]:
-    """Return whom an alarm leaves under suspicion that no fault explains: none, if residuals are healthy by now."""
-    if first.sensor is not None or (case.stop - case.sure) * case.record.sample_period_s < _PASSED_S:
-        return first.candidates
-    return tuple(_untestable(case)) if _excess(case, list(case.residuals.raw)) > 0.0 else ()
+def _named(best: FittedHypothesis, sensor: str) -> tuple[str, ...]:
+    """Return the sensors that a decided fault is of: two, where they have changed places."""
+    return (sensor, best.partner) if best.kind == "swap" and best.partner is not None else (sensor,)
+
+
+def _candidates(case: Case, order: Sequence[str], untestable: Sequence[str], *, whole_axis: bool) -> tuple[str, ...]:
+    """Return whom an undecided alarm leaves under suspicion; where the best doesn't explain all, its axis."""
+    return tuple(dict.fromkeys([*order, *untestable, *(_axis(case, order[0]) if whole_axis else [])]))
+
+
+def _rivals(good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
+    """Return the suspects that the best doesn't decisively beat, likeliest first."""
+    best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
+    first = good[0]
+    return tuple(
+        channel
+        for channel, fit in best.items()
+        if fit.bic < first.bic + (_ALIKE if _are_same(good, first.channel, channel) else DECISIVE)
+    )
+
+
+def _channels(fits: Iterable[FittedHypothesis]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(fit.channel for fit in fits))
+
+
+def _are_same(good: Sequence[FittedHypothesis], one: str, other: str) -> bool:
+    """Tell whether two sensors' likeliest kinds are physically the same fault."""
+    if one == other or other not in axis_of(one):
+        return False
+    gyro, angle = (one, other) if other in ANGLES else (other, one)
+    return any(
+        (of_gyro.kind, of_angle.kind) in SAME for of_gyro in _likely(good, gyro) for of_angle in _likely(good, angle)
+    )
+
+
+def _likely(good: Sequence[FittedHypothesis], channel: str) -> list[FittedHypothesis]:
+    """Return the fits of a sensor that its best doesn't decisively beat."""
+    own = [fit for fit in good if fit.channel == channel]
+    return [fit for fit in own if fit.bic < own[0].bic + DECISIVE]
+
+
+def _kind(case: Case, channel: str, ranking: Sequence[FittedHypothesis], healthy: float) -> FittedHypothesis:
+    """Return the fit of a sensor whose kind may be named, or that of no kind.
+
+    What explains a little of everything (noise, a random walk) is a kind only where nothing definite explains the rest.
+    """
+    fits = [fit for fit in ranking if fit.channel == channel]
+    best = fits[0]
+    for kinds in (_definite, _absorbing):
+        for fit in filter(kinds, fits):
+            explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
+            if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
+                return fit
+    return best
+
+
+def _definite(fit: FittedHypothesis) -> bool:
+    return fit.kind not in ABSORBING
+
+
+def _absorbing(fit: FittedHypothesis) -> bool:
+    return fit.kind in ABSORBING and fit.kind != UNKNOWN
+
+
+def _strays(case: Case, best: FittedHypothesis) -> list[str]:
+    """Return the residuals that the best suspect doesn't enter and another sensor of its axis would heal.
+
+    One that no fault of this axis heals tells of a fault of its own.
+    """
+    sick = [output for output, far in case.sickness.items() if output not in best.left.outputs and far > 1.0]
+    mates = suspects_in(case, [name for name in _axis(case, best.channel) if name != best.channel] if sick else [])
+    return [output for output in sick if any(_would_heal(mate, output) for mate in mates)]
+
+
+def _would_heal(suspect: Suspect, output: str) -> bool:
+    """Tell whether a residual is healthy, or much nearer to it, once a suspect reads what it should."""
+    case = suspect.case
+    if output not in suspect.outputs:
+        return False
+    changes = np.where(np.arange(len(suspect.measured)) >= suspect.onset, suspect.measured - suspect.virtual, 0.0)
+    row = suspect.outputs.index(output)
+    left = suspect.white[row] - suspect.shown(changes[np.newaxis])[0, row]
+    return greatest(case.monitor, output, left) < max(0.5 * case.sickness[output], 1.0)
+
+
+def _axis(case: Case, channel: str) -> list[str]:
+    return [name for name in case.monitor.bank.suspects if name in axis_of(channel)]
+
+
+def _reason(best: FittedHypothesis, order: Sequence[str], untestable: Sequence[str], strays: Sequence[str]) -> str:
+    """Say why no sensor is named."""
+    if strays:
+        return f"a fault of {best.channel} doesn't explain the residual of {', '.join(strays)}"
+    if len(order) > 1:
+        return f"a fault of {order[1]} explains it nearly as well as one of {order[0]}"
+    return f"nothing predicts {', '.join(untestable)}" if untestable else "it is too early to tell"
+
+
+def _stepped(case: Case, first: Judgement) -> Judgement | None:
+    """Say that an angle has stepped, or one of two did, where a step explains what was there for a moment; or None."""
+    ranked = transients(case, suspects_in(case, first.candidates))
+    best = ranked[0] if ranked else None
+    if best is None or not best.is_step or best.channel not in ANGLES or best.gain < DECISIVE:
+        return None
+    rivals = [each.channel for each in ranked if each.gain > best.gain - DECISIVE]
+    names = tuple(dict.fromkeys([best.channel, *rivals]))
+    return Judgement(
+        time_s=case.end_s,
+        sensor=names[0] if len(names) == 1 else None,
+        candidates=names,
+        kind="bias",
+        parameters={"size": best.size, "onset_s": float(case.record.time_s[best.row])},
+        errors={"size": abs(best.size) / float(np.sqrt(best.gain))},
+        reason="" if len(names) == 1 else f"a short fault of {names[1]} explains it nearly as well",
+    )
+
+
+def _unexplained(case: Case, first: Judgement) -> Judgement:
+    """Say of an alarm that no hypothesis explains whether anything is left of it."""
+    told = replace(first, time_s=case.end_s)
+    if first.sensor is not None:
+        return told
+    left = max(case.sickness.values())
+    if left > 1.0:
+        return replace(told, reason="no hypothesis explains the residuals")
+    if left > _QUIET or (len(case.record) - case.sure) * case.period_s < _PASSED_S:
+        return replace(told, reason="too little is left of it to tell")
+    return replace(told, candidates=tuple(_untestable(case)))
 
 
 def _untestable(case: Case) -> list[str]:
     """Return the suspects that nothing predicts and nothing clears: the residuals they don't enter are healthy."""
-    bank, untestable = case.monitor.bank, []
-    for name in suspects_of(bank, tuple(case.residuals.raw)):
-        if name not in case.residuals.raw and not integrable(name, bank.channels):
-            spared = [output for output in case.residuals.raw if output not in bank.affects(name)]
-            if not spared or _excess(case, spared) <= 0.0:
-                untestable.append(name)
-    return untestable
-
-
-def _excess(case: Case, outputs: list[str]) -> float:
-    """Return what residuals have over their healthy energy and six deviations of it."""
-    energy, count = case.energy({name: case.residuals.raw[name] for name in outputs})
-    return float(energy - count - 6.0 * np.sqrt(2.0 * max(count, 1)))
-
-
-def _explains(case: Case, best: FittedHypothesis) -> bool:
-    """Tell whether the best hypothesis leaves its residuals healthy, or takes most of what was wrong with them."""
-    own = list(case.monitor.bank.affects(best.channel))
-    energy, count = case.energy({name: case.residuals.raw[name] for name in own})
-    over = (best.left - 1.0) * count
-    return bool(over <= max(0.5 * (energy - count), 6.0 * np.sqrt(2.0 * max(count, 1))))
+    bank, predicted = case.monitor.bank, case.residuals.raw
+    return [
+        name
+        for name in suspects_of(bank, tuple(predicted))
+        if name not in predicted and not integrable(name, bank.channels)
+        if all(far <= 1.0 for output, far in case.sickness.items() if output not in bank.affects(name))
+    ]
 
 
 def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
@@ -123,25 +260,55 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     fault undone to the end, and than `rival`, the BIC of the best fault that lasts: a saturation that isn't reached
     ends nothing. For gyros only: where an angle should be, the gyros can't say for long.
     """
-    virtual = virtual_sensor(case, best.channel)
-    if virtual is None or best.channel in ANGLES:
+    fault = fault_of(best)
+    if fault is None or best.channel in ANGLES:
         return None
-    reads = HYPOTHESES[best.kind].reads(stretch_of(case, best.channel, virtual), best.parameters)
-    undone = corrected_residuals(case, best.channel, corrected(case, best.channel, virtual, reads))
-    gain = np.zeros(case.stop - case.sure)  # of leaving the record as it is, in nats
-    over = np.zeros(len(gain))  # what the residuals as they are have over what is tolerated
-    for output, values in undone.items():
-        as_is, better = (case.squares(output, of) for of in (case.residuals.raw[output], values))
-        gain[: len(better)] += 0.5 * np.nan_to_num(better - as_is)
-        over[: len(as_is)] += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
+    (suspect,) = suspects_in(case, (best.channel,)) or (None,)
+    if suspect is None:
+        return None
+    begun = suspect.time_s >= fault.onset_s
+    elapsed_s = suspect.time_s - fault.onset_s
+    virtual = suspect.expected
+    before = np.array([virtual[0]])
+    reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
+    shown = suspect.shown(np.where(begun, reads - virtual, 0.0)[np.newaxis])[0]
+    rows = case.judged.stop - case.judged.start
+    gain, over = np.zeros(rows), np.zeros(rows)  # of leaving the record as it is; what it has over what is tolerated
+    for i, output in enumerate(suspect.outputs):
+        if output in case.residuals.raw:
+            as_is = np.square(np.clip(suspect.white[i], -MOST, MOST))
+            undone = np.square(np.clip(suspect.white[i] - shown[i], -MOST, MOST))
+            gain += 0.5 * np.nan_to_num(undone - as_is)
+            over += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
     ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
-    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in undone)  # whitening remembers the fault
-    since = len(gain) - clear
-    if since * case.record.sample_period_s < _CLEAR_S:
+    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in case.residuals.raw)
+    since = rows - clear  # whitening remembers the fault
+    if since * case.period_s < _CLEAR_S:
         return None
-    cost = (len(best.parameters) + 1) * np.log(max(len(gain), 2))
-    lasting = case.energy(dict(case.residuals.raw))[0] + 2.0 * float(gain[:ended].sum()) + cost
-    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(undone))
+    # whitening smears the end: of the rows before, the one that explains most
+    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
+    added = np.where(begun, reads - virtual, 0.0)
+    trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
+    deviances = suspect.deviances(suspect.white - suspect.shown(trials))
+    ended = int(ends[np.argmin(deviances)])
+    lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
+    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
         return None
-    return round(float(case.record.time_s[case.sure + ended]), 9)
+    return round(float(case.record.time_s[case.judged.start + ended]), 9)
+
+
+def fault_of(fit: FittedHypothesis) -> Fault | None:
+    """Return the fault that a fit tells of, where that reads something definite."""
+    parameters = dict(fit.parameters)
+    onset_s = parameters.pop("onset_s", -1e9)
+    if fit.kind in ("jam", "hardover", "stuck"):
+        return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
+    cls = FAULTS.get(fit.kind)
+    if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):
+        return None
+    names = {each.name for each in cls.parameters()}
+    if fit.kind in _ENDLESS or not set(parameters) <= names:
+        return None
+    figures: dict[str, Any] = parameters
+    return cls(channel=fit.channel, onset_s=onset_s, **figures)

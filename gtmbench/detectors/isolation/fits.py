@@ -1,201 +1,111 @@
-"""Fits of fault hypotheses: the suspect and the kind of fault whose undoing makes all residuals healthy again.
-
-A suspect's record is corrected as if it had that fault: y - (F(v) - v), v its virtual sensor. The residuals of the
-corrected record, whitened, are healthy noise if the hypothesis is right, so their sum of squares is its -2 log
-likelihood to a constant; hypotheses compete by the BIC.
-"""
+"""Which hypotheses explain a case best: every suspect's, ranked by the BIC."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.isolation.hypotheses import HYPOTHESES, Deviance, Fit, Parameters, Stretch
-from gtmbench.detectors.virtual import integrable, integrated_angle
-from gtmbench.record import FloatArray, Record
+from gtmbench.channels import axis_of
+from gtmbench.detectors.bank.calibrated import residuals_of
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter
+from gtmbench.detectors.isolation.hypotheses import known, unknown
+from gtmbench.detectors.isolation.suspect import Left, Suspect
 
-_MOST = 20.0  # deviations that one sample may count for
-_EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 _HOPELESS = 200.0  # of -2 log likelihood
+ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FittedHypothesis(Fit):
-    """The fit of a suspect, and its BIC: log(samples) a parameter added, residuals that it leaves alone included.
-
-    `left` is the mean square of the suspect's own residuals, whitened, once corrected: about 1 if that explains them.
-    """
+    """The fit of a suspect, and its BIC: log(samples) a number fitted, residuals that it leaves alone included."""
 
     channel: str
     bic: float
-    left: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
-    """Rows of a record that an alarm is judged on, and everything that hypotheses share.
+def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
+    """Return those of some channels that have a virtual sensor."""
+    return [suspect for name in channels if (suspect := Suspect.of(case, name)) is not None]
 
-    Attributes
-    ----------
-    record : Record
-        From before the onset to the end of the horizon.
-    start, sure : int
-        Rows of it: the suspect isn't believed from `start` on, the fault is surely there from `sure` on, and
-        residuals are judged from there to the end, as far as they are known.
-    shift : dict
-        Means of the residuals before the fault (biases), in the outputs' units.
+
+def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:
+    """Return every hypothesis on the suspects that have a virtual sensor, best first.
+
+    What a sensor's own readings show, and heals its residuals, needs no other fault to be absent: what it leaves alone
+    may be another's. An axis whose suspects leave far more than the best so far with whatever simple shape and noise
+    isn't tried further.
     """
-
-    monitor: CalibratedBank
-    record: Record
-    residuals: BankResiduals = field(repr=False)
-    start: int
-    sure: int
-    shift: dict[str, float]
-
-    @property
-    def stop(self) -> int:
-        """One past the last row."""
-        return len(self.record)
-
-    def energy(self, raw: dict[str, FloatArray]) -> tuple[float, int]:
-        """Return the sum of squares of some residuals, whitened, over the rows judged, and how many they are."""
-        total, count = 0.0, 0
-        for output, values in raw.items():
-            squares = self.squares(output, values)
-            there = squares[np.isfinite(squares)]
-            total += float(np.sum(there))
-            count += len(there)
-        return total, count
-
-    def squares(self, output: str, values: FloatArray) -> FloatArray:
-        """Return the squares of a residual, whitened about its mean before the fault, over the rows judged.
-
-        Only rows that are known at their end; none counts for more than `_MOST` deviations.
-        """
-        whitener = self.monitor.whiteners[output]
-        ahead = round(self.monitor.corrected_look_ahead_of(output) / self.record.sample_period_s)
-        begin = max(self.sure - whitener.order, 0)
-        white = whitener.whiten(values[begin : max(self.stop - ahead, begin)] - self.shift[output])[self.sure - begin :]
-        if output in self.residuals.spread:
-            white = white / self.residuals.spread[output].white[self.sure :][: len(white)]
-        return np.asarray(np.square(np.clip(white, -_MOST, _MOST)))
-
-
-def shift_of(monitor: CalibratedBank, output: str, before: FloatArray) -> float:
-    """Return the mean of a residual before a fault, about that of its identification."""
-    there = before[np.isfinite(before)]
-    return float(there.mean()) - monitor.whiteners[output].mean if len(there) else 0.0
-
-
-def ranked_hypotheses(case: Case, channels: tuple[str, ...]) -> list[FittedHypothesis]:
-    """Return every kind of fault of the suspects that have a virtual sensor, best first.
-
-    A suspect whose channel leaves far more than the best hypothesis so far, as it is and all replaced by the virtual
-    sensor, isn't tried further.
-    """
-    healthy, count = case.energy(dict(case.residuals.raw))
-    penalty = float(np.log(max(count, 2)))
-    suspects = [_Suspect.of(case, channel, healthy) for channel in channels]
+    penalty = float(np.log(max(case.count, 2)))
+    suspects = suspects_in(case, channels)
+    fitters = [Fitter(suspect, without) for suspect in suspects]
+    bounds = {fitter.suspect.channel: _bound(fitter) for fitter in fitters}
+    of_axis = {name: min(bounds[other] for other in axis_of(name) if other in bounds) for name in bounds}
     ranking: list[FittedHypothesis] = []
-    for suspect in sorted((each for each in suspects if each is not None), key=lambda suspect: suspect.bound):
-        if ranking and suspect.bound > min(fit.bic for fit in ranking) + _HOPELESS:
+    for fitter in sorted(fitters, key=lambda fitter: of_axis[fitter.suspect.channel]):
+        least = min((fit.bic for fit in ranking), default=np.inf)
+        if of_axis[fitter.suspect.channel] > least + _HOPELESS:
             continue
-        for hypothesis in HYPOTHESES.values():
-            fit = hypothesis.fit(suspect.stretch, suspect.deviance)
-            if fit is not None:
-                bic = fit.deviance + (len(fit.parameters) * penalty + suspect.others)
-                left = fit.deviance / max(suspect.count, 1)
-                ranking.append(FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, left=left))
-    return sorted(ranking, key=lambda fit: fit.bic)
+        for fit in (*known(fitter), *unknown(fitter)):
+            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty
+            if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
+                bic -= fitter.suspect.sick_elsewhere
+            ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))
+    ranking.sort(key=lambda fit: fit.bic)
+    is_open = bool(ranking) and ranking[0].kind in ABSORBING and not ranking[0].left.heals(case.monitor)
+    if is_open and "cross-axis" not in set(without):
+        ranking = sorted([*ranking, *_swaps(case, suspects)], key=lambda fit: fit.bic)
+    return ranking
 
 
-def within_reach(ranking: Sequence[FittedHypothesis]) -> tuple[str, ...]:
-    """Return the suspects that more data may still prove right."""
-    return tuple(dict.fromkeys(fit.channel for fit in ranking if fit.bic <= ranking[0].bic + _HOPELESS))
+def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence[str]) -> set[str]:
+    """Return the suspects that no more data will prove right; none, until a case is long enough to tell.
+
+    Those of the best one's axis always may.
+    """
+    if not ranking or not case.is_telling:
+        return set()
+    best = ranking[0]
+    near = {fit.channel for fit in ranking if fit.bic <= best.bic + _HOPELESS}
+    return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 
-def standard_errors(case: Case, best: FittedHypothesis) -> Parameters:
-    """Return standard errors of a hypothesis' parameters."""
-    suspect = _Suspect.of(case, best.channel, 0.0)
-    return {} if suspect is None else HYPOTHESES[best.kind].errors(suspect.stretch, suspect.deviance, best)
+def _bound(fitter: Fitter) -> float:
+    """Return about the least that a suspect can leave; one whose readings hold or clip can't be told by that."""
+    if fitter.is_straight:
+        return -np.inf
+    every = tuple(fitter.shapes)
+    lefts = [fitter.plain(*every), *(noise.left for noise in fitter.noises(*every))]
+    return min(each.deviance for each in lefts) + fitter.suspect.elsewhere
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Suspect:
-    """A suspect with its virtual sensor: `others` is the energy of the residuals that it doesn't enter."""
-
-    channel: str
-    stretch: Stretch
-    deviance: Deviance
-    others: float
-    count: int
-    bound: float
-
-    @classmethod
-    def of(cls, case: Case, channel: str, healthy: float) -> _Suspect | None:
-        """Return a suspect, or None where nothing predicts it."""
-        virtual = virtual_sensor(case, channel)
-        if virtual is None:
-            return None
-        affected = case.monitor.bank.affects(channel)
-        own, count = case.energy({name: case.residuals.raw[name] for name in affected})
-        stretch = stretch_of(case, channel, virtual)
-
-        def deviance(reads: FloatArray) -> float:
-            values = corrected(case, channel, virtual, reads)
-            return case.energy(corrected_residuals(case, channel, values))[0]
-
-        others = healthy - own
-        # the two ends: all that was measured is the fault (what is left is the virtual sensor), or nothing is
-        bound = min(deviance(stretch.measured), own) + others
-        return cls(channel=channel, stretch=stretch, deviance=deviance, others=others, count=count, bound=bound)
+def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:
+    """Give the hypotheses that two sensors have changed places, each from both sides."""
+    for one, other in combinations([suspect.channel for suspect in suspects], 2):
+        if any({one, other} <= set(group) for group in PEERS):
+            left = _swapped_back(case, one, other)
+            for channel, partner in ((one, other), (other, one)):
+                yield FittedHypothesis(
+                    kind="swap",
+                    family="cross-axis",
+                    left=left,
+                    parameters={},
+                    free=0,
+                    partner=partner,
+                    channel=channel,
+                    bic=left.deviance,
+                )
 
 
-def stretch_of(case: Case, channel: str, virtual: FloatArray) -> Stretch:
-    """Return the rows of a suspect that its kind of fault is fitted to."""
-    rows = slice(case.sure, case.stop)
-    time_s = case.record.time_s
-    return Stretch(
-        channel=channel,
-        measured=case.record[channel][rows],
-        virtual=virtual[rows],
-        before=float(case.record[channel][case.sure - 1]),
-        time_s=time_s[rows],
-        earliest_s=float(time_s[case.sure]) - max(_EARLIEST_S, 2.0 * float(time_s[case.sure] - time_s[case.start])),
-        sample_period_s=case.record.sample_period_s,
-    )
-
-
-def virtual_sensor(case: Case, channel: str) -> FloatArray | None:
-    """Return what a suspect should have read over a case, or None where nothing predicts it."""
-    if channel in case.residuals.predicted:
-        return np.asarray(
-            case.residuals.predicted[channel] + case.shift[channel] + case.monitor.whiteners[channel].mean
-        )
-    if integrable(channel, case.monitor.bank.channels):
-        return integrated_angle(case.record, channel, case.start)
-    return None
-
-
-def corrected(case: Case, channel: str, virtual: FloatArray, reads: FloatArray) -> FloatArray:
-    """Return a suspect's channel with a fault undone: the virtual sensor until it is surely there, then y - F + v."""
-    values = np.array(case.record[channel])
-    values[case.start : case.sure] = virtual[case.start : case.sure]
-    values[case.sure : case.stop] += virtual[case.sure : case.stop] - reads
-    return values
-
-
-def corrected_residuals(case: Case, channel: str, values: FloatArray) -> dict[str, FloatArray]:
-    """Return the residuals that a suspect enters, with its channel replaced."""
-    bank = case.monitor.bank
-    feeds = [spec.output for spec in bank.residuals if channel in bank.sources(spec)]
-    residuals = {}
-    if feeds:
-        residuals = dict(residuals_of(bank, case.record.replace(channel, values), case.monitor.operators, feeds).raw)
-    if channel in case.residuals.raw:
-        residuals[channel] = case.residuals.raw[channel] + (values - case.record[channel])
-    return residuals
+def _swapped_back(case: Case, one: str, other: str) -> Left:
+    """Return what all of a case leaves with two channels changed places since the onset."""
+    since = np.arange(len(case.record)) >= case.onset
+    ones, others = case.record[one], case.record[other]
+    record = case.record.replace(one, np.where(since, others, ones)).replace(other, np.where(since, ones, others))
+    residuals = residuals_of(case.monitor.bank, record, case.monitor.operators, case.residuals.raw)
+    swapped = replace(case, record=record, residuals=replace(case.residuals, raw=residuals.raw))
+    white = np.array([values[case.judged] for values in swapped.white.values()])
+    return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), white=white)

@@ -1,251 +1,284 @@
-"""Fault hypotheses: that a sensor has a kind of fault, and how the fault's parameters are searched.
+"""Fault hypotheses: what a broken sensor adds to what it should have read, by families of faults.
 
-What a broken sensor would read, given what it should have read, the fault's own class says (`gtmbench.faults`). A new
-hypothesis is an entry in `HYPOTHESES`; a kind that is searched in another way is one class more.
+The same for gyros and angles, or the richer side wins. Linear ones are least squares in a few shapes; others try values
+of one parameter on the fault's own class (`gtmbench.faults`); noise is judged by its spectrum. A hypothesis without a
+kind explains what nobody wrote one for: it names a sensor, and its kind is `unknown`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import Deadzone, Drift, Jam, RateSaturation, Saturation
-from gtmbench.record import FloatArray
+from gtmbench.detectors.isolation.fitter import UNKNOWN, WORTH, Fit, Fitter, Parameters, leads
+from gtmbench.detectors.isolation.noise import spikes_of
+from gtmbench.detectors.isolation.search import Search, hysteresis_step, rate_limited_step
+from gtmbench.detectors.isolation.suspect import Left, Suspect
 
-_GRID = 14  # trial values of a parameter, evenly spaced in its logarithm
-_TURNS = 12
-
-Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
-Deviance = Callable[[FloatArray], float]  # of what the broken sensor reads: -2 log likelihood, to a constant
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stretch:
-    """The rows that a diagnosis stands on, from where the fault is surely there.
-
-    Attributes
-    ----------
-    channel : str
-        The suspect.
-    measured, virtual : shape (rows,)
-        What it read, and what it should have read.
-    before : float
-        Its last reading before these rows.
-    time_s : shape (rows,)
-    earliest_s : float
-        When the fault may have begun, at the earliest.
-    sample_period_s : float
-    """
-
-    channel: str
-    measured: FloatArray = field(repr=False)
-    virtual: FloatArray = field(repr=False)
-    before: float
-    time_s: FloatArray = field(repr=False)
-    earliest_s: float
-    sample_period_s: float
+_REPLACED = 0.1  # of the signal, may be left of it
+_SOON_S = 0.1
+_LOUDER = 1.05  # a gain that noise shows
+_ABOUT = 3.0
+_BEYOND = 1.5  # times the greatest reading before: nothing healthy
+_EVENLY = 0.8  # of the readings are repeated equally often
+_REPEATED = 3  # samples and more are no chance
+_NOISY = 5  # shapes that are tried with noise
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """A kind of fault fitted to a stretch.
-
-    Attributes
-    ----------
-    kind : str
-    deviance : float
-    parameters : dict
-    """
-
-    kind: str
-    deviance: float
-    parameters: Parameters
-
-
-class Hypothesis:
-    """That a sensor has a kind of fault: what it would read, and how the fault's parameters are found.
-
-    Parameters
-    ----------
-    fault : type of Fault
-        Its severities are parameters. An onset is one where it is searched; what the fault carries over from the
-        sample before it is where `carried` says so.
-    """
-
-    def __init__(self, fault: type[Fault]) -> None:
-        self._fault = fault
-        self.kind = fault.kind
-        self._severities = tuple(each.name for each in fault.parameters() if each.is_severity)
-
-    def reads(self, stretch: Stretch, parameters: Parameters) -> FloatArray:
-        """Return what a sensor with this fault reads over a stretch."""
-        onset_s = parameters.get("onset_s", stretch.earliest_s)
-        severities: dict[str, Any] = {name: parameters[name] for name in self._severities}
-        fault = self._fault(channel=stretch.channel, onset_s=onset_s, **severities)
-        readings, elapsed_s = stretch.virtual[:, np.newaxis], stretch.time_s - onset_s
-        carried = self.carried(fault, stretch, parameters)
-        return fault.distort(readings, elapsed_s, stretch.sample_period_s, carried)[0]
-
-    def carried(self, fault: Fault, stretch: Stretch, parameters: Parameters) -> Any:
-        """Return what the fault carries into a stretch."""
-        return fault.begin(np.array([stretch.before]))
-
-    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
-        """Return the best parameters, or None where the stretch allows none."""
-        raise NotImplementedError
-
-    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
-        """Return standard errors of the parameters: how far each may go until -2 log likelihood has risen by 1."""
-        raise NotImplementedError
-
-    def _fitted(self, stretch: Stretch, deviance: Deviance, parameters: Parameters) -> Fit:
-        return Fit(kind=self.kind, deviance=deviance(self.reads(stretch, parameters)), parameters=parameters)
+def _additive(fitter: Fitter) -> Iterator[Fit]:
+    (size,) = fitter.weights("1")
+    yield fitter.shaped("bias", "additive", ("1",), {"size": float(size)}, partial(_errors, fitter, "size", "1"))
+    yield from _drift(fitter)
+    yield from _oscillation(fitter)
+    for names in ((), ("1",), ("1", "t")):
+        walk = fitter.noises(*names)[1]
+        gain = float(np.sqrt(walk.variance / fitter.period_s))
+        yield Fit(
+            kind="random_walk",
+            family="additive",
+            left=walk.left,
+            parameters={"gain": gain},
+            free=1 + len(names),
+            errors=partial(_scaled, "gain", gain, 0.5 * walk.spread),
+        )
 
 
-class Ramp(Hypothesis):
-    """A fault that adds a slope, its onset not after the stretch begins."""
-
-    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
-        """Fit a line; its onset is held to its range."""
-        added = stretch.measured - stretch.virtual
-        there = np.isfinite(added)
-        if there.sum() < 3:
-            return None
-        begin_s = float(stretch.time_s[0])
-        middle, span = float(stretch.time_s.mean()), max(float(np.ptp(stretch.time_s)), 1e-9)
-        slope, offset = np.polyfit(stretch.time_s[there] - middle, added[there], 1)
-
-        def onset_s(line: FloatArray) -> float:
-            wanted = middle - line[0] * span / line[1] if line[1] else begin_s
-            return float(np.clip(wanted, stretch.earliest_s, begin_s))
-
-        def tried(line: FloatArray) -> float:
-            return deviance(self.reads(stretch, {"slope": line[1] / span, "onset_s": onset_s(line)}))
-
-        line = self._searched(tried, np.array([offset, slope * span]))
-        return self._fitted(stretch, deviance, {"slope": float(line[1] / span), "onset_s": onset_s(line)})
-
-    def _searched(self, tried: Callable[[FloatArray], float], line: FloatArray) -> FloatArray:
-        """Return the best line, as its middle and its rise: least squares begins, the likelihood decides.
-
-        Other residuals that the suspect enters may know far better than the virtual sensor does.
-        """
-        from scipy.optimize import minimize
-
-        size = max(float(np.abs(line).max()), 1e-9)
-        simplex = line + 0.3 * size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-        options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3 * size, "fatol": 0.05}
-        return np.asarray(minimize(tried, line, method="Nelder-Mead", options=options).x)
-
-    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
-        """Turn the line about its middle, so that the onset moves along."""
-        slope, onset_s = fit.parameters["slope"], fit.parameters["onset_s"]
-        middle = float(stretch.time_s.mean())
-
-        def tried(trial: float) -> float:
-            begun_s = middle - (middle - onset_s) * slope / trial if trial else middle
-            return deviance(self.reads(stretch, {"slope": trial, "onset_s": begun_s}))
-
-        error = _standard_error(tried, slope)
-        return {"slope": error, "onset_s": abs(error / slope) * (middle - onset_s) if slope else float("nan")}
+def _drift(fitter: Fitter) -> Iterator[Fit]:
+    """Give the ramps: from wherever it crosses zero, and from where the fault is sure (an offset may not show)."""
+    suspect = fitter.suspect
+    sure_s = float(suspect.time_s[suspect.sure])
+    for names in (("1", "t"), ("t",)):
+        weights = fitter.weights(*names)
+        slope = float(weights[-1])
+        began_s = -float(weights[0]) / slope if len(names) == 2 and slope else 0.0
+        if suspect.earliest_s <= sure_s + began_s <= sure_s + _SOON_S:
+            found = {"slope": slope, "onset_s": sure_s + began_s}
+            errors = partial(_ramp_errors, fitter, names, slope, began_s)
+            yield fitter.shaped("drift", "additive", names, found, errors)
 
 
-class Constant(Hypothesis):
-    """A fault that repeats a value which it carries over."""
-
-    def carried(self, fault: Fault, stretch: Stretch, parameters: Parameters) -> Any:
-        """Return the value: it is searched, for the last reading before the stretch may be another."""
-        return parameters["value"]
-
-    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
-        """Take the median."""
-        there = stretch.measured[np.isfinite(stretch.measured)]
-        return self._fitted(stretch, deviance, {"value": float(np.median(there))}) if len(there) else None
-
-    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
-        """Return the error of the mean reading: 0 where the sensor reads the same all the time."""
-        there = stretch.measured[np.isfinite(stretch.measured)]
-        return {"value": float(np.std(there) / np.sqrt(len(there)))}
+def _ramp_errors(fitter: Fitter, names: tuple[str, ...], slope: float, began_s: float) -> Parameters:
+    errors = {"slope": float(fitter.deviations(*names)[-1]), "onset_s": float("nan")}
+    if len(names) == 2 and slope:
+        by = np.array([1.0, began_s]) / slope
+        errors["onset_s"] = float(np.sqrt(max(float(by @ fitter.columns.covariance(names) @ by), 0.0)))
+    return errors
 
 
-class Scale(Hypothesis):
-    """A fault with one positive severity.
-
-    Parameters
-    ----------
-    fault : type of Fault
-    largest : callable
-        From a stretch to the greatest value worth trying.
-    """
-
-    def __init__(self, fault: type[Fault], largest: Callable[[Stretch], float]) -> None:
-        super().__init__(fault)
-        (self._severity,) = self._severities
-        self._largest = largest
-
-    def fit(self, stretch: Stretch, deviance: Deviance) -> Fit | None:
-        """Try a grid down to a hundredth of the largest, then refine the best neighbourhood."""
-        from scipy.optimize import minimize_scalar
-
-        largest = self._largest(stretch)
-        if not largest > 0.0:
-            return None
-
-        def tried(value: float) -> float:
-            return deviance(self.reads(stretch, {self._severity: value}))
-
-        grid = np.geomspace(largest / 100.0, largest, _GRID)
-        scores = [tried(value) for value in grid.tolist()]
-        best = int(np.argmin(scores))
-        value = float(grid[best])
-        if 0 < best < _GRID - 1:
-            bounds = (float(grid[best - 1]), float(grid[best + 1]))
-            refined = minimize_scalar(tried, bounds=bounds, method="bounded", options={"maxiter": _TURNS})
-            value = float(refined.x) if refined.fun < scores[best] else value
-        return self._fitted(stretch, deviance, {self._severity: value})
-
-    def errors(self, stretch: Stretch, deviance: Deviance, fit: Fit) -> Parameters:
-        """Move the severity to both sides."""
-
-        def tried(trial: float) -> float:
-            return deviance(self.reads(stretch, {self._severity: trial}))
-
-        return {self._severity: _standard_error(tried, fit.parameters[self._severity], low=0.0)}
+def _oscillation(fitter: Fitter) -> Iterator[Fit]:
+    """Give a sine that is added, and one in place of the signal; its frequency was fitted, too."""
+    for family, names in (("additive", ("sin", "cos")), ("replacing", ("sin", "cos", "x"))):
+        weights = fitter.weights(*names)
+        if len(names) == 2 or abs(weights[2] + 1.0) <= _REPLACED:
+            found = {"amplitude": float(np.hypot(*weights[:2])), "frequency_hz": fitter.frequency_hz}
+            errors = partial(_errors, fitter, "amplitude", "sin", "cos")
+            yield fitter.shaped("oscillation", family, names, found, errors, more=1)
 
 
-def _reach(stretch: Stretch) -> float:
-    """Return the greatest magnitude that the sensor should have read."""
-    return float(np.nanmax(np.abs(stretch.virtual), initial=0.0))
-
-
-def _slew(stretch: Stretch) -> float:
-    """Return twice the greatest slope of the virtual sensor, which is smoother than the real one; per second."""
-    return 2.0 * float(np.nanmax(np.abs(np.diff(stretch.virtual)), initial=0.0)) / stretch.sample_period_s
-
-
-HYPOTHESES: dict[str, Hypothesis] = {
-    hypothesis.kind: hypothesis
-    for hypothesis in (
-        Ramp(Drift),
-        Scale(Deadzone, _reach),
-        Scale(Saturation, _reach),
-        Scale(RateSaturation, _slew),
-        Constant(Jam),
+def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
+    """Give a wrong gain, which the sensor's own noise may have, too, and a wrong sign."""
+    (more,) = fitter.weights("x")
+    factor = 1.0 + float(more)
+    plain = fitter.shaped(
+        "scale_factor", "multiplicative", ("x",), {"factor": factor}, partial(_errors, fitter, "factor", "x")
     )
+    yield plain
+    noise, habit = fitter.noises("x")[0], fitter.suspect.case.habits.get(fitter.suspect.channel)
+    if habit is not None and factor > _LOUDER:
+        times = noise.variance / ((factor**2 - 1.0) * habit.variance)
+        if 1.0 / _ABOUT < times < _ABOUT:
+            yield replace(plain, left=noise.left, free=2)
+    yield fitter.fixed("sign_flip", "multiplicative", -2.0 * fitter.shapes["x"], {}, 0)
+
+
+def _timing(fitter: Fitter) -> Iterator[Fit]:
+    if not fitter.is_late():
+        return
+    yield from Search(kind="lag", family="timing", name="lag_s", low=0.005, high=1.0).fits(fitter)
+    yield from Search(kind="delay", family="timing", name="delay_s", low=0.01, high=1.0).fits(fitter)
+
+
+def _replacing(fitter: Fitter) -> Iterator[Fit]:
+    suspect = fitter.suspect
+    judged = suspect.measured[suspect.judged]
+    if fitter.is_constant:
+        value = float(np.nanmedian(judged))
+        changes = (value - fitter.virtual) * fitter.on
+        error = partial(_scaled, "value", 1.0, float(np.nanstd(judged)) / np.sqrt(len(judged)))
+        yield fitter.fixed(_constant_kind(suspect, value), "replacing", changes, {"value": value}, 1, error)
+    elif fitter.is_straight:
+        yield from _held(fitter)
+
+
+def _held(fitter: Fitter) -> Iterator[Fit]:
+    """Give the fit of readings that are repeated as they are: evenly, or now and then (which is no kind, nor lasts)."""
+    judged = fitter.suspect.measured[fitter.suspect.judged]
+    held = np.diff(np.flatnonzero(np.concatenate([[True], np.diff(judged) != 0.0])))
+    if len(held) < 2:
+        return
+    usual = float(np.median(held))
+    if usual >= 2.0 and np.mean(np.abs(held - usual) <= 1.0) > _EVENLY:
+        hold_s = float(np.mean(held)) * fitter.period_s
+        error = partial(_scaled, "hold_s", fitter.period_s, 1.0 / len(held))
+        yield fitter.fixed("stale", "replacing", fitter.stale(), {"hold_s": hold_s}, 1, error)
+    else:
+        free = 2 * int(np.count_nonzero(held > _REPEATED))
+        fit = fitter.fixed(UNKNOWN, UNKNOWN, fitter.stale(), {}, free)
+        yield replace(fit, lasts=False)
+
+
+def _clipping(fitter: Fitter) -> Iterator[Fit]:
+    if not fitter.is_straight:  # what clips or holds readings leaves traces in them
+        return
+    virtual = fitter.virtual[fitter.suspect.sure :]
+    reach = float(np.max(np.abs(virtual), initial=0.0))
+    slew = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
+    step = fitter.straight_step / fitter.period_s
+    for search in (
+        Search(kind="deadzone", family="clipping", name="half_width", low=reach / 100.0, high=reach),
+        Search(kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach),
+        Search(
+            kind="rate_saturation",
+            family="clipping",
+            name="rate_limit",
+            low=0.7 * step or slew / 100.0,
+            high=1.4 * step or slew,
+            guess=step,
+            step=rate_limited_step,
+        ),
+        Search(
+            kind="hysteresis",
+            family="clipping",
+            name="width",
+            low=reach / 50.0,
+            high=2.0 * reach,
+            step=hysteresis_step,
+        ),
+    ):
+        yield from search.fits(fitter)
+    yield from _quantised(fitter)
+
+
+def _variance(fitter: Fitter) -> Iterator[Fit]:
+    noise = fitter.noises()[0]
+    deviation = float(np.sqrt(noise.variance))
+    yield Fit(
+        kind="noise",
+        family="variance",
+        left=noise.left,
+        parameters={"deviation": deviation},
+        free=1,
+        errors=partial(_scaled, "deviation", deviation, 0.5 * noise.spread),
+    )
+    spikes = spikes_of(fitter.suspect)
+    if spikes is not None:
+        yield Fit(
+            kind="spikes",
+            family="variance",
+            left=spikes.left,
+            parameters={"size": spikes.size, "rate_hz": spikes.rate_hz},
+            free=2,
+            errors=partial(dict, size=spikes.size_error, rate_hz=spikes.rate_hz / float(np.sqrt(spikes.count))),
+        )
+
+
+def _crossing(fitter: Fitter) -> Iterator[Fit]:
+    for name in fitter.peers:
+        names = ("x", f"of {name}")
+        more, other = fitter.weights(*names)
+        found = {"angle_deg": float(np.rad2deg(np.arctan2(other, 1.0 + more)))}
+        errors = partial(_angle_error, fitter, names)
+        yield fitter.shaped("misalignment", "cross-axis", names, found, errors, partner=name)
+    for name in fitter.felt:
+        yield from _leaking(fitter, name)
+
+
+def _leaking(fitter: Fitter, axis: str) -> Iterator[Fit]:
+    """Give the fit of a gyro that feels acceleration; none while the accelerometer tells no more than a bias does."""
+    of_axis = f"of {axis}"
+    if fitter.plain(of_axis).deviance <= fitter.plain("1").deviance - WORTH:
+        found = {"coefficient": float(fitter.weights(of_axis)[0])}
+        errors = partial(_errors, fitter, "coefficient", of_axis)
+        yield fitter.shaped("g_sensitivity", "cross-axis", (of_axis,), found, errors, partner=axis)
+
+
+def _errors(fitter: Fitter, name: str, *shapes: str) -> Parameters:
+    return {name: float(fitter.deviations(*shapes).max())}
+
+
+def _angle_error(fitter: Fitter, names: tuple[str, str]) -> Parameters:
+    return {"angle_deg": float(np.rad2deg(fitter.deviations(*names)[1]))}
+
+
+def _scaled(name: str, value: float, share: float) -> Parameters:
+    return {name: value * share}
+
+
+def _quantised(fitter: Fitter) -> Iterator[Fit]:
+    """Give the fit of a coarse reading: its values are whole multiples of a quantum, which the readings show."""
+    suspect = fitter.suspect
+    judged = suspect.measured[suspect.judged]
+    values = np.unique(np.round(judged[np.isfinite(judged)], 9))
+    if not 1 < len(values) <= max(len(judged) // 4, 2):
+        return
+    quantum = float(np.min(np.diff(values)))
+    if quantum <= 0.0 or np.abs(values / quantum - np.rint(values / quantum)).max() > 1e-3:
+        return
+    yield Fit(
+        kind="quantisation",
+        family="clipping",
+        left=fitter.noises()[0].left,
+        parameters={"quantum": quantum},
+        free=1,
+        errors=partial(_scaled, "quantum", quantum, 1e-9),
+    )
+
+
+def _constant_kind(suspect: Suspect, value: float) -> str:
+    """Tell kinds of constant readings apart: the last healthy one, beyond all healthy ones, or any other."""
+    constant = ~(np.abs(suspect.measured - value) > 1e-9 * max(abs(value), 1e-9))  # a missing reading, too
+    since = len(constant) - int(np.argmin(constant[::-1])) if not constant.all() else 0
+    habit = suspect.case.habits.get(suspect.channel)
+    if habit is not None and abs(value) > _BEYOND * habit.reach:
+        return "hardover"
+    noise = suspect.case.monitor.whiteners
+    expected = suspect.virtual[min(since, len(suspect.virtual) - 1)]
+    deviation = noise[suspect.channel].deviation if suspect.channel in noise else 0.2
+    return "jam" if value and abs(value - expected) < 4.0 * deviation else "stuck"
+
+
+FAMILIES: Mapping[str, Callable[[Fitter], Iterator[Fit]]] = {
+    "additive": _additive,
+    "multiplicative": _multiplicative,
+    "timing": _timing,
+    "replacing": _replacing,
+    "clipping": _clipping,
+    "variance": _variance,
+    "cross-axis": _crossing,
 }
 
 
-def _standard_error(tried: Callable[[float], float], value: float, *, low: float = -np.inf) -> float:
-    """Return the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise."""
-    least = tried(value)
-    step = 0.002 * abs(value) or 1e-6
-    for _ in range(12):
-        rise = 0.5 * (tried(value + step) + tried(max(value - step, low))) - least
-        if rise > 0.5:
-            return float(step / np.sqrt(rise))
-        step *= 2.0
-    return float("nan")
+def known(fitter: Fitter) -> Iterator[Fit]:
+    """Give the fits of all kinds there are; a constant reading is only one of those that replace it."""
+    for family, kinds in FAMILIES.items():
+        if family not in fitter.without and (family == "replacing" or not fitter.is_constant):
+            yield from kinds(fitter)
+
+
+def unknown(fitter: Fitter) -> Iterator[Fit]:
+    """Give fits of shapes that belong to no kind, the best of them with noise, too."""
+    if fitter.is_constant and "replacing" not in fitter.without:
+        return
+    sets = [names for names in fitter.anything if not leads(names, fitter.weights(*names))]
+    for names in sets:
+        yield _of_no_kind(fitter.plain(*names), len(names))
+    for names in sorted(sets, key=lambda names: fitter.plain(*names).deviance + 8.0 * len(names))[:_NOISY]:
+        for noise in fitter.noises(*names):
+            yield _of_no_kind(noise.left, len(names) + 1)
+
+
+def _of_no_kind(left: Left, free: int) -> Fit:
+    return Fit(kind=UNKNOWN, family=UNKNOWN, left=left, parameters={}, free=free)

@@ -16,6 +16,8 @@ stands on a later one:
   residuals that no earlier fault's candidates enter. Once it has been judged, only a decided fault takes it back.
 - Where nothing is left to explain, or a fault has ended, the rows from its onset to then are treated as missing in
   the residuals that it entered, and these are watched anew.
+- A channel that goes missing is an alarm of its own (`missing`), in time among the others; it disarms nothing, for
+  without its samples the residuals that it enters don't exist. It isn't suspected of what rises elsewhere meanwhile.
 
 What a diagnosis costs is bounded: no case is longer than about two minutes; after the last horizon the end of a fault
 is looked for every 20 s on its last minute. A record full of alarms (another sensor's noise than the monitor was
@@ -33,25 +35,32 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.isolation.diagnosis import DECISIVE, by_signature, end_s, ended_s, entered, judge, suspects_of
-from gtmbench.detectors.isolation.fits import (
-    Case,
-    FittedHypothesis,
-    ranked_hypotheses,
-    shift_of,
-    within_reach,
+from gtmbench.detectors.isolation.case import Case, shift_of
+from gtmbench.detectors.isolation.diagnosis import (
+    DECISIVE,
+    by_signature,
+    ended_s,
+    entered,
+    fault_of,
+    judge,
+    suspects_of,
 )
+from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
+from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.monitor.memory import Memory
-from gtmbench.detectors.monitor.scores import Crossing, Track
+from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
+from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray
 
-HORIZONS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
 _WINDOW_S = 60.0  # on so much
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
 _MOST, _WITHIN_S = 8, 600.0  # alarms that are diagnosed, in so long
 _ROWS = 8192  # looked through at a time
-_NEVER = np.iinfo(np.int64).max
 
 
 @dataclass(kw_only=True)
@@ -94,6 +103,17 @@ class Arming:
             return rose
         return False
 
+    def news(self, scores: FloatArray) -> IntArray:
+        """Return at which of the next scores one is above 1 that wasn't when last known, or the other way round.
+
+        Those between change nothing, but for what a judgement makes of them.
+        """
+        if self.low and not (scores > 1.0).any():  # so it is nearly always
+            return np.zeros(0, dtype=int)
+        known = np.flatnonzero(~np.isnan(scores))
+        high = scores[known] > 1.0
+        return known[np.diff(high, prepend=not self.low)]
+
     def disarm(self, row: int, since: int) -> None:
         """Raise no alarm with a row and after; what disarms it came `since`."""
         if self.disarmed_row is None:
@@ -127,6 +147,7 @@ class OpenFault:
     horizons: list[int]  # and after that
     start: int  # from where on the suspect isn't believed
     shift: dict[str, float]
+    habits: dict[str, Habit]
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
@@ -144,19 +165,37 @@ class AlarmLogic:
     tracks : mapping of output to Track
     keeps_changes : bool
         Whether it is remembered when each residual was armed.
+    without : iterable of str
+        Families of hypotheses that diagnoses don't try.
+
+    Raises
+    ------
+    InputError
+        Where there is no such family.
     """
 
     def __init__(
-        self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track], *, keeps_changes: bool = False
+        self,
+        monitor: CalibratedBank,
+        memory: Memory,
+        tracks: Mapping[str, Track],
+        *,
+        keeps_changes: bool = False,
+        without: Iterable[str] = (),
     ) -> None:
         self._monitor, self._memory, self._bank = monitor, memory, monitor.bank
+        self._without = tuple(without)
+        for family in self._without:
+            if family not in FAMILIES:
+                raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
         self.arming = [
             Arming(output=output, track=track, changes=[] if keeps_changes else None)
             for output, track in sorted(tracks.items())
         ]
         self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
+        self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
         self.alarms: list[Alarm] = []
-        self.due = _NEVER  # when a judgement is
+        self.due = NEVER  # when a judgement is
         self.row = 0  # the next
         self._open: list[OpenFault] = []
         self._diagnosed: list[int] = []  # rows
@@ -167,13 +206,15 @@ class AlarmLogic:
         while self.row < stop:
             if self.row >= self.due:
                 self._look_at_all()
-            self._watch(min(stop, self.due, self.row + _ROWS))
+            for alarm in self.missing.tell(self.row, self._memory.time_s, len(self.alarms)):
+                self._put(alarm)
+            self._watch(min(stop, self.due, self.missing.due, self.row + _ROWS))
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
 
     def is_quiet(self, scores: Iterable[float]) -> bool:
         """Tell whether scores that the next row makes known raise no alarm, and no judgement is due with it."""
-        return self.row < self.due and not any(
+        return self.row < min(self.due, self.missing.due) and not any(
             score > 1.0 and arming.low and arming.disarmed_row is None
             for arming, score in zip(self.arming, scores, strict=True)
         )
@@ -189,13 +230,13 @@ class AlarmLogic:
 
     def _watch(self, stop: int) -> None:
         """Go on to a row, or to the first alarm, if that comes before: it may bring a judgement that is due sooner."""
-        scores = [arming.track.known(self.row, stop) for arming in self.arming]
-        if all(arming.low for arming in self.arming) and not any((values > 1.0).any() for values in scores):
-            self.row = stop  # so it is nearly always
-            return
-        for row in zip(*(values.tolist() for values in scores), strict=True):
-            if self.take(row):
+        first, scores = self.row, [arming.track.known(self.row, stop) for arming in self.arming]
+        news = [arming.news(values) for arming, values in zip(self.arming, scores, strict=True)]
+        for at in sorted({at for places in news for at in places.tolist()}):
+            self.row = first + at
+            if self.take([float(values[at]) for values in scores]):
                 return
+        self.row = stop
 
     # ---- alarms ----
 
@@ -216,11 +257,13 @@ class AlarmLogic:
             ),
             crossing=crossing,
             row=row,
-            due=_NEVER,
+            due=NEVER,
             horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
             start=start,
             shift=self._shift(start),
+            habits={},
             is_diagnosed=self._may_diagnose(row),
+            ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
         )
         if fault.is_diagnosed:
             self._diagnosed.append(row)
@@ -232,6 +275,7 @@ class AlarmLogic:
         if leader is None:
             signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
+            fault.habits = self._habits(start)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
@@ -249,10 +293,21 @@ class AlarmLogic:
         raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
         return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
 
+    def _habits(self, start: int) -> dict[str, Habit]:
+        """Return how the suspects read before a fault."""
+        before = self._memory.record(range(max(start - ROWS_BEFORE, self._memory.first, 0), start))
+        habits = {name: habit_of(before[name]) for name in self._bank.suspects if name in before.channels}
+        return {name: habit for name, habit in habits.items() if habit is not None}
+
     def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
-        alarm = open_fault.alarm = replace(open_fault.alarm, **changes)
-        self.alarms[alarm.number] = self._told[alarm.number] = alarm
+        open_fault.alarm = replace(open_fault.alarm, **changes)
+        self._put(open_fault.alarm)
+
+    def _put(self, alarm: Alarm) -> None:
+        """Put an alarm, a new one or what is known of it now, where its number says."""
+        self.alarms[alarm.number : alarm.number + 1] = [alarm]
+        self._told[alarm.number] = alarm
 
     # ---- who counts to whom ----
 
@@ -282,6 +337,17 @@ class AlarmLogic:
             output for output in self._monitor.operators if output == fault.alarm.source or output not in others
         )
 
+    def _unspoilt(self, fault: OpenFault, outputs: tuple[str, ...]) -> tuple[str, ...]:
+        """Return those of some residuals that no other fault enters which has been decided since."""
+        decided = [each.alarm.last for each in self._open if each.alarm.is_first and each is not fault]
+        spoilt = {
+            output
+            for last in decided
+            if last is not None and last.sensor is not None
+            for output in entered(self._bank, [last.sensor])
+        }
+        return tuple(output for output in outputs if output == fault.alarm.source or output not in spoilt)
+
     # ---- judgements ----
 
     def _look_at_all(self) -> None:
@@ -294,7 +360,7 @@ class AlarmLogic:
                 arming.disarm(self.row, self.row)
             else:
                 arming.rearm(self.row)
-        self.due = min((fault.due for fault in self._open), default=_NEVER)
+        self.due = min((fault.due for fault in self._open), default=NEVER)
 
     def _disarmed_by(self, fault: OpenFault) -> set[str]:
         if fault.is_judged and fault.alarm.is_first and fault.alarm.last is not None:
@@ -317,26 +383,27 @@ class AlarmLogic:
 
     def _judge(self, fault: OpenFault, *, is_late: bool) -> None:
         trusted = self._trusted(fault)
-        case = self._case(fault, trusted, is_late=is_late)
-        if case.stop - case.sure < 10:  # too few rows yet
+        case = self._case(fault, self._unspoilt(fault, trusted), is_late=is_late)
+        if not case.is_ripe:
             return
         suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
-        ranking = [] if is_late else ranked_hypotheses(case, suspects)
+        ranking = [] if is_late else ranked_hypotheses(case, suspects, self._without)
         if fault.held is not None:
-            ended = ended_s(case, fault.held, ranking[0].bic if ranking else float("inf"))
+            lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
+            ended = ended_s(case, fault.held, lasting)
             if ended is not None:
-                self._close(fault, ended_s=ended, end_known_s=end_s(case))
+                self._close(fault, ended_s=ended, end_known_s=case.end_s)
                 return
         if is_late:
             return
-        if ranking:
-            fault.ruled_out |= set(suspects) - set(within_reach(ranking))
+        fault.ruled_out |= hopeless(case, ranking, suspects)
         first = by_signature(self._bank, trusted, fault.alarm.source, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
         if judged.sensor is not None and judged.kind_margin > DECISIVE:
-            fault.held = next(fit for fit in ranking if fit.channel == judged.sensor)
+            named = next(fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind))
+            fault.held = fault.held if fault_of(named) is None else named
         if not judged.candidates:
             self._close(fault)
 
@@ -354,8 +421,10 @@ class AlarmLogic:
             record=record,
             residuals=residuals,
             start=start - first,
+            onset=max(fault.crossing.onset_row, start) - first,
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
+            habits=fault.habits,
         )
 
     def _close(self, fault: OpenFault, **end: float) -> None:

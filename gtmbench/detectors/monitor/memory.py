@@ -6,16 +6,26 @@ for fits and decisions turn on the last bit now and then.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
+from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.record import FloatArray, Record
 
 
 class Memory:
-    """Rows of the bank's channels with residuals and spread beside them.
+    """Rows of the bank's channels and of witnesses, with residuals and spread beside them.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        The bank's.
+    taken : tuple of str
+        The channels, then the other `WITNESSES`: the columns of what is taken, NaN where a record has none.
 
     Parameters
     ----------
@@ -30,44 +40,53 @@ class Memory:
         self._monitor = monitor
         self.start_s, self.period_s = start_s, monitor.sample_period_s
         self.channels, self.outputs = monitor.bank.channels, tuple(monitor.operators)
+        self.taken = self.channels + tuple(name for name in WITNESSES if name not in self.channels)
         self._ahead = {output: round(monitor.look_ahead_of(output) / self.period_s) for output in self.outputs}
         self._history = {output: round(monitor.history_of(output) / self.period_s) for output in self.outputs}
         self._uncertain = tuple(output for output in self.outputs if output in monitor.uncertainties)
         beside = [("raw", output) for output in self.outputs]
         beside += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
-        self._columns = {name: len(self.channels) + i for i, name in enumerate(beside)}
-        self._table = np.full((capacity, len(self.channels) + len(beside)), np.nan)
+        self._columns = {name: len(self.taken) + i for i, name in enumerate(beside)}
+        self._capacity = capacity
+        self._whole: dict[int, FloatArray] = {}  # columns that are there from the start
         self._blots: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
 
     @classmethod
     def of(cls, monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> Memory:
-        """Return one that holds a whole record."""
+        """Return one that holds a whole record; nothing is copied until it is asked for."""
         memory = cls(monitor, record.start_s, len(record))
-        memory.take(record.matrix(memory.channels))
+        memory.stop = len(record)
+        memory._whole = {i: record[name] for i, name in enumerate(memory.taken) if name in record.channels}
         for output in memory.outputs:
-            memory.put(output, 0, residuals.raw[output], residuals.spread.get(output))
+            columns = _beside(output, residuals.raw[output], residuals.spread.get(output))
+            memory._whole |= {memory._columns[name]: values for name, values in columns.items()}
         return memory
 
+    @cached_property
+    def _table(self) -> FloatArray:
+        """What is taken, then what stands beside it; watching a healthy record never needs it."""
+        table = np.full((self._capacity, len(self.taken) + len(self._columns)), np.nan)
+        for column, values in self._whole.items():
+            table[:, column] = values
+        return table
+
     def take(self, values: FloatArray) -> None:
-        """Take the next rows of the channels."""
+        """Take the next rows, shape (rows, taken)."""
         self._make_room(len(values))
         begin = self.stop - self.first
-        self._table[begin : begin + len(values), : len(self.channels)] = values
+        self._table[begin : begin + len(values), : len(self.taken)] = values
         self.stop += len(values)
 
     def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
         """Put a residual beside rows that were taken, from `row` on."""
-        columns = {("raw", output): raw}
-        if spread is not None:
-            columns |= {("spread", output): spread.raw, ("white", output): spread.white}
         begin = max(row - self.first, 0)
-        for name, values in columns.items():
+        for name, values in _beside(output, raw, spread).items():
             late = values[begin - (row - self.first) :]
             self._table[begin : begin + len(late), self._columns[name]] = late
 
     def take_one(self, row: list[float]) -> None:
-        """Take the next row of the channels."""
+        """Take the next row."""
         if self.stop - self.first == len(self._table):
             self._make_room(1)
         self._table[self.stop - self.first, : len(row)] = row
@@ -105,10 +124,13 @@ class Memory:
         return BankResiduals(raw=raw, predicted={output: whole.predicted[output][lead:] for output in outputs})
 
     def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
-        """Return rows as they were known at their end: residuals that stand on samples to come are missing."""
+        """Return rows as they were known at their end, witnesses that are there among them.
+
+        Residuals that stand on samples to come are missing.
+        """
         residuals = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
-        return self.record(rows), BankResiduals(
+        return self._record(rows, self._there(rows)), BankResiduals(
             raw={output: np.where(known[output], residuals.raw[output], np.nan) for output in outputs},
             predicted={output: np.where(known[output], residuals.predicted[output], np.nan) for output in outputs},
             spread={
@@ -120,9 +142,20 @@ class Memory:
 
     def record(self, rows: range) -> Record:
         """Return rows of the channels."""
+        return self._record(rows, self.channels)
+
+    def _there(self, rows: range) -> tuple[str, ...]:
+        """Return the channels, and the witnesses that read anything in some rows."""
+        first = len(self.channels)
+        values = self._table[rows.start - self.first : rows.stop - self.first, first : len(self.taken)]
+        beside = zip(self.taken[first:], values.T, strict=True)
+        return self.channels + tuple(name for name, readings in beside if np.isfinite(readings).any())
+
+    def _record(self, rows: range, names: tuple[str, ...]) -> Record:
+        columns = slice(len(names)) if names == self.taken[: len(names)] else [self.taken.index(name) for name in names]
         return Record(
-            self._table[rows.start - self.first : rows.stop - self.first, : len(self.channels)],
-            channels=self.channels,
+            self._table[rows.start - self.first : rows.stop - self.first, columns],
+            channels=names,
             sample_period_s=self.period_s,
             start_s=self.start_s + round(rows.start * self.period_s, 9),
         )
@@ -142,3 +175,11 @@ class Memory:
         larger = np.full((max(capacity, keep + rows), self._table.shape[1]), np.nan)
         larger[:keep] = self._table[held - keep : held]
         self._table, self.first = larger, self.stop - keep
+
+
+def _beside(output: str, raw: FloatArray, spread: Spread | None) -> dict[tuple[str, str], FloatArray]:
+    """Return what stands beside the channels, by column."""
+    columns = {("raw", output): raw}
+    if spread is not None:
+        columns |= {("spread", output): spread.raw, ("white", output): spread.white}
+    return columns

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, Track
 from gtmbench.detectors.statistics.statistic import MOST, glr
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive, factor_of
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.record import FloatArray
 
 
@@ -49,7 +48,7 @@ class RowByRow:
         return monitor.bank.statistic.name == "glr" and not monitor.uncertainties and above_0
 
     def take(self, row: list[float]) -> list[float] | None:
-        """Take a sample of the bank's channels; return the scores, sorted by name; None where arrays have to."""
+        """Take a sample, the bank's channels first; return the scores, sorted by name; None where arrays have to."""
         at = self._memory.stop
         if at < 2 * self._reach or math.inf in map(abs, row):
             return None
@@ -76,24 +75,20 @@ class RowByRow:
 
     def _derived(self) -> dict[str, float]:
         """Return the pseudo inputs at the middle one of three samples, in the units of the table."""
-        derived: dict[str, Any] = {}
         middle, ends = self._middle, (self._before, self._latest)
 
-        def read(name: str) -> Any:  # a number, where the formulas say array: they take both
-            if name in PSEUDO_INPUTS:
-                if name not in derived:
-                    derived[name] = PSEUDO_INPUTS[name].compute(read, slope)
-                return derived[name]
+        def channel(name: str) -> float:
             return middle[self._channels[name]] * self._factors[name]
 
-        def slope(name: str) -> Any:
+        def slope(name: str) -> float:
             at, factor = self._channels[name], self._factors[name]
             step = ends[1][at] * factor - ends[0][at] * factor
             if abs(step) > math.pi:  # a heading that runs from 360 deg to 0
                 step -= 2.0 * math.pi * round(step / (2.0 * math.pi))
             return step / (2.0 * self._period_s)
 
-        return {name: float(read(name)) * (180.0 / math.pi) for name in self._pseudo}
+        motion = Motion(self._channels, channel, slope)
+        return {name: float(motion(name)) * (180.0 / math.pi) for name in self._pseudo}
 
     def _load(self, at: int) -> None:
         """Take over from chunks."""

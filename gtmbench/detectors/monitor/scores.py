@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, Spread
+from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, RawScore, Spread
 from gtmbench.method.alarms import rising
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.record import FloatArray, Record, sealed
 
 IntArray = NDArray[np.int_]
 _REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known
-_BLOCK = 8192  # rows at a time, once a fault's rows have been taken out
+_BLOCK = 8192  # samples at a time: what is worked out of them stays in the cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,17 +54,13 @@ class ResidualScore:
         NaN where no statistic exists, or it isn't known by the end.
     known_s : shape (samples,)
         When each value is known, in seconds.
-    leading, onset_row : shape (samples,)
-        Which of `tests` is the greatest, and where the change that it tells of began.
-    tests : tuple of str
-        Labels.
+    origins : mapping of int to (str, int)
+        Of the rows whose value is above 1: which test is the greatest, and where the change that it tells of began.
     """
 
     values: FloatArray = field(repr=False)
     known_s: FloatArray = field(repr=False)
-    leading: IntArray = field(repr=False)
-    onset_row: IntArray = field(repr=False)
-    tests: tuple[str, ...] = field(repr=False)
+    origins: Mapping[int, tuple[str, int]] = field(repr=False)
 
 
 class Track:
@@ -97,8 +93,8 @@ class Track:
         self._whole = True  # no rows have been taken out yet
         self._from = 0  # scores of rows before have been told
         self.first = 0  # row of the first of these:
-        self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        self.tests: tuple[str, ...] = ()
+        self.values = np.zeros(0)
+        self.origins: dict[int, tuple[str, int]] = {}
 
     @property
     def stop(self) -> int:
@@ -115,13 +111,16 @@ class Track:
         raw = raw[before:]
         there, given = self._test.given(raw, white, spread)
         samples = _matrix(given)
-        rows = there + begin
+        rows = there + begin if begin else there
         if self._missing and len(rows):
             kept = (rows < self._missing.start) | (rows >= self._missing.stop)
             rows, samples = rows[kept], samples[kept]
         self._flush()
-        self._rows = np.concatenate([self._rows, rows])
-        self._samples = samples if self._samples is None else np.concatenate([self._samples, samples])
+        if self._samples is None:
+            self._rows, self._samples = rows, samples
+        else:
+            self._rows = np.concatenate([self._rows, rows])
+            self._samples = np.concatenate([self._samples, samples])
         self._open(len(raw))
 
     def take(self, row: int, white: float) -> bool:
@@ -159,9 +158,8 @@ class Track:
 
     def crossing(self, output: str, row: int, time_s: float) -> Crossing:
         """Return what is to be said of a score that rose at a row."""
-        at = row - self.first
-        test = self.tests[self.leading[at]]
-        return Crossing(output=output, row=row, time_s=time_s, onset_row=int(self.onset_row[at]), test=test)
+        test, onset_row = self.origins[row]
+        return Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test)
 
     def blot(self, rows: range, row: int) -> None:
         """Treat rows of the record as missing, and those around that saw them; scores change from `row` on."""
@@ -176,13 +174,15 @@ class Track:
             self._samples = self._samples[kept][~out]
         self._judged, self._carried, self._whole = 0, {}, False
         self.values[max(row - self.first, 0) :] = np.nan
+        self.origins = {at: origin for at, origin in self.origins.items() if at < row}
         self._from = row
 
     def forget(self) -> None:
         """Drop the scores that have been told, and the samples that won't be looked back at."""
         self._trim()
         self.first += len(self.values)
-        self.values, self.leading, self.onset_row = np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+        self.values = np.zeros(0)
+        self.origins.clear()
 
     def _trim(self) -> None:
         surplus = self._judged - self._most
@@ -191,9 +191,9 @@ class Track:
             self._judged -= surplus
 
     def _open(self, rows: int) -> None:
-        self.values = np.concatenate([self.values, np.full(rows, np.nan)])
-        self.leading = np.concatenate([self.leading, np.zeros(rows, dtype=int)])
-        self.onset_row = np.concatenate([self.onset_row, np.zeros(rows, dtype=int)])
+        longer = np.full(len(self.values) + rows, np.nan)
+        longer[: len(self.values)] = self.values
+        self.values = longer
 
     def _flush(self) -> None:
         """Put single rows to the others; they have been judged."""
@@ -212,25 +212,29 @@ class Track:
             return
         end = len(self._rows) if self._whole else int(np.searchsorted(self._rows, stop + _BLOCK))
         begin = max(self._judged - self._looks_back, 0)
-        given, last = _given(self._samples[begin:end], self._test.rows(self._period_s)), end - self._judged
-        raw_scores = self._test.of(given, self._period_s, self._tolerance, last=last, carried=self._carried)
-        self.tests = tuple(raw.label for raw in raw_scores)
-        values, leading = np.full(last, -np.inf), np.zeros(last, dtype=int)
-        reach = np.zeros(last, dtype=int)
-        for i, raw in enumerate(raw_scores):
-            score = over(raw.values, self._thresholds[raw.label])
-            higher = score > values  # never where it is NaN
-            values[higher] = score[higher]
-            leading[higher] = i
-            reach[higher] = raw.reach if isinstance(raw.reach, int) else raw.reach[higher]
-        reach = np.minimum(reach, self._looks_back)
-        values[np.isneginf(values)] = np.nan
-        rows = self._rows[self._judged : end]
-        onset = self._rows[np.maximum(np.arange(self._judged, end) - reach, 0)]
-        self._judged = end
+        scratch = np.empty((5, min(_BLOCK, end - self._judged)))
+        given = _given(self._samples[begin:end], self._test.rows(self._period_s), scratch)
+        for first in range(self._judged, end, _BLOCK):
+            self._judged = min(first + _BLOCK, end)
+            at = range(first - begin, self._judged - begin)
+            self._put(first, self._test.of(given, self._period_s, self._tolerance, at=at, carried=self._carried))
+
+    def _put(self, first: int, raw_scores: Iterable[RawScore]) -> None:
+        """Put the greatest of the scores of samples from the `first` on beside their rows."""
+        rows = self._rows[first : self._judged]
         told = int(np.searchsorted(rows, max(self._from, self.first)))
-        at = rows[told:] - self.first
-        self.values[at], self.leading[at], self.onset_row[at] = values[told:], leading[told:], onset[told:]
+        greatest = np.full(len(rows), -np.inf)
+        for raw in raw_scores:
+            score = over(raw.values, self._thresholds[raw.label])
+            if np.fmax.reduce(score) > 1.0:
+                higher = told + np.flatnonzero(score[told:] > np.maximum(greatest[told:], 1.0))
+                reach = raw.reach if isinstance(raw.reach, int) else raw.reach[higher]
+                onset = self._rows[np.maximum(first + higher - np.minimum(reach, self._looks_back), 0)]
+                origins = [(raw.label, row) for row in onset.tolist()]
+                self.origins |= zip(rows[higher].tolist(), origins, strict=True)
+            np.fmax(greatest, score, out=greatest)
+        greatest[greatest == -np.inf] = np.nan
+        self.values[rows[told:] - self.first] = greatest[told:]
 
 
 def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ResidualScore]:
@@ -253,18 +257,18 @@ def tracks_of(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, Tr
 
 def score_of(track: Track, record: Record) -> ResidualScore:
     """Return what a track says of a whole record; nothing of rows that are known after its end."""
-    known = np.arange(len(record)) < len(record) - track.ahead
+    values, known_s = track.values.copy(), record.time_s
+    values[max(len(record) - track.ahead, 0) :] = np.nan
+    known_s += track.ahead * record.sample_period_s
     return ResidualScore(
-        values=frozen(np.where(known, track.values, np.nan)),
-        known_s=frozen(np.round(record.time_s + track.ahead * record.sample_period_s, 9)),
-        leading=track.leading,
-        onset_row=track.onset_row,
-        tests=track.tests,
+        values=sealed(values), known_s=sealed(np.round(known_s, 9, out=known_s)), origins=track.origins
     )
 
 
 def over(values: FloatArray, threshold: float) -> FloatArray:
     """Return values over their threshold: above 1 where they pass it, also where both are negative."""
+    if 0.0 < threshold < math.inf:
+        return values / threshold
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
 
@@ -276,8 +280,8 @@ def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
             output=output,
             row=row,
             time_s=float(score.known_s[row]),
-            onset_row=int(score.onset_row[row]),
-            test=score.tests[score.leading[row]],
+            onset_row=score.origins[row][1],
+            test=score.origins[row][0],
         )
         for output, score in scores.items()
         for row in rising(score.values, 1.0).tolist()
@@ -297,9 +301,9 @@ def _matrix(given: Given) -> FloatArray:
     return np.column_stack([given.values, given.plain, given.uncertain, *given.means.values()])
 
 
-def _given(samples: FloatArray, windows: list[int]) -> Given:
+def _given(samples: FloatArray, windows: list[int], scratch: FloatArray) -> Given:
     values = np.ascontiguousarray(samples[:, 0])
     if samples.shape[1] == 1:
-        return Given(values=values, plain=values, means={}, uncertain=values)
+        return Given(values=values, plain=values, means={}, uncertain=values, scratch=scratch)
     means = dict(zip(windows, samples[:, 3:].T, strict=False))
-    return Given(values=values, plain=samples[:, 1], means=means, uncertain=samples[:, 2])
+    return Given(values=values, plain=samples[:, 1], means=means, uncertain=samples[:, 2], scratch=scratch)

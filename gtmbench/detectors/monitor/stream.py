@@ -1,9 +1,9 @@
 """Banks on samples as they come in: chunk for chunk what `watch` says of the whole record.
 
 Between chunks a stream remembers, per residual, the samples that its statistics look back at and a minute more
-(with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels, residuals and predictions
-of the last two minutes and a bit (`alarms.span_rows`, kept in a table of twice that length). So it takes the same
-memory after an hour as after five minutes; only the alarms add up.
+(with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels and of witnesses, residuals
+and predictions of the last two minutes and a bit (`alarms.span_rows`, kept in a table of twice that length). So it
+takes the same memory after an hour as after five minutes; only the alarms add up.
 
 Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
 path of their own (`rows.RowByRow`) that costs some ten microseconds: it tells scores, and where one could be an alarm,
@@ -12,6 +12,7 @@ the same functions decide.
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -72,7 +73,7 @@ class BankStream:
             Where the chunk doesn't continue the one before, lacks a channel or has another sample period; it changes
             nothing.
         """
-        columns = self._checked(chunk)
+        columns, own = self._checked(chunk), len(self._memory.channels)
         values = chunk.values
         count = len(values)
         if not count:
@@ -80,15 +81,20 @@ class BankStream:
         if not self._memory.stop:
             self._memory.start_s = chunk.start_s
         if self._rows is None or count > _FEW:
-            return self._take(values[:, columns])
+            wider = np.column_stack([values, np.full(count, np.nan)]) if -1 in columns else values
+            taken = wider[:, columns]
+            self._logic.missing.take(taken[:, :own])
+            return self._take(taken)
         told: dict[int, Alarm] = {}
         for row in values.tolist():
+            row.append(math.nan)
             told |= {alarm.number: alarm for alarm in self._take_one([row[column] for column in columns])}
         return tuple(told[number] for number in sorted(told))
 
     def _take_one(self, row: list[float]) -> tuple[Alarm, ...]:
         """Take one sample: where nothing can come of it, no more than its scores are looked at."""
         rows, logic = self._rows, self._logic
+        logic.missing.take_one(row[: len(self._memory.channels)])
         scores = None if rows is None else rows.take(row)
         if rows is None or scores is None:  # it begins, or there is something that only the arrays' functions take
             return self._take(np.array([row]))
@@ -126,13 +132,14 @@ class BankStream:
         return told
 
     def _checked(self, chunk: Record) -> list[int]:
-        """Refuse a chunk that isn't the next; return where the bank's channels stand in it."""
+        """Refuse a chunk that isn't the next; return where what is taken stands in it, -1 where it doesn't."""
         check_record(chunk)
         if chunk.sample_period_s != self._period_s:
             chunk.check_period(self._period_s, "the monitor was calibrated at")
         if self._known is None or chunk.channels != self._known[0]:
             self._monitor.bank.check_channels(chunk.channels)
-            known = (chunk.channels, chunk.columns(self._monitor.bank.channels))
+            places = {name: place for place, name in enumerate(chunk.channels)}
+            known = (chunk.channels, [places.get(name, -1) for name in self._memory.taken])
         else:
             known = self._known
         if self._memory.stop and len(chunk):

@@ -6,8 +6,9 @@ so it is known when the residual's row k is. Missing rows are passed over: a win
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -75,13 +76,25 @@ class Spread:
 class Given:
     """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
 
-    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known.
+    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known. `scratch`,
+    if given, is what statistics may work in, as long as the samples asked for: fresh memory costs more than the work.
     """
 
     values: FloatArray
     plain: FloatArray
     means: Mapping[int, FloatArray]
     uncertain: FloatArray
+    scratch: FloatArray | None = None
+
+    @cached_property
+    def sums(self) -> _Sums:
+        """Of `values`."""
+        return _Sums.of(self.values)
+
+    @cached_property
+    def plain_sums(self) -> _Sums:
+        """Of `plain`."""
+        return self.sums if self.plain is self.values else _Sums.of(self.plain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,9 +179,10 @@ class Statistic:
         plain = raw if self.name == "energy" else white
         there = np.flatnonzero(np.isfinite(plain))
         most = 1e150 if self.name == "energy" else MOST
-        clipped = np.clip(plain[there], -most, most)
+        clipped = plain[there]
+        np.clip(clipped, -most, most, out=clipped)
         if spread is None:
-            return there, Given(values=clipped, plain=clipped, means={}, uncertain=np.zeros(len(there)))
+            return there, Given(values=clipped, plain=clipped, means={}, uncertain=np.broadcast_to(0.0, len(there)))
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
             values=np.clip((plain / by)[there], -most, most),
@@ -183,23 +197,25 @@ class Statistic:
         sample_period_s: float,
         tolerance: Tolerance,
         *,
-        last: int | None = None,
+        at: range | None = None,
         carried: Carried | None = None,
-    ) -> list[RawScore]:
-        """Return the scores of samples that exist, one after the other; `reach` counts such samples.
+    ) -> Iterator[RawScore]:
+        """Yield the scores of samples that exist, a test after the other; `reach` counts such samples.
+
+        Values are there until the next test is asked for: its own may take their place.
 
         Parameters
         ----------
         given : Given
         sample_period_s : float
         tolerance : Tolerance
-        last : int, optional
-            Only of so many at the end; those before are looked back at. `looks_back` of them are enough.
+        at : range, optional
+            Only of these; those before are looked back at. `looks_back` of them are enough.
         carried : dict, optional
-            Where ``cusum`` stood with the sample before the last ones; told anew.
+            Where ``cusum`` stood with the sample before these; told anew.
         """
-        count = len(given.values) if last is None else last
-        return STATISTICS[self.name](self, given, sample_period_s, tolerance, count, {} if carried is None else carried)
+        some = range(len(given.values)) if at is None else at
+        return STATISTICS[self.name](self, given, sample_period_s, tolerance, some, {} if carried is None else carried)
 
     def looks_back(self, sample_period_s: float) -> int:
         """Return how many samples before one its statistics look at: a baseline and the longest window."""
@@ -211,30 +227,29 @@ class Statistic:
 
 
 def _energy(
-    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
-) -> list[RawScore]:
+    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, at: range, __: Carried
+) -> Iterator[RawScore]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
-    squares = np.square(given.values)
-    norms = {rows: np.sqrt(_trailing(squares, rows + 1, last)) for rows in test.rows(sample_period_s)}
+    squares = np.square(given.values[: at.stop])
+    norms = ((rows, np.sqrt(_trailing(squares, rows + 1, at))) for rows in test.rows(sample_period_s))
     return _sides(test, "energy", norms, sample_period_s)
 
 
 def _whitened_energy(
-    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, last: int, __: Carried
-) -> list[RawScore]:
+    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, at: range, __: Carried
+) -> Iterator[RawScore]:
     """RMS of the whitened residual over a window; healthy: about 1."""
-    squares = np.square(given.values)
-    rms = {rows: np.sqrt(_trailing(squares, rows, last) / rows) for rows in test.rows(sample_period_s)}
+    squares = np.square(given.values[: at.stop])
+    rms = ((rows, np.sqrt(_trailing(squares, rows, at) / rows)) for rows in test.rows(sample_period_s))
     return _sides(test, "whitened energy", rms, sample_period_s)
 
 
 def _cusum(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, carried: Carried
-) -> list[RawScore]:
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, at: range, carried: Carried
+) -> Iterator[RawScore]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
-    w = given.values
-    base, _ = _baseline(_sums(w), test, sample_period_s, gap=1, last=last)  # a sample isn't compared with itself
-    centred = w[len(w) - last :] - base
+    base, _ = _baseline(given.sums.plain, test, sample_period_s, gap=1, at=at)  # a sample isn't compared with itself
+    centred = given.values[at.start : at.stop] - base
     ready = np.isfinite(centred)
     x = np.where(ready, centred, 0.0)
     square = np.square(x)
@@ -245,7 +260,6 @@ def _cusum(
     }
     if test.two_sided:
         steps["variance down"] = 0.5 * square / tolerance.low * (1.0 - test.ratio) + 0.5 * np.log(test.ratio)
-    scores = []
     for label, step in steps.items():
         stood, since = carried.get(label, (0.0, 0))
         sums = stood + np.cumsum(np.where(ready, step, 0.0))
@@ -254,40 +268,36 @@ def _cusum(
         values, reach = sums - low, np.arange(len(sums)) - zero
         if len(values):
             carried[label] = (float(values[-1]), int(reach[-1]) + 1)
-        scores.append(
-            RawScore(label=f"cusum {label}", values=np.where(ready, values, np.nan), reach=reach, looks_per_row=0.1)
-        )
-    return scores
+        yield RawScore(label=f"cusum {label}", values=np.where(ready, values, np.nan), reach=reach, looks_per_row=0.1)
 
 
 def _glr(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, last: int, __: Carried
-) -> list[RawScore]:
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, at: range, __: Carried
+) -> Iterator[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
     Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
     the operator's error gives it. Of another variance: L/2 (s - 1 - log s), s the mean square about m0 over the
     nearest end of the tolerated range, which is wider where the operator's error dominates.
     """
-    scores = []
     low = tolerance.low if test.two_sided else 0.0
-    plain, values = _Sums.of(given.plain), None if given.values is given.plain else _Sums.of(given.values)
+    scratch = np.empty((5, len(at))) if given.scratch is None else given.scratch[:, : len(at)]
+    base, shift, power, more, other = scratch
     for rows in test.rows(sample_period_s):
-        shift, power, length = _windows(plain, rows, test, sample_period_s, last)
+        shift, power, length = _windows(given.plain_sums, rows, test, sample_period_s, at, (base, shift, power, more))
         variance: float | FloatArray = 0.0
         high: float | FloatArray = tolerance.high
-        if values is not None:
-            _, power, _ = _windows(values, rows, test, sample_period_s, last)
-            uncertain = _trailing(given.uncertain, rows, last) / rows
+        if given.values is not given.plain:
+            _, power, _ = _windows(given.sums, rows, test, sample_period_s, at, (base, other, power, more))
+            uncertain = _trailing(given.uncertain, rows, at) / rows
             high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * uncertain)
-            variance = given.means[rows][len(given.plain) - last :] if rows in given.means else 0.0
-        chance = 1.0 / rows + 1.0 / np.maximum(length, 1) + variance
-        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high)
+            variance = given.means[rows][at.start : at.stop] if rows in given.means else 0.0
+        chance = 1.0 / rows + 1.0 / length + variance
+        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, more)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
-        scores.append(RawScore(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks))
-        scores.append(RawScore(label=f"energy {window}", values=of_energy, reach=rows, looks_per_row=looks))
-    return scores
+        yield RawScore(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks)
+        yield RawScore(label=f"energy {window}", values=of_energy, reach=rows, looks_per_row=looks)
 
 
 def glr(
@@ -298,14 +308,25 @@ def glr(
     tolerance: float | FloatArray,
     low: float | FloatArray,
     high: float | FloatArray,
+    scratch: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the two ratios of `_glr`, of arrays of any shape: windows of `rows`, `chance` the shift's variance."""
-    beyond = np.maximum(np.abs(shift) - tolerance, 0.0)
-    ratio = power / np.minimum(np.maximum(power, low), high)
-    return beyond * beyond / (2.0 * chance), 0.5 * rows * (ratio - 1.0 - np.log(ratio))
+    """Make shift and power the two ratios of `_glr`, in place: windows of `rows`, `chance` the shift's variance."""
+    scratch = np.empty_like(shift) if scratch is None else scratch
+    np.abs(shift, out=shift)
+    shift -= tolerance
+    np.maximum(shift, 0.0, out=shift)
+    shift *= shift
+    shift /= 2.0 * chance
+    np.clip(power, low, high, out=scratch)
+    power /= scratch
+    np.log(power, out=scratch)
+    power -= 1.0
+    power -= scratch
+    power *= 0.5 * rows
+    return shift, power
 
 
-STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, int, Carried], list[RawScore]]] = {
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, range, Carried], Iterator[RawScore]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,
@@ -326,57 +347,80 @@ class _Sums:
 
 
 def _windows(
-    w: _Sums, rows: int, test: Statistic, sample_period_s: float, last: int
+    w: _Sums,
+    rows: int,
+    test: Statistic,
+    sample_period_s: float,
+    at: range,
+    out: Sequence[FloatArray | None] = (None,) * 4,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return, at the last samples, `rows` samples' mean and mean square about the mean before, and its length."""
-    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, last=last)
-    mean = (_before(w.plain, 0, last) - _before(w.plain, rows, last)) / rows
-    power = (_before(w.squares, 0, last) - _before(w.squares, rows, last)) / rows
-    return mean - base, np.maximum(power - 2.0 * base * mean + base * base, 1e-12), length
+    """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length.
+
+    `out` is where to work, if not in new arrays.
+    """
+    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, at=at, out=out[0])
+    shift = np.subtract(_before(w.plain, 0, at), _before(w.plain, rows, at), out=out[1])
+    shift /= rows
+    power = np.subtract(_before(w.squares, 0, at), _before(w.squares, rows, at), out=out[2])
+    power /= rows
+    more = np.multiply(base, shift, out=out[3])
+    more *= 2.0
+    power -= more
+    shift -= base
+    base *= base
+    power += base
+    return shift, np.maximum(power, 1e-12, out=power), length
 
 
-def _sides(test: Statistic, name: str, norms: dict[int, FloatArray], sample_period_s: float) -> list[RawScore]:
-    """Return the scores of norms over windows of so many samples: too high, and too low."""
-    scores = []
-    for rows, norm in norms.items():
-        window = f"{name} {rows * sample_period_s:g} s"
-        scores.append(RawScore(label=f"{window} high", values=norm, reach=rows))
+def _sides(test: Statistic, name: str, norms: Iterable[tuple[int, FloatArray]], period_s: float) -> Iterator[RawScore]:
+    """Yield the scores of norms over windows of so many samples: too high, and too low."""
+    for rows, norm in norms:
+        window = f"{name} {rows * period_s:g} s"
+        yield RawScore(label=f"{window} high", values=norm, reach=rows)
         if test.two_sided:
-            scores.append(RawScore(label=f"{window} low", values=-norm, reach=rows))
-    return scores
+            yield RawScore(label=f"{window} low", values=-norm, reach=rows)
 
 
-def _trailing(values: FloatArray, length: int, last: int) -> FloatArray:
-    """Return sums of `length` values up to each of the last ones, NaN where there aren't so many."""
-    values = values[max(len(values) - last - length + 1, 0) :]
+def _trailing(values: FloatArray, length: int, at: range) -> FloatArray:
+    """Return sums of `length` values up to each of some, NaN where there aren't so many."""
+    values = values[max(at.start - length + 1, 0) : at.stop]
     sums = np.full(len(values), np.nan)
     complete = len(values) - length + 1
     if complete > 0:
         sums[length - 1 :] = moving_sum(values, length)[:complete]
-    return sums[len(values) - last :]
+    return sums[len(values) - len(at) :]
 
 
 def _sums(values: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(values)])
+    sums = np.empty(len(values) + 1)
+    sums[0] = 0.0
+    np.cumsum(values, out=sums[1:])
+    return sums
 
 
-def _before(sums: FloatArray, lag: int, last: int, otherwise: float = np.nan) -> FloatArray:
-    """Return the sums up to `lag` samples before each of the last ones."""
-    stop = len(sums) - lag
-    if stop >= last:
-        return sums[stop - last : stop]
-    return np.concatenate([np.full(last - max(stop, 0), otherwise), sums[: max(stop, 0)]])
+def _before(sums: FloatArray, lag: int, at: range, otherwise: float = np.nan) -> FloatArray:
+    """Return the sums up to `lag` samples before each of some."""
+    start, stop = at.start + 1 - lag, at.stop + 1 - lag
+    if start >= 0:
+        return sums[start:stop]
+    return np.concatenate([np.full(min(-start, len(at)), otherwise), sums[: max(stop, 0)]])
 
 
 def _baseline(
-    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, last: int
+    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, at: range, out: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean of up to `baseline_s` before the last `gap` rows, and how many rows it stands on."""
+    """Return the mean of up to `baseline_s` before the last `gap` rows, and over how many; NaN where too few."""
     longest = max(round(test.baseline_s / sample_period_s), 6)
-    length = np.clip(np.arange(len(sums) - last, len(sums)) - gap, 0, longest)
-    enough = length >= longest // 6
-    total = _before(sums, gap, last, 0.0) - _before(sums, gap + longest, last, 0.0)
-    return np.where(enough, total / np.maximum(length, 1), np.nan), np.where(enough, length, 0).astype(float)
+    total = np.subtract(_before(sums, gap, at, 0.0), _before(sums, gap + longest, at, 0.0), out=out)
+    first = at.start + 1 - gap
+    if first >= longest:
+        length = np.array(float(longest))
+    else:
+        length = np.arange(first, first + len(at), dtype=float)
+        np.minimum(length, longest, out=length)
+        length[: max(longest // 6 - first, 0)] = np.nan
+    total /= length
+    return total, length
 
 
 def tolerance_of(
@@ -391,7 +435,7 @@ def tolerance_of(
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        shift, power, length = _windows(_Sums.of(w), rows, test, sample_period_s, len(w))
+        shift, power, length = _windows(_Sums.of(w), rows, test, sample_period_s, range(len(w)))
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()

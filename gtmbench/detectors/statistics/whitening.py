@@ -39,7 +39,9 @@ class Whitener:
         >>> Whitener(coefficients=np.array([1.0, -0.5]), mean=0.0, deviation=2.0).whiten(np.array([2.0, 3.0, 1.5]))
         array([nan,  1.,  0.])
         """
-        return innovations((residual - self.mean) / self.deviation, self.coefficients)
+        centred = residual - self.mean
+        centred /= self.deviation
+        return innovations(centred, self.coefficients)
 
 
 def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:

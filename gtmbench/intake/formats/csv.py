@@ -28,7 +28,7 @@ _NUMBER = re.compile(r"\s*[-+]?(\d|[.,]\d|nan\s*$|inf)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Layout:
+class Layout:
     """How a table is written."""
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class _Layout:
 def read_csv(path: Path) -> RawLog:
     """Read a table with a header."""
     with reading(path, "CSV table"):
-        layout = _layout(path)
+        layout = layout_of(path)
         check_columns(layout.names)
         check_values(len(layout.names) * count_lines(path), "its table")
         frame = _frame(path, layout)
@@ -63,7 +63,8 @@ def read_csv(path: Path) -> RawLog:
     return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
 
 
-def _layout(path: Path) -> _Layout:
+def layout_of(path: Path) -> Layout:
+    """Find out how a table is written, from its first lines."""
     with path.open("rb") as file:
         head = file.read(LONGEST_LINE_BYTES)
     encoding = _encoding(head)
@@ -92,7 +93,7 @@ def _layout(path: Path) -> _Layout:
         names.append("")  # rows that end in a separator
     units = (units + [""] * len(names))[: len(names)]
     comma = separator != "," and bool(fields) and any(re.fullmatch(r"\s*[-+]?\d*,\d+\s*", text) for text in fields[0])
-    return _Layout(
+    return Layout(
         names=tuple(names),
         units=tuple(units),
         encoding=encoding,
@@ -122,7 +123,7 @@ def _fields(line: str, separator: str) -> list[str]:
     return line.split() if separator == r"\s+" else next(csv.reader([line], delimiter=separator), [])
 
 
-def _frame(path: Path, layout: _Layout) -> pd.DataFrame:
+def _frame(path: Path, layout: Layout) -> pd.DataFrame:
     import pandas as pd
 
     with warnings.catch_warnings():

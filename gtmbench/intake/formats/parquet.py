@@ -1,7 +1,8 @@
-"""Parquet tables: columns are read when they are used, so that a wide file costs what is taken from it."""
+"""Parquet tables: columns are read when they are used, so that a wide file costs what is taken; cells put anew."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
-from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, dates_in_seconds
+from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 
 def read_parquet(path: Path) -> RawLog:
@@ -64,4 +67,77 @@ def _is_number(kind: pa.DataType) -> bool:
     return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_boolean(kind))
 
 
-FORMAT = Format(name="Parquet", magic=(b"PAR1",), suffixes=(".parquet",), read=read_parquet)
+def rewrite_parquet(path: Path, out: Path, cells: Sequence[Cells]) -> None:
+    """Write a table anew, group of rows by group of rows, with other values in some cells.
+
+    Schema and metadata, groups of rows, and every column's compression and encoding stay as they are. A value that is
+    missing becomes a null; one of a column of whole numbers is rounded.
+    """
+    import pyarrow.parquet as pq
+
+    with reading(path, "Parquet table"), pq.ParquetFile(path) as source:
+        first = 0
+        with pq.ParquetWriter(out, source.schema_arrow, store_schema=False, **_layout(source.metadata)) as target:
+            for number in range(source.num_row_groups):
+                table = source.read_row_group(number)
+                for each in cells:
+                    table = _replaced(table, each, first)
+                target.write_table(table, row_group_size=max(table.num_rows, 1))
+                first += table.num_rows
+            if source.metadata.metadata is not None:  # the key by which Arrow finds its own types again included
+                target.add_key_value_metadata(source.metadata.metadata)
+
+
+def _layout(metadata: pq.FileMetaData) -> dict[str, Any]:
+    """Return how a file is laid out, as `ParquetWriter` takes it: what its first group of rows says."""
+    layout: dict[str, Any] = {"version": metadata.format_version}
+    if metadata.num_row_groups:
+        group = metadata.row_group(0)
+        columns = [group.column(place) for place in range(group.num_columns)]
+        layout |= {
+            "compression": {
+                each.path_in_schema: each.compression.replace("UNCOMPRESSED", "NONE").lower() for each in columns
+            },
+            "use_dictionary": [
+                each.path_in_schema for each in columns if any("DICTIONARY" in name for name in each.encodings)
+            ],
+            "write_statistics": [each.path_in_schema for each in columns if each.is_stats_set],
+            "use_deprecated_int96_timestamps": any(each.physical_type == "INT96" for each in columns),
+            "sorting_columns": group.sorting_columns or None,
+        }
+    return layout
+
+
+def _replaced(table: pa.Table, cells: Cells, first: int) -> pa.Table:
+    """Return a group of rows, the first of which is the table's row `first`, with other values in a column."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    own = (cells.rows >= first) & (cells.rows < first + table.num_rows)
+    rows, values = cells.rows[own] - first, cells.values[own]
+    if not len(rows):
+        return table
+    place = table.schema.names.index(cells.column.name)
+    field = table.schema.field(place)
+    order = np.argsort(rows)
+    is_new = np.zeros(table.num_rows, dtype=bool)
+    is_new[rows] = True
+    column = table.column(place).combine_chunks()
+    new = pc.replace_with_mask(column, is_new, _as(field, values[order]))
+    return table.set_column(place, field, pa.chunked_array([new], type=field.type))
+
+
+def _as(field: pa.Field, values: NDArray[np.float64]) -> pa.Array:
+    """Return values as a column holds them, or say why it can't."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    whole = pa.types.is_integer(field.type)
+    given = pa.array(np.rint(values) if whole else values, from_pandas=field.nullable)
+    try:
+        return pc.cast(given, field.type, safe=whole)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"column '{field.name}' is {field.type}, which can't hold what it would have to") from error
+
+
+FORMAT = Format(name="Parquet", magic=(b"PAR1",), suffixes=(".parquet",), read=read_parquet, rewrite=rewrite_parquet)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 
+IntArray = NDArray[np.int64]
+
 _EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
 _GREATEST = 1e100
 _LAST_DATE_S = 2.5e11  # of four figures a year
@@ -92,6 +94,24 @@ class RawLog:
         return replace(self, clocks={**self.clocks, **clocks}, notes=(*self.notes, *notes))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cells:
+    """What some cells of a column are to hold instead.
+
+    Attributes
+    ----------
+    column : RawSeries
+    rows : IntArray
+        Which of its values, from 0.
+    values : FloatArray
+        Instead of those; NaN for none.
+    """
+
+    column: RawSeries
+    rows: IntArray
+    values: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class Format:
     """A format of logs.
@@ -105,12 +125,15 @@ class Format:
     suffixes : tuple of str
         Of files that are nothing else: one that begins otherwise is refused, not tried as a CSV.
     read : function
+    rewrite : function, optional
+        Writes a file anew with other values in some cells, everything else as it was.
     """
 
     name: str
     magic: tuple[bytes, ...]
     suffixes: tuple[str, ...]
     read: Callable[[Path], RawLog]
+    rewrite: Callable[[Path, Path, Sequence[Cells]], None] | None = None
 
 
 def documented_first(series: Iterable[RawSeries], documented: Iterable[tuple[str, str]]) -> tuple[RawSeries, ...]:

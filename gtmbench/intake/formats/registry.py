@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,15 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
 from gtmbench.intake.formats.csv import read_csv
+from gtmbench.intake.formats.csv_cells import rewrite_csv
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.raw import RawLog
+from gtmbench.intake.formats.raw import Cells, Format, RawLog
 
-FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)  # and CSV: whatever begins as none of them
+FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)
+CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
 
 _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", "zstd"), (b"BZh", "bzip2"))
-_READ = f"read are {', '.join(['CSV', *(form.name for form in FORMATS[:-1])])} and {FORMATS[-1].name}"
+_READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and {FORMATS[-1].name}"
 
 
 def read_raw(path: Path) -> RawLog:
@@ -26,16 +29,36 @@ def read_raw(path: Path) -> RawLog:
     InputError
         Where it isn't a file, is too large, isn't of a known format, or is broken.
     """
+    return _printable(_format(path).read(path))
+
+
+def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
+    """Write a log's file anew with other values in some cells; everything else stays as it is.
+
+    Raises
+    ------
+    InputError
+        Where the format isn't written, or a column can't hold a value.
+    """
+    form = _format(path)
+    if form.rewrite is None:
+        written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
+        raise InputError(f"{path} is {form.name}, which is only read here; {written} are written: export it as one")
+    form.rewrite(path, out, cells)
+
+
+def _format(path: Path) -> Format:
+    """Return the format of a file by its first bytes."""
     head = _head(path)
     for magic, packing in _PACKED:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")
     for form in FORMATS:
         if head.startswith(form.magic):
-            return _printable(form.read(path))
+            return form
     if any(path.suffix.lower() in form.suffixes for form in FORMATS):
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
-    return _printable(read_csv(path))
+    return CSV
 
 
 def _printable(raw: RawLog) -> RawLog:

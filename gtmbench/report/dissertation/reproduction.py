@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import click
 import numpy as np
@@ -24,7 +23,7 @@ from gtmbench.theory.rational import Coefficients, PolynomialMatrix, entries
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Agreement = Literal["agrees", "DISAGREES", "not printed"]
+Agreement = Literal["agrees", "differs", "not printed"]
 _DPI = 100
 _MOST = 3  # polynomials in a cell; more are cut short, `values` has them all
 RESULTS = "results.json"
@@ -41,21 +40,24 @@ class Row:
     printed, ours : str
         As a reader compares them.
     agreement : str
-        "agrees", "DISAGREES", or "not printed" where the source has no figure.
+        "agrees" or "differs" where the source has a figure or a sentence, whoever is right; else "not printed".
+    expected : bool
+        Whether the row came out as its script says: a difference has its reason there, or fails.
     note : str
-        What a reader must know: that the source has a misprint, what was assumed for a missing parameter.
-    seconds : float
-        Time since the row before.
+        What a reader must know: why it differs, what was assumed for a missing parameter, what was chosen after trying.
+    runs : int or None
+        How many random cases it stands on, where ``--quick`` takes fewer; else None.
     values : object
-        Ours with every digit, as JSON has it.
+        Ours with every digit, as JSON has it; nothing that rounding alone decides.
     """
 
     result: str
     printed: str
     ours: str
     agreement: Agreement
+    expected: bool
     note: str
-    seconds: float
+    runs: int | None
     values: Any
 
 
@@ -77,52 +79,90 @@ class Reproduction:
     silent: bool = False
     rows: list[Row] = field(default_factory=list)
     figures: list[str] = field(default_factory=list)
-    _last: float = field(default_factory=time.perf_counter)
 
-    def number(self, result: str, printed: ArrayLike, ours: ArrayLike, *, tolerance: float, note: str = "") -> None:
+    def number(
+        self, result: str, printed: ArrayLike, ours: ArrayLike, *, tolerance: float, differs: str = "", note: str = ""
+    ) -> None:
         """Hold a number, or an array of them, against the printed ones: nowhere further off than `tolerance`.
 
-        Half a unit of the last printed digit is what a print can promise.
+        Half a unit of the last printed digit is what a print can promise. `differs` is as in `claim`.
         """
         theirs, mine = np.asarray(printed, dtype=float), np.asarray(ours, dtype=float)
         agrees = theirs.shape == mine.shape and bool(np.all(np.abs(theirs - mine) <= tolerance))
         wanted = f"{_written(theirs, 'g')} ± {tolerance:g}"
-        self.claim(result, wanted, _written(mine, ".7g"), agrees=agrees, note=note, values=mine)
+        self.claim(result, wanted, _written(mine, ".7g"), agrees=agrees, differs=differs, note=note, values=mine)
 
     def claim(
-        self, result: str, printed: str, ours: str, *, agrees: bool, note: str = "", values: object = None
+        self,
+        result: str,
+        printed: str,
+        ours: str,
+        *,
+        agrees: bool,
+        differs: str = "",
+        holds: bool = True,
+        note: str = "",
+        runs: int | None = None,
+        values: object = None,
     ) -> None:
-        """Hold what a figure or a sentence says against ours; `values` are the figures behind it, with every digit."""
-        self._add(result, printed, ours, "agrees" if agrees else "DISAGREES", note, values)
+        """Hold what a figure or a sentence says against ours.
 
-    def unprinted(self, result: str, ours: str, *, note: str = "", values: object = None) -> None:
-        """State a result that the source doesn't print."""
-        self._add(result, "", ours, "not printed", note, values)
+        Parameters
+        ----------
+        agrees : bool
+            Whether ours is what is printed, as computed.
+        differs : str
+            Why ours is known to differ; a row that differs without it, or agrees in spite of it, isn't expected.
+        holds : bool
+            Whether what the row says of ours beyond that is so.
+        runs : int, optional
+            How many random cases it stands on, where ``--quick`` takes fewer.
+        values : object
+            The figures behind it, with every digit, but for what rounding alone decides.
+        """
+        word: Agreement = "agrees" if agrees else "differs"
+        expected = bool(agrees) is not bool(differs) and bool(holds)
+        said = "; ".join(filter(None, (differs, note)))
+        self._keep(result, printed, ours, agreement=word, expected=expected, note=said, runs=runs, values=values)
+
+    def unprinted(
+        self,
+        result: str,
+        ours: str,
+        *,
+        holds: bool = True,
+        note: str = "",
+        runs: int | None = None,
+        values: object = None,
+    ) -> None:
+        """State a result that the source doesn't print; what the row says of it, `holds` or not."""
+        self._keep(result, "", ours, agreement="not printed", expected=bool(holds), note=note, runs=runs, values=values)
 
     def draw(self, name: str, figure: Figure) -> None:
         """Save a figure as NAME.png."""
         figure.savefig(self.folder / f"{name}.png", dpi=_DPI)
         self.figures.append(f"{name}.png")
 
-    def _add(self, result: str, printed: str, ours: str, agreement: Agreement, note: str, values: object) -> None:
-        now = time.perf_counter()
-        row = Row(
-            result=result,
-            printed=printed,
-            ours=ours,
-            agreement=agreement,
-            note=note,
-            seconds=now - self._last,
-            values=plain(values, _number_or_words),
-        )
-        self._last = now
+    def _keep(self, result: str, printed: str, ours: str, *, values: object, **said: Any) -> None:
+        row = Row(result=result, printed=printed, ours=ours, values=plain(values, _number_or_words), **said)
         self.rows.append(row)
         if not self.silent:
-            click.echo(f"{result:<44} {printed:>28} {ours:>32}   {agreement}{f' ({note})' if note else ''}")
+            word = row.agreement + ("" if row.expected else ", NOT AS EXPECTED")
+            click.echo(f"{result:<44} {printed:>28} {ours:>32}   {word}{f' ({row.note})' if row.note else ''}")
+
+
+def tally(words: Iterable[str]) -> str:
+    """Return how many rows say what.
+
+    >>> tally(["agrees", "not printed", "agrees"])
+    '2 agree, 0 differ, 1 not printed'
+    """
+    agree, differ, bare = map(list(words).count, get_args(Agreement))
+    return f"{agree} agree, {differ} differ, {bare} not printed"
 
 
 def reproduce(steps: Callable[[Reproduction], None], script: str, description: str | None) -> int:
-    """Run a script's steps with ``--quick``, ``--out`` and ``--json``; return 1 where a row disagrees, else 0.
+    """Run a script's steps with ``--quick``, ``--out`` and ``--json``; return 1 where a row isn't as expected, else 0.
 
     Figures and ``results.json`` appear in the folder together, at the end. Bad input: one line, 2.
     """
@@ -140,7 +180,6 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
     )
     parser.add_argument("--json", action="store_true", help="print results.json instead of the rows")
     given = parser.parse_args()
-    started = time.perf_counter()
     try:
         _make_parents(given.out)
         check_folder(given.out, force=True)
@@ -150,7 +189,6 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
             results = {
                 "script": f"{name}.py",
                 "quick": page.quick,
-                "seconds": time.perf_counter() - started,
                 "figures": page.figures,
                 "rows": [asdict(row) for row in page.rows],
             }
@@ -159,12 +197,16 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
     except GtmbenchError as error:
         click.echo(f"{name}.py: {error}", err=True)
         return 2
-    wrong = sum(row.agreement == "DISAGREES" for row in page.rows)
     if given.json:
         click.echo(written)
     else:
-        held = sum(row.agreement != "not printed" for row in page.rows)
-        click.echo(f"{held - wrong} of {held} agree; {len(page.figures)} figures and {RESULTS} in {given.out}")
+        said = tally(row.agreement for row in page.rows)
+        click.echo(f"{said}; {len(page.figures)} figures and {RESULTS} in {given.out}")
+    wrong = [row for row in page.rows if not row.expected]
+    for row in wrong:
+        click.echo(
+            f"{name}.py: {row.result}: {row.ours}, where {row.printed or 'something else'} is expected", err=True
+        )
     return 1 if wrong else 0
 
 
@@ -185,6 +227,11 @@ def claim_polynomials(
     agrees = len(theirs) == len(ours) and all(map(_is_same, theirs, ours))
     written = [write_polynomial(polynomial) for polynomial in ours]
     page.claim(result, _cell(printed), _cell(written), agrees=agrees, note=note, values=ours)
+
+
+def claim_equal(page: Reproduction, result: str, equal: bool) -> None:
+    """Hold what the source calls equal against whether it is, exactly."""
+    page.claim(result, "equal", "equal, exactly" if equal else "not equal", agrees=equal)
 
 
 def flat(matrix: PolynomialMatrix) -> list[Coefficients]:

@@ -18,7 +18,14 @@ from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
 from gtmbench.report.scores import LOWEST, around, level, norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
-from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text, counting_alarm, repetitions, trial_label
+from gtmbench.report.words.judgement import (
+    MOST_ALARMS,
+    alarm_text,
+    counting_alarm,
+    repetitions,
+    trial_label,
+    trial_text,
+)
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -188,7 +195,7 @@ def _grid(trials: Sequence[Trial], heights: list[float]) -> tuple[Figure, list[l
 def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequence[Trial], what: str) -> Figure:
     """Give the upper axes their titles, the figure its own and one legend."""
     for axis, trial in zip(places, trials, strict=False):
-        lines = [f"{trial.fault.replace('_', ' ')} of {trial_label(trial)}", *textwrap.wrap(_said(trial), _TITLE)]
+        lines = [*textwrap.wrap(trial_text(trial), _TITLE), *textwrap.wrap(_said(trial), _TITLE)]
         axis.set_title(as_it_is("\n".join(lines)), fontsize="small")
     one_legend(figure, places, columns=8)
     rest = len(trials) - _MOST_TRIALS
@@ -248,7 +255,8 @@ _KINDS: dict[str, tuple[list[float], Callable[[Sequence[Axes], Trial, Span], Non
 
 
 def _mark(axis: Axes, trial: Trial) -> None:
-    axis.axvline(trial.onset_s, color="k", lw=1.2, ls=":", label="onset")
+    for onset_s in sorted({fault.onset_s for fault in (trial.injected, *trial.also)}):
+        axis.axvline(onset_s, color="k", lw=1.2, ls=":", label="onset" if onset_s == trial.onset_s else None)
     for alarm in () if trial.watch.scores else trial.watch.alarms[:MOST_ALARMS]:  # scores show the others themselves
         axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=0.5, alpha=0.5)
     draw_alarm(axis, trial.alarm_time_s, trial.isolated_s)

@@ -17,7 +17,7 @@ from gtmbench.record import Record, Span
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, sensor_entity, whole
 from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
-from gtmbench.report.words.judgement import trial_label
+from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watch import WatchedLog
 from gtmbench.study.trial import Baseline, Trial
@@ -126,9 +126,9 @@ class Placed:
     trials: Sequence[tuple[Trial, str]]
 
     def entered(self, trial: Trial) -> tuple[str, ...]:
-        """Return the scores and residuals that a trial's channel may enter; the others are the healthy ones."""
-        scores = trial.watch.scores
-        free = {name for name, score in scores.items() if score.channels and trial.channel not in score.channels}
+        """Return the scores and residuals that a trial's faults may enter; the others are the healthy ones."""
+        scores, broken = trial.watch.scores, set(trial.channels)
+        free = {name for name, score in scores.items() if score.channels and not broken & set(score.channels)}
         return tuple(name for name in tints(trial.watch) if name not in free)
 
 
@@ -196,10 +196,10 @@ def _decision_page(placed: Placed, page: Page) -> rrb.Container:
         healthy = [entity("/healthy/levels", name) for name in names if name not in placed.entered(trial)]
         shared = [f"{placed.root}{of}" for of in (["/threshold", *healthy] if names else [])]
         own = [f"{path}/{name}" for name in ("levels/**", "onset", "alarm", "named")]
-        title = f"{'levels' if names else 'alarms'}: {trial.fault.replace('_', ' ')} of {trial_label(trial)}"
+        title = f"{'levels' if names else 'alarms'}: {trial_text(trial)}"
         score_plots.append(plot(title, [*shared, *own], span, top=SHOWN_LEVELS))
         title = with_unit(trial.channel, trial.unit) + ": measured" + " and virtual" * bool(names)
-        signal_plots.append(plot(title, [f"{path}/measured", f"{path}/virtual"], span))
+        signal_plots.append(plot(title, [f"{path}/measured", f"{path}/virtual", f"{path}/also/**"], span))
     plots = rrb.Grid(*score_plots, *signal_plots, grid_columns=len(page))
     logs = rrb.Horizontal(*(event_log(f"{path}/events") for _, path in page))
     name = f"{page[0][0].scenario}: {', '.join(path.rsplit('/', 1)[1] for _, path in page)}"

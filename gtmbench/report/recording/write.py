@@ -183,6 +183,7 @@ def _log_norm(recording: rr.RecordingStream, placed: Placed, norm: Score) -> Non
         label, score = trial_label(trial), trial.watch.scores[norm.name]
         full = f"{trial.scenario}: {label}"
         _log_measured(recording, trial, path, f"{full} broken ({trial.unit})", tint)
+        _log_also(recording, trial, path)
         _log_residual(recording, path, full, tint, trial.watch)
         log_line(recording, f"{path}/norm", (score.known_s, score.values), label, tint)
         log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, f"{label} onset", tint, SHAPES.Up)
@@ -207,6 +208,7 @@ def _log_scores(recording: rr.RecordingStream, placed: Placed) -> None:
         events, watch = trial_events(trial), trial.watch
         span = _logged_s(trial, events)
         _log_measured(recording, trial, path, with_unit(f"{trial.channel} measured", trial.unit), tint, span)
+        _log_also(recording, trial, path, span)
         virtual = part(watch.record.time_s, watch.virtual(trial.channel), span)
         _log_virtual(recording, f"{path}/virtual", virtual, with_unit("virtual sensor", trial.unit), trial.channel)
         log_judged(recording, path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
@@ -250,6 +252,14 @@ def _log_measured(
 ) -> None:
     measured = part(trial.record.time_s, trial.record[trial.channel], span)
     log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel)
+
+
+def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
+    """Log the further channels that break in a trial."""
+    for channel in trial.channels[1:]:
+        measured = part(trial.record.time_s, trial.record[channel], span)
+        name, tint = in_unit(f"{channel} measured", channel), colour(channel)
+        log_line(recording, entity(f"{path}/also", channel), measured, name, tint, channel=channel)
 
 
 def _log_virtual(recording: rr.RecordingStream, entity: str, virtual: Signal, name: str, channel: str) -> None:

@@ -16,6 +16,7 @@ from gtmbench.plain import plain
 from gtmbench.report.scores import level
 from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
+from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.study.log.watch import WatchedLog
@@ -79,8 +80,10 @@ def _finding(alarm: Alarm, watch: Watch) -> Mapping[str, Any]:
 
 
 def _judgement(judged: Judgement) -> Mapping[str, Any]:
-    """Return a judgement; parameters and errors are in `unit`, slopes per second, times in seconds."""
-    return vars(judged) | {"unit": unit_of(judged.candidates[0]) if judged.candidates else ""}
+    """Return a judgement; `unit` is the likeliest sensor's, `parameter_units` has that of every parameter."""
+    unit = unit_of(judged.candidates[0]) if judged.candidates else ""
+    units = parameter_units(judged.kind, judged.parameters, unit) if judged.kind else {}
+    return vars(judged) | {"unit": unit, "parameter_units": units}
 
 
 def _names(watch: Watch) -> list[str]:

@@ -57,8 +57,12 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         "armed_s": min(armed, default=None),
         "detected": sum(trial.detected for trial in trials),
         "isolated": sum(bool(trial.isolated) for trial in trials) if names_any else None,
+        "named_wrong": sum(bool(trial.named_wrong) for trial in trials) if names_any else None,
+        "axis_right": sum(bool(trial.axis_right) for trial in trials) if names_any else None,
         "kind_right": sum(bool(trial.kind_right) for trial in trials) if names_any else None,
         "kind_right_20s": sum(bool(trial.kind_right_20s) for trial in trials) if names_any else None,
+        "expected": sum(trial.expected is not None for trial in trials),
+        "unexpected": sum(bool(trial.unexpected) for trial in trials),
         **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
     }
 
@@ -110,14 +114,30 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **row,
         "severity": named(row["severity"]),
+        "settings": named(row["settings"]),
         "candidates": " ".join(row["candidates"]),
+        "also": "; ".join(map(_in_words, row["also"])),
+        "expected": "" if row["expected"] is None else _said(row["expected"]),
+        "unexpected": "; ".join(row["unexpected"]),
         "parameters": named({estimate["name"]: estimate["value"] for estimate in parameters}),
         "parameter_errors": named({estimate["name"]: estimate["error"] for estimate in parameters}),
         "parameters_true": named({estimate["name"]: estimate["true"] for estimate in parameters}),
     }
 
 
-def named(figures: Mapping[str, float | None]) -> str:
+def _in_words(also: Mapping[str, Any]) -> str:
+    """Write a further fault in a cell: ``jam of r at 320.0``, its severities and settings behind it."""
+    figures = named({**also["severity"], **also["settings"]})
+    return f"{also['fault']} of {also['channel']} at {also['onset_s']!r} {figures}".rstrip()
+
+
+def _said(expected: Mapping[str, Any]) -> str:
+    """Write what is expected in a cell: ``detect_within_s=2.0 isolate_as=p``."""
+    listed = {**expected, "isolate_as": ",".join(expected["isolate_as"])}
+    return " ".join(f"{name}={value}" for name, value in listed.items() if value)
+
+
+def named(figures: Mapping[str, Any]) -> str:
     """Write figures as ``name=value``, those that are None left out.
 
     >>> named({"slope": 0.05})

@@ -54,7 +54,11 @@ class SeedTable:
             own = [row for row in self.trials if row["detector"] == name]
             alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
             hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
-            totals.append({"detector": name, **_merits(own), **false_alarm_figures(alarms, hours)})
+            expected = {
+                "expected": sum(row["expected"] is not None for row in own),
+                "unexpected": sum(bool(row["unexpected"]) for row in own),
+            }
+            totals.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
         return totals
 
     def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
@@ -79,7 +83,11 @@ class SeedTable:
         for row in self.totals():
             bound = row["false_alarms_per_hour_at_most"]
             limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
-            named = "" if row["isolated"] is None else f", isolated {row['isolated']}"
+            named = (
+                "" if row["isolated"] is None else f", isolated {row['isolated']}, wrongly named {row['named_wrong']}"
+            )
+            if row["expected"]:
+                named += f", as expected {row['expected'] - row['unexpected']} of {row['expected']}"
             alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
             lines.append(
                 f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
@@ -114,6 +122,7 @@ def _merits(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "median_delay_s": float(np.median(delays)) if delays else None,
         "worst_delay_s": max(delays) if delays else None,
         "isolated": sum(bool(row["isolated"]) for row in detected) if claims else None,
+        "named_wrong": sum(bool(row["named_wrong"]) for row in detected) if claims else None,
         "kind_right": sum(bool(row["kind_right"]) for row in detected) if claims else None,
     }
 

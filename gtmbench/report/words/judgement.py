@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
+from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
+from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.scores import norm_of
 from gtmbench.report.words.units import per_second, with_error
@@ -17,6 +19,9 @@ from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
+_ONSET = "onset_s"
+_PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
+_BEFORE = {_ONSET: "from ", "value": "at "}
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 
@@ -26,26 +31,54 @@ def severity_text(trial: Injection) -> str:
 
 
 def fault_text(fault: Fault) -> str:
-    """Name a fault with its channel and its severity.
+    """Name a fault with its channel, other ones that it reads, and its severity.
 
-    >>> from gtmbench.faults.kinds import Drift, Jam
-    >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Jam(channel="q", onset_s=300))
-    ('drift of p, 0.05 deg/s²', 'jam of q')
+    >>> from gtmbench.faults.kinds import Drift, Swap
+    >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Swap(channel="p", onset_s=300, other="q"))
+    ('drift of p, 0.05 deg/s²', 'swap of p with q')
     """
-    what = f"{fault.kind.replace('_', ' ')} of {fault.channel}"
+    others = [_beside(fault.kind, other) for other in fault.reads[1:]]
+    what = " ".join([fault.kind.replace("_", " "), "of", fault.channel, *others])
     return ", ".join(part for part in (what, _severities(fault)) if part)
 
 
+def _beside(kind: str, other: str) -> str:
+    """Name the other channel of a kind that mixes two."""
+    return f"{_PREPOSITIONS.get(kind, 'and')} {other}"
+
+
 def _severities(fault: Fault) -> str:
-    unit, values = unit_of(fault.channel), fault.severities
-    of = {item.name: per_second(unit) if item.per_second else unit for item in fault.parameters()}
+    values, of = fault.severities, units_of(fault)
     return ", ".join(f"{value:.3g} {of[name]}".rstrip() for name, value in values.items())
+
+
+def units_of(fault: Fault) -> dict[str, str]:
+    """Return the units of a fault's severities by name.
+
+    >>> from gtmbench.faults.kinds import Drift
+    >>> units_of(Drift(channel="p", onset_s=300, slope=0.05))
+    {'slope': 'deg/s²'}
+    """
+    unit = unit_of(fault.channel)
+    return {item.name: _unit(item, unit) for item in fault.parameters() if item.is_severity}
+
+
+def _unit(item: Parameter, unit: str) -> str:
+    """Return a parameter's unit, the channel's being `unit`."""
+    if item.unit is not None:
+        return item.unit
+    return per_second(unit) if item.per_second else f"{unit}/{item.per}" if item.per else unit
 
 
 def trial_label(trial: Injection) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)
     return f"{trial.channel}, {severity}" if severity else trial.channel
+
+
+def trial_text(trial: Injection) -> str:
+    """Name a trial by all that breaks in it: ``drift of q, 0.05 deg/s² + jam of r``."""
+    return " + ".join(map(fault_text, (trial.injected, *trial.also)))
 
 
 def repetitions(trials: Sequence[Injection]) -> list[int]:
@@ -58,6 +91,19 @@ def repetitions(trials: Sequence[Injection]) -> list[int]:
     return counts
 
 
+def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault | None = None) -> dict[str, str]:
+    """Return the units of a kind's parameters as a diagnosis names them, the channel's being `unit`.
+
+    A constant reading has the channel's. Of a kind that only the `injected` fault knows, its declaration tells.
+
+    >>> parameter_units("spikes", ["size", "rate_hz"], "deg/s"), parameter_units("jam", ["value"], "deg")
+    ({'size': 'deg/s', 'rate_hz': 'Hz'}, {'value': 'deg'})
+    """
+    known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
+    units = {item.name: _unit(item, unit) for item in known.parameters()} if known else {}
+    return {name: units.get(name, "s" if name.endswith("_s") else unit if known else "") for name in names}
+
+
 def estimate_text(
     kind: str,
     parameters: Mapping[str, float],
@@ -65,36 +111,59 @@ def estimate_text(
     unit: str,
     injected: Fault | None = None,
 ) -> str:
-    """Write the parameters of a kind of fault with their standard errors; times are left out.
+    """Write the parameters of a kind of fault with their standard errors and units.
 
-    Of a kind that only the `injected` fault knows, its declaration tells the units; otherwise there are none.
-
-    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.9}, {"slope": 0.00012}, "deg/s")
-    '0.0499 ± 0.0001 deg/s²'
-    >>> estimate_text("wobble", {"depth": 2.0}, {}, "deg/s")
-    '2'
+    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.91}, {"slope": 0.00012, "onset_s": 0.2}, "deg/s")
+    '0.0499 ± 0.0001 deg/s², from 299.9 ± 0.2 s'
+    >>> estimate_text("lag", {"lag_s": 0.2}, {"lag_s": 0.01}, "deg"), estimate_text("stuck", {"value": 0.0}, {}, "deg")
+    ('0.20 ± 0.01 s', 'at 0 deg')
     """
-    known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
-    slopes = {item.name for item in known.parameters() if item.per_second} if known else set()
-    parts = []
-    for name, value in parameters.items():
-        if not name.endswith("_s"):
-            of = per_second(unit) if name in slopes else unit if known else ""
-            parts.append(f"{with_error(value, errors.get(name, math.nan))} {of}".rstrip())
-    return ", ".join(parts)
+    units = parameter_units(kind, parameters, unit, injected)
+    return ", ".join(
+        f"{_BEFORE.get(name, '')}{_figure(name, value, errors.get(name, math.nan))} {units[name]}".rstrip()
+        for name, value in parameters.items()
+    )
+
+
+def _figure(name: str, value: float, error: float) -> str:
+    """Write a value with its error; a time of the record without one to hundredths, as all times are."""
+    return f"{value:.2f}" if name == _ONSET and not math.isfinite(error) else with_error(value, error)
+
+
+def kind_text(
+    kind: str,
+    parameters: Mapping[str, float],
+    errors: Mapping[str, float],
+    unit: str,
+    partner: str | None = None,
+    injected: Fault | None = None,
+) -> str:
+    """Say what kind of fault: with its parameters, and the other sensor of one that mixes two.
+
+    >>> kind_text("misalignment", {"angle_deg": 5.0}, {"angle_deg": 0.1}, "deg/s", "q")
+    'misalignment 5.0 ± 0.1 deg towards q'
+    >>> kind_text("swap", {}, {}, "deg/s", "q"), kind_text("unknown", {}, {}, "deg/s")
+    ('swap with q', 'unknown kind')
+    """
+    if kind == UNKNOWN:
+        return "unknown kind"
+    other = "" if partner is None else _beside(kind, partner)
+    estimate = estimate_text(kind, parameters, errors, unit, injected)
+    return " ".join(part for part in (kind.replace("_", " "), estimate, other) if part)
 
 
 def judgement_text(judged: Judgement) -> str:
-    """Say what a judgement says: who, and what kind of fault with which parameters."""
-    if judged.sensor is not None:
-        who = f"{judged.sensor} failed"
-    else:
-        who = f"undecided: {' or '.join(judged.candidates)}" if judged.candidates else "nothing is left to explain"
-    if judged.kind is None:
+    """Say what a judgement says: who, or between whom it is and why, and what kind of fault with which parameters.
+
+    >>> judgement_text(Judgement(time_s=9.0, sensor="p", candidates=("p",), kind="swap", partner="q"))
+    'p and q have changed places'
+    """
+    who = judged.verdict + (f" - {judged.reason}" if judged.reason else "")
+    if judged.kind is None or judged.swapped:
         return who
     likeliest = judged.candidates[0] if judged.candidates else ""
-    estimate = estimate_text(judged.kind, judged.parameters, judged.errors, unit_of(likeliest))
-    return f"{who}; {judged.kind.replace('_', ' ')} {estimate}".rstrip()
+    kind = kind_text(judged.kind, judged.parameters, judged.errors, unit_of(likeliest), judged.partner)
+    return f"{who}; {kind}" if judged.sensor is not None else f"{who}; if {likeliest}, {kind}"
 
 
 def alarm_text(alarm: Alarm) -> str:
@@ -103,9 +172,14 @@ def alarm_text(alarm: Alarm) -> str:
 
 
 def source_text(alarm: Alarm, watch: Watch) -> str:
-    """Say what rose: ``residual of p, mean 0.16 s``; nothing of a detector with one score, or none, and one test."""
+    """Say what rose: ``residual of p, mean 0.16 s``; nothing of a detector with one score, or none, and one test.
+
+    Where samples are missing: ``missing samples of p``.
+    """
     if len(watch.scores) < 2 and not alarm.test:
         return ""
+    if alarm.test == MISSING:
+        return f"missing samples of {alarm.source}"
     source = f"residual of {alarm.source}" if alarm.source in watch.residuals else alarm.source
     return f"{source}, {alarm.test}" if alarm.test else source
 
@@ -117,14 +191,14 @@ def counting_alarm(trial: Trial) -> Alarm | None:
 
 
 def trial_events(trial: Trial) -> list[Event]:
-    """Return a trial's onset, alarms with what became of them, ends, and misses.
+    """Return a trial's onsets, alarms with what became of them, ends, and misses.
 
     A detector that names no sensor says the same again with every alarm, so of those after the onset one is told.
     """
-    what, onset_s = f"{trial.fault.replace('_', ' ')} of {trial_label(trial)}", trial.onset_s
-    events: list[Event] = [(onset_s, "WARN", f"onset: {what}")]
-    if trial.injected.duration_s is not None:
-        events.append((onset_s + trial.injected.duration_s, "WARN", f"end of the {what}"))
+    what, onset_s = fault_text(trial.injected), trial.onset_s
+    events = _fault_events(what, trial.injected)
+    for fault in trial.also:
+        events += _fault_events(fault_text(fault), fault)
     counting = counting_alarm(trial)
     told = [
         alarm
@@ -144,6 +218,14 @@ def trial_events(trial: Trial) -> list[Event]:
     return events
 
 
+def _fault_events(what: str, fault: Fault) -> list[Event]:
+    """Return a fault's onset and, where it has one, its end."""
+    events: list[Event] = [(fault.onset_s, "WARN", f"onset: {what}")]
+    if fault.duration_s is not None:
+        events.append((fault.onset_s + fault.duration_s, "WARN", f"end of the {what}"))
+    return events
+
+
 def watch_events(watches: Sequence[Watch], what: str = "alarm") -> list[Event]:
     """Return the alarms of watches that first told of a fault, with what became of them."""
     told = [(alarm, watch) for watch in watches for alarm in watch.faults]
@@ -156,7 +238,7 @@ def alarm_events(alarm: Alarm, watch: Watch, what: str) -> list[Event]:
     events: list[Event] = [(alarm.time_s, "ERROR", f"{what}: {source}" if source else what)]
     before = None
     for judged in alarm.judgements:
-        now = judged.sensor, judged.candidates, judged.kind
+        now = judged.sensor, judged.candidates, judged.kind, judged.partner, judged.reason
         if now != before:
             events.append((judged.time_s, "INFO", judgement_text(judged)))
         before = now

@@ -70,7 +70,10 @@ def _fault_text(same: Sequence[Alarm]) -> str:
     if first.last is None:
         return f"something failed {at}"
     named = not first.verdict.startswith("undecided")
-    return f"{first.verdict} {at}" if named else f"something failed {at}, {first.verdict}"
+    if named:
+        return f"{first.verdict} {at}"
+    why = f" - {first.last.reason}" if first.last.reason else ""
+    return f"something failed {at}, {first.verdict}{why}"
 
 
 def _alarms_text(watched: WatchedLog) -> str:
@@ -188,7 +191,8 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
     what, known = alarm_text(alarm), []
     if source := source_text(alarm, watch):
         known.append(f"alarm of the {source}" if alarm.source in watch.residuals else f"alarm of {source}")
-    if alarm.last is not None or began_s(alarm) < alarm.time_s:
+    is_told = alarm.last is not None and "onset_s" in alarm.last.parameters
+    if not is_told and (alarm.last is not None or began_s(alarm) < alarm.time_s):
         known.append(f"since about {began_s(alarm):.2f} s")
     if alarm.isolated_s is not None:
         known.append(f"named at {alarm.isolated_s:.2f} s")

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.channels import unit_of
+from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.report.words.judgement import estimate_text, severity_text
+from gtmbench.report.words.judgement import fault_text, kind_text, severity_text, trial_text
 from gtmbench.report.words.monitor import monitor_lines
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -31,6 +32,8 @@ def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
         left_out.add("detector")
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
         left_out.add("scenario")
+    if not any(trial.also for trial in study.trials):
+        left_out.add("also")
     if any(baseline.monitor.suspects for baseline in study.baselines):
         left_out |= {"alarm (s)", "peak ratio", "altered"}
     else:
@@ -47,6 +50,7 @@ def _cells(trial: Trial) -> dict[str, str]:
         "fault": trial.fault,
         "channel": trial.channel,
         "severity": severity_text(trial),
+        "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
         "alarm (s)": or_dash(trial.alarm_time_s, ".2f"),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
         "isolated after (s)": or_dash(trial.isolation_delay_s, ".2f"),
@@ -58,8 +62,10 @@ def _cells(trial: Trial) -> dict[str, str]:
 
 
 def _verdict(trial: Trial) -> str:
-    verdict = trial.verdict or "detected" if trial.detected else f"missed: {trial.reason}"
-    if trial.sensor is not None and not trial.isolated:
+    verdict = trial.verdict or "detected" if trial.detected else "missed"
+    if trial.reason:
+        verdict += f"{' -' if trial.detected else ':'} {trial.reason}"
+    if trial.named_wrong:
         verdict += " (wrong)"
     if trial.ended_s is not None:
         verdict += f", ended at {trial.ended_s:.2f} s"
@@ -73,8 +79,8 @@ def _kind(trial: Trial) -> str:
     values = {estimate.name: estimate.value for estimate in trial.parameters}
     errors = {estimate.name: estimate.error for estimate in trial.parameters}
     likeliest = trial.candidates[0] if trial.candidates else trial.channel
-    sizes = estimate_text(trial.kind, values, errors, unit_of(likeliest), trial.injected)
-    return f"{trial.kind.replace('_', ' ')} {sizes}".rstrip() + ("" if trial.kind_right else " (wrong)")
+    kind = kind_text(trial.kind, values, errors, unit_of(likeliest), trial.partner, trial.injected)
+    return kind + ("" if trial.kind_right or trial.kind == UNKNOWN else " (wrong)")
 
 
 def summary_lines(study: Study) -> list[str]:
@@ -85,6 +91,7 @@ def summary_lines(study: Study) -> list[str]:
         own = [
             _detected_line(baseline, study.trials_of(baseline.detector)),
             _false_alarm_line(baseline),
+            *_expectation_lines(study.trials_of(baseline.detector)),
             *_stuck_lines(baseline),
             *monitor_lines(baseline.monitor, baseline.watch),
         ]
@@ -97,11 +104,12 @@ def _detected_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
     if not baseline.monitor.suspects:
         return detected
     isolated = sum(bool(trial.isolated) for trial in trials)
+    wrong = sum(bool(trial.named_wrong) for trial in trials)
     right_20s = sum(bool(trial.kind_right_20s) for trial in trials)
     right = sum(bool(trial.kind_right) for trial in trials)
     return (
-        f"{detected}; the right sensor named: {isolated}; the right kind of fault 20 s after the alarm: {right_20s}, "
-        f"at the end: {right}"
+        f"{detected}; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
+        f"alarm: {right_20s}, at the end: {right}"
     )
 
 
@@ -109,6 +117,18 @@ def _false_alarm_line(baseline: Baseline) -> str:
     bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
     limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
     return f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}"
+
+
+def _expectation_lines(trials: Sequence[Trial]) -> list[str]:
+    """Say how many trials went as the scenarios expect, and where reality differs."""
+    expected = [trial for trial in trials if trial.expected is not None]
+    if not expected:
+        return []
+    differing = [trial for trial in expected if trial.unexpected]
+    return [
+        f"as the scenarios expect: {len(expected) - len(differing)} of {len(expected)}",
+        *(f"not as expected: {trial_text(trial)}: {'; '.join(trial.unexpected)}" for trial in differing),
+    ]
 
 
 def _stuck_lines(baseline: Baseline) -> list[str]:

@@ -1,0 +1,131 @@
+"""``gtmbench inject``: a recorded flight, broken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gtmbench.cli.detectors import import_option
+from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
+from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
+from gtmbench.files import check_file
+from gtmbench.report.words.judgement import fault_text
+from gtmbench.study.fault_tables import FaultSpec
+from gtmbench.study.scenario import load_faults
+from gtmbench.study.trial import fault_row
+
+if TYPE_CHECKING:
+    from gtmbench.study.log.inject import ChangedColumn
+
+
+@click.command("inject")
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--fault",
+    "scenario",
+    required=True,
+    metavar="SCENARIO.toml",
+    help="What breaks: a scenario's [[faults]], all severities absolute; or a name of `gtmbench list`.",
+)
+@click.option("--trial", type=int, metavar="N", help="Which of its trials, from 1 on.  [default: the only one]")
+@map_option
+@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
+@click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
+@import_option
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+@common_options
+def inject_command(
+    log: Path,
+    scenario: str,
+    trial: int | None,
+    mapping: tuple[str, ...],
+    out: Path | None,
+    listed: bool,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Break a recorded flight, CSV or Parquet, by one trial of a scenario, and change nothing else in it.
+
+    Onsets are on the log's clock, as `gtmbench monitor` tells times; figures are in the channels' units, whatever the
+    log's are. Other columns, stamps, notation, schema and metadata stay as they are.
+    """
+    trials = load_faults(scenario)
+    if listed:
+        _list(log, trials, as_json=as_json, quiet=quiet)
+        return
+    if out is None:
+        raise InputError("--out is missing; name the broken log to write")
+    _check_out(out, log, force=force)
+    number = _number(trial, trials, scenario)
+    faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
+    from gtmbench.study.log.inject import inject_log
+
+    changed = inject_log(log, out, faults, mapping=mapping)
+    if as_json:
+        print_json(_summary(log, out, scenario, number, faults, changed))
+    elif not quiet:
+        _print(out, faults, changed)
+
+
+def _check_out(out: Path, log: Path, *, force: bool) -> None:
+    if out.exists() and log.exists() and out.samefile(log):
+        raise InputError("--out is the log itself; give another name")
+    if out.suffix.lower() != log.suffix.lower():
+        raise InputError(f"--out is '{out}'; a log keeps its format, so its name ends in '{log.suffix}'")
+    check_file(out, force=force)
+
+
+def _number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) -> int:
+    """Return which trial is meant, or list those that there are."""
+    if trial is None and len(trials) == 1:
+        return 1
+    if trial is not None and 1 <= trial <= len(trials):
+        return trial
+    shown = "; ".join(_numbered(trials)[:20]) + (" ..." if len(trials) > 20 else "")
+    given = f"there is no trial {trial} of" if trial is not None else "--trial is missing, and there are several of"
+    raise InputError(f"{given} {scenario}: {shown}")
+
+
+def _numbered(trials: Sequence[FaultSpec]) -> list[str]:
+    return [f"{number} {trial.text}" for number, trial in enumerate(trials, 1)]
+
+
+def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
+    from gtmbench.intake.open import log_columns
+
+    columns = log_columns(log)
+    if as_json:
+        print_json({"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]})
+    elif not quiet:
+        print_columns(log, columns)
+        for line in _numbered(trials):
+            echo(f"trial {line}")
+
+
+def _summary(
+    log: Path, out: Path, scenario: str, number: int, faults: Sequence[Fault], changed: Sequence[ChangedColumn]
+) -> dict[str, object]:
+    return {
+        "log": str(log),
+        "out": str(out),
+        "scenario": scenario,
+        "trial": number,
+        "faults": [fault_row(fault) for fault in faults],
+        "columns": [asdict(column) for column in changed],
+    }
+
+
+def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn]) -> None:
+    for fault in faults:
+        until = "for good" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
+        echo(f"{fault_text(fault)}, from {fault.onset_s:g} s {until}")
+    for column in changed:
+        when = "" if column.first_s is None else f", from {column.first_s:.10g} to {column.last_s:.10g} s"
+        echo(f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}")
+    echo(f"broken log: {out}    watch it: gtmbench monitor {out}")

@@ -1,0 +1,190 @@
+"""A case: the rows of a record that an alarm is judged on, and everything that its hypotheses share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.isolation.health import energy, greatest
+from gtmbench.detectors.isolation.readings import Habit, straight_rows
+from gtmbench.detectors.virtual import integrable, integrated_angle
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.record import FloatArray, Record
+
+WITNESSES = ("nx", "ny", "nz")  # what a hypothesis may read beside the bank's channels, where a record has them
+_LEAST = 10  # rows judged
+_TELLING_S = 2.0  # of rows judged
+_SMOOTH_S = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """Rows of a record that an alarm is judged on.
+
+    Attributes
+    ----------
+    record : Record
+        From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
+    onset, sure : int
+        Rows of it: where the fault may have begun as far as the test tells, and from where on it is surely there.
+    start : int
+        The suspect isn't believed from here on: the onset and a margin.
+    shift : dict
+        Means of the residuals before the fault (biases), in the outputs' units.
+    habits : dict
+        How the suspects read before the fault.
+    """
+
+    monitor: CalibratedBank
+    record: Record
+    residuals: BankResiduals = field(repr=False)
+    start: int
+    onset: int
+    sure: int
+    shift: Mapping[str, float]
+    habits: Mapping[str, Habit]
+
+    @property
+    def period_s(self) -> float:
+        """Ts."""
+        return self.record.sample_period_s
+
+    @property
+    def end_s(self) -> float:
+        """When the last sample of the case is there."""
+        return round(float(self.record.time_s[-1]), 9)
+
+    @cached_property
+    def judged(self) -> slice:
+        """The rows that are judged: the fault is surely there, and filters have forgotten what was before.
+
+        Up to where every residual is known at the case's end.
+        """
+        monitor = self.monitor
+        outputs = tuple(self.residuals.raw)
+        memory = max(monitor.operators[name].causal_order + monitor.whiteners[name].order for name in outputs) + 1
+        ahead = max(round(monitor.look_ahead_of(name) / self.period_s) for name in outputs)
+        stop = max(len(self.record) - ahead, 0)
+        return slice(min(self.sure + memory, stop), stop)
+
+    @property
+    def is_ripe(self) -> bool:
+        """Whether there are rows enough to judge on."""
+        return bool(self.judged.stop - self.judged.start >= _LEAST)
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether there are rows enough to name or rule out a sensor whatever its fault is."""
+        return bool((self.judged.stop - self.judged.start) * self.period_s >= _TELLING_S)
+
+    @cached_property
+    def white(self) -> dict[str, FloatArray]:
+        """Residuals, whitened about their means before the fault, and the suspects' innovations; row for row."""
+        white = {}
+        for output, raw in self.residuals.raw.items():
+            values = self.monitor.whiteners[output].whiten(raw - self.shift[output])
+            white[output] = values / self.spread(output)
+        for channel, habit in self.habits.items():
+            white[own(channel)] = habit.innovations(self.record[channel]) / self.spread(own(channel))
+        return white
+
+    @cached_property
+    def energies(self) -> dict[str, float]:
+        """-2 log likelihood of each whitened residual over the rows judged, were it healthy."""
+        return {output: energy(white[self.judged]) for output, white in self.white.items()}
+
+    @cached_property
+    def surprises(self) -> dict[str, float]:
+        """-2 log likelihood of how often each suspect's readings run dead straight over the rows judged."""
+        return {
+            channel: habit.surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
+            for channel, habit in self.habits.items()
+        }
+
+    @property
+    def deviance(self) -> float:
+        """-2 log likelihood of the case were all sensors healthy."""
+        return sum(self.energies.values()) + sum(self.surprises.values())
+
+    @property
+    def count(self) -> int:
+        """How many samples of whitened residuals are judged."""
+        return sum(int(np.isfinite(white[self.judged]).sum()) for white in self.white.values())
+
+    @cached_property
+    def sickness(self) -> dict[str, float]:
+        """How far each residual gets towards its thresholds over the rows judged, as it is; healthy up to 1."""
+        judged = self.judged
+        return {output: greatest(self.monitor, output, self.white[output][judged]) for output in self.residuals.raw}
+
+    def spread(self, output: str) -> FloatArray | float:
+        """Return what a whitened residual is divided by: its operator's uncertainty; of a sensor's own, motion."""
+        if output in self.residuals.spread:
+            return self.residuals.spread[output].white
+        return self._motion.get(output, 1.0)
+
+    @cached_property
+    def _motion(self) -> dict[str, FloatArray]:
+        return {own(name): self.habits[name].motion(values) for name, values in self.expected.items()}
+
+    @cached_property
+    def virtual(self) -> dict[str, FloatArray]:
+        """What each suspect should have read, over the whole case; those that nothing predicts aren't there."""
+        predicted, bank = self.residuals.predicted, self.monitor.bank
+        virtual = {}
+        for name in bank.suspects:
+            if name in predicted:
+                virtual[name] = predicted[name] + self.shift[name] + self._mean(name)
+            elif integrable(name, bank.channels):
+                virtual[name] = integrated_angle(self._unbiased, name, self.start)
+        return virtual
+
+    @cached_property
+    def expected(self) -> dict[str, FloatArray]:
+        """The same without the virtual sensors' noise, which no fault passes on, of suspects with a habit.
+
+        What they read, where it isn't known what they should have.
+        """
+        from scipy.signal import savgol_filter
+
+        names = [name for name in self.virtual if name in self.habits]
+        if not names:
+            return {}
+        unknown = ~np.isfinite([self.virtual[name] for name in names])
+        read = np.nan_to_num([self.record[name] for name in names])
+        values = np.where(unknown, read, [self.virtual[name] for name in names])
+        window = 2 * int(0.5 * _SMOOTH_S / self.period_s) + 1
+        if 5 <= window <= len(self.record):
+            near = [np.convolve(rows, np.ones(window), mode="same") > 0.5 for rows in unknown]
+            values = np.where(near, values, savgol_filter(values, window, 3))
+        return dict(zip(names, values, strict=True))
+
+    @cached_property
+    def _unbiased(self) -> Record:
+        """The record, its gyros without the biases that they had before the fault."""
+        record = self.record
+        for spec in self.monitor.bank.residuals:
+            # kinematics alone: the mean of the residual is the gyro's bias
+            is_kinematic = len(spec.inputs) == 1 and spec.inputs[0] in PSEUDO_INPUTS
+            if is_kinematic and spec.output in self.residuals.raw:
+                bias = self.shift[spec.output] + self._mean(spec.output)
+                record = record.replace(spec.output, record[spec.output] - bias)
+        return record
+
+    def _mean(self, output: str) -> float:
+        return self.monitor.whiteners[output].mean
+
+
+def own(channel: str) -> str:
+    """Return the name that a channel's innovations have among the whitened residuals."""
+    return f"own {channel}"
+
+
+def shift_of(monitor: CalibratedBank, output: str, before: FloatArray) -> float:
+    """Return the mean of a residual before a fault, about that of its identification."""
+    there = before[np.isfinite(before)]
+    return float(there.mean()) - monitor.whiteners[output].mean if len(there) else 0.0

@@ -1,0 +1,115 @@
+"""How a change of one sensor's readings shows in whitened residuals: linear, so that hypotheses needn't filter anew.
+
+A residual e_o = y_o - (T u)_o is linear in its own output, and in a pseudo input's channel x to first order:
+du = (df/dx) dx + (df/dx') dx', at the mean of what was read and what should have been, which leaves an error of third
+order. Where an operator's input is the channel itself, it is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
+from gtmbench.record import FloatArray, Record
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """A way from a channel into a whitened residual: w(k) += sum over j of kernel_j u(k + ahead - j).
+
+    u = of_value x + of_slope x', x' the central difference per second.
+    """
+
+    output: str
+    kernel: FloatArray = field(repr=False)
+    ahead: int
+    of_value: float | FloatArray = field(repr=False)
+    of_slope: FloatArray | None = field(repr=False)
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it is the channel itself that enters: u = x."""
+        return self.of_slope is None and np.ndim(self.of_value) == 0 and self.of_value == 1.0
+
+    def later(self, start: int) -> Path:
+        """Return the path for rows from `start` on."""
+        of_value = self.of_value if isinstance(self.of_value, float) else self.of_value[start:]
+        return replace(self, of_value=of_value, of_slope=None if self.of_slope is None else self.of_slope[start:])
+
+    def drive(self, changes: FloatArray, sample_period_s: float) -> FloatArray:
+        """Return u of changes, shape (changes, rows)."""
+        driven = np.asarray(self.of_value * changes)
+        if self.of_slope is not None:
+            driven[:, 1:-1] += self.of_slope[1:-1] * (changes[:, 2:] - changes[:, :-2]) / (2.0 * sample_period_s)
+        return driven
+
+    def power(self, frequency: FloatArray, sample_period_s: float) -> FloatArray:
+        """Return how much white noise on the channel shows in the whitened residual, at frequencies in rad a row."""
+        gain = np.square(np.abs(np.polyval(self.kernel[::-1], np.exp(-1j * frequency))))
+        by = np.full(len(frequency), float(np.mean(np.square(self.of_value))))
+        if self.of_slope is not None:
+            by += float(np.mean(np.square(self.of_slope))) * np.square(np.sin(frequency) / sample_period_s)
+        return np.asarray(gain * by)
+
+
+def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: FloatArray) -> list[Path]:
+    """Return all ways of a channel into the residuals of a bank, about the mean of reading and virtual sensor."""
+    middle = 0.5 * (record[channel] + np.where(np.isfinite(virtual), virtual, record[channel]))
+    about = record.replace(channel, middle)
+    paths = []
+    names = {name for spec in monitor.bank.residuals for name in monitor.operators[spec.output].inputs}
+    slopes = {
+        name: [np.nan_to_num(values) for values in sensitivities(about, name, channel)]
+        for name in names
+        if name in PSEUDO_INPUTS and channel in raw_needs(name)
+    }
+    for spec in monitor.bank.residuals:
+        whitener, operator = monitor.whiteners[spec.output], monitor.operators[spec.output]
+        taps = whitener.coefficients / whitener.deviation
+        if channel == spec.output:
+            paths.append(Path(output=spec.output, kernel=taps, ahead=0, of_value=1.0, of_slope=None))
+        for i, name in enumerate(operator.inputs):
+            if channel not in raw_needs(name):
+                continue
+            of_value: float | FloatArray = 1.0
+            of_slope: FloatArray | None = None
+            if name in slopes:
+                of_value, of_slope = slopes[name]
+            kernel = -np.convolve(operator.markov[:, 0, i], taps)
+            ahead = operator.noncausal_order
+            paths.append(Path(output=spec.output, kernel=kernel, ahead=ahead, of_value=of_value, of_slope=of_slope))
+    return paths
+
+
+class Effects:
+    """What changes of a channel add to whitened residuals, by all of its paths.
+
+    Parameters
+    ----------
+    paths : list of Path
+    rows : int
+        How many rows a change has.
+    sample_period_s : float
+    """
+
+    def __init__(self, paths: list[Path], rows: int, sample_period_s: float) -> None:
+        from scipy.fft import next_fast_len, rfft
+
+        self._paths, self._period_s = paths, sample_period_s
+        self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
+        self._kernels = [rfft(path.kernel, self._size) for path in paths]
+
+    def of(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
+        """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows."""
+        from scipy.fft import irfft, rfft
+
+        shown: dict[str, FloatArray] = {}
+        alone = rfft(changes, self._size)
+        for path, kernel in zip(self._paths, self._kernels, strict=True):
+            driven = alone if path.is_alone else rfft(path.drive(changes, self._period_s), self._size)
+            wave = irfft(driven * kernel, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
+            shown[path.output] = shown[path.output] + wave if path.output in shown else wave
+        return shown

@@ -1,0 +1,294 @@
+"""Fits of one suspect: what its hypotheses share, shapes of faults above all, filtered together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.detectors.isolation.case import WITNESSES, own
+from gtmbench.detectors.isolation.columns import Columns
+from gtmbench.detectors.isolation.noise import Noise, NoiseFit
+from gtmbench.detectors.isolation.parabola import vertex
+from gtmbench.detectors.isolation.readings import straight_rows
+from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.faults.distortions import lagged
+from gtmbench.record import FloatArray
+
+UNKNOWN = "unknown"
+PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
+_HELD = ("jam", "stuck", "hardover", "stale")
+_LAG_S = 0.1  # of the shape that stands for lags of any length
+_CONSTANT = 0.98  # of the rows judged: the same
+_STRAIGHTER = 0.005  # of the rows judged, more than before
+WORTH = 10.0  # of -2 log likelihood, that a search is worth
+
+Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
+
+# shapes of faults that belong to no kind; () is one that has gone
+ANYTHING: tuple[tuple[str, ...], ...] = (
+    (),
+    ("1",),
+    ("t",),
+    ("1", "t"),
+    ("x",),
+    ("1", "x"),
+    ("x'",),
+    ("x", "x'"),
+    ("lag",),
+    ("x", "lag"),
+    ("1", "lag", "x'"),
+    ("x", "sgn"),
+    ("sin", "cos"),
+    ("1", "sin", "cos"),
+    ("1", "x", "x'"),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A hypothesis fitted to a suspect.
+
+    Attributes
+    ----------
+    kind : str
+        `UNKNOWN` where it has none.
+    family : str
+    left : Left
+    parameters : dict
+        Of the kind.
+    free : int
+        How many numbers were fitted.
+    partner : str or None
+        The other sensor of a fault that mixes two.
+    errors : callable
+        Gives the parameters' standard errors.
+    lasts : bool
+        Whether the fault is there to the end; one that comes and goes may have gone.
+    """
+
+    kind: str
+    family: str
+    left: Left = field(repr=False)
+    parameters: Parameters
+    free: int
+    partner: str | None = None
+    errors: Callable[[], Parameters] = field(default=dict, repr=False)
+    lasts: bool = True
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the sensor's own readings show it: they are held, clipped or rounded."""
+        return self.family == "clipping" or self.kind in _HELD
+
+
+class Fitter:
+    """Fits of one suspect: shapes are computed once, filtered together.
+
+    Parameters
+    ----------
+    suspect : Suspect
+    without : iterable of str
+        Families that aren't tried.
+    """
+
+    def __init__(self, suspect: Suspect, without: Iterable[str] = ()) -> None:
+        self.suspect, self.without = suspect, frozenset(without)
+        case = suspect.case
+        self.period_s = case.period_s
+        self.virtual = suspect.expected
+        self.after_s = suspect.time_s - suspect.time_s[suspect.sure]
+        self.on = (np.arange(len(self.after_s)) >= suspect.onset).astype(float)
+        self.peers = _peers(suspect)
+        self.felt = _felt(suspect)
+        self.measured = np.where(np.isfinite(suspect.measured), suspect.measured, self.virtual)
+        self._plain: dict[tuple[str, ...], Left] = {}
+        self._noises: dict[tuple[str, ...], tuple[NoiseFit, NoiseFit]] = {}
+
+    # ---- what all hypotheses are made of ----
+
+    @cached_property
+    def shapes(self) -> dict[str, FloatArray]:
+        """What a fault may add, per unit; nothing before the onset."""
+        v, t = self.virtual, self.after_s
+        level = v - (v[0] if self.suspect.channel == "psi" else 0.0)
+        frequency = 2.0 * np.pi * self.frequency_hz
+        shapes = {
+            "1": np.ones_like(t),
+            "t": t,
+            "x": level,
+            "x'": np.gradient(v) / self.period_s,
+            "lag": _lagged(v, _LAG_S, self.period_s) - v,
+            "sgn": np.sign(level),
+            "sin": np.sin(frequency * t),
+            "cos": np.cos(frequency * t),
+        }
+        for name, readings in self.peers.items():
+            shapes[f"of {name}"] = readings - (readings[0] if name == "psi" else 0.0)
+        shapes |= {f"of {name}": readings for name, readings in self.felt.items()}
+        return {name: shape * self.on for name, shape in shapes.items()}
+
+    @cached_property
+    def frequency_hz(self) -> float:
+        """Where the spectrum of the residual that holds most of the fault peaks."""
+        residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
+        whites = np.nan_to_num(self.suspect.white[residuals])
+        white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
+        rows = len(white)
+        spectrum = np.abs(np.fft.rfft(white * np.hanning(rows), 8 * rows))
+        frequency = np.fft.rfftfreq(8 * rows, self.period_s).astype(np.float64)
+        spectrum[frequency < 1.5 / (rows * self.period_s)] = 0.0
+        peak = int(np.argmax(spectrum))
+        at, around = float(frequency[peak]), slice(peak - 1, peak + 2)
+        if not 0 < peak < len(spectrum) - 1:
+            return at
+        top, bend = vertex(frequency[around], spectrum[around])
+        return top if bend < 0.0 else at
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The shapes, filtered."""
+        return Columns(self.suspect, self.shapes)
+
+    @cached_property
+    def anything(self) -> dict[tuple[str, ...], Left]:
+        """What a few shapes leave, of those sets that there are samples enough for."""
+        return {names: self.plain(*names) for names in ANYTHING if 3 * len(names) < self.suspect.white.size}
+
+    @cached_property
+    def _noise(self) -> Noise:
+        return Noise(self.suspect)
+
+    def weights(self, *names: str) -> FloatArray:
+        """Return how much of some shapes there is, per unit."""
+        return self.columns.fit(names)[0]
+
+    def plain(self, *names: str) -> Left:
+        """Return what some shapes leave."""
+        if names not in self._plain:
+            self._plain[names] = self.suspect.plain(self.columns.fit(names)[1])
+        return self._plain[names]
+
+    def noises(self, *names: str) -> tuple[NoiseFit, NoiseFit]:
+        """Return the best white noise and the best random walk beside some shapes."""
+        if names not in self._noises:
+            self._noises[names] = self._noise.fits(self.columns.fit(names)[1])
+        return self._noises[names]
+
+    def left_of(self, changes: FloatArray) -> FloatArray:
+        """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
+        return self.suspect.white - self.suspect.shown(changes)
+
+    @cached_property
+    def straight(self) -> float:
+        """The share of the rows judged that are dead straight."""
+        judged = self.suspect.measured[self.suspect.judged]
+        return float(straight_rows(judged).mean()) if len(judged) else 0.0
+
+    @cached_property
+    def is_constant(self) -> bool:
+        """Whether the sensor reads the same over nearly all rows judged."""
+        judged = self.suspect.measured[self.suspect.judged]
+        there = judged[np.isfinite(judged)]
+        return len(there) > 0 and float(np.mean(there == np.median(there))) > _CONSTANT
+
+    @cached_property
+    def is_straight(self) -> bool:
+        """Whether it is dead straight more often than it was."""
+        habit = self.suspect.case.habits.get(self.suspect.channel)
+        return self.straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
+
+    @cached_property
+    def straight_step(self) -> float:
+        """The usual step from sample to sample where the reading runs dead straight; 0 without."""
+        judged = self.suspect.measured[self.suspect.judged]
+        steps = np.abs(np.diff(judged))[straight_rows(judged)[1:]]
+        return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+
+    def stale(self) -> FloatArray:
+        """Return what repeating readings adds, as they are repeated."""
+        rows = np.arange(len(self.virtual))
+        fresh = np.concatenate([[True], np.diff(self.suspect.measured) != 0.0])
+        last = np.maximum.accumulate(np.where(fresh, rows, 0))
+        return np.asarray((self.virtual[last] - self.virtual) * self.on)
+
+    def shaped(
+        self,
+        kind: str,
+        family: str,
+        names: tuple[str, ...],
+        parameters: Parameters,
+        errors: Callable[[], Parameters],
+        *,
+        more: int = 0,
+        partner: str | None = None,
+    ) -> Fit:
+        """Return the fit of a fault that adds some shapes; `more` numbers were fitted than their weights."""
+        return Fit(
+            kind=kind,
+            family=family,
+            left=self.plain(*names),
+            parameters=parameters,
+            free=len(names) + more,
+            partner=partner,
+            errors=errors,
+        )
+
+    def fixed(
+        self,
+        kind: str,
+        family: str,
+        changes: FloatArray,
+        parameters: Parameters,
+        free: int,
+        errors: Callable[[], Parameters] = dict,
+    ) -> Fit:
+        """Return the fit of changes that need no more fitting."""
+        left = self.suspect.plain(self.left_of(changes[np.newaxis])[0])
+        return Fit(kind=kind, family=family, left=left, parameters=parameters, free=free, errors=errors)
+
+    def deviations(self, *names: str) -> FloatArray:
+        """Return the standard errors of the weights of shapes."""
+        return np.asarray(np.sqrt(np.diag(self.columns.covariance(names))))
+
+    def is_late(self) -> bool:
+        """Whether shapes of readings that come late explain anything."""
+        late = [self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
+        return min(late, default=np.inf) < self.anything[()].deviance - WORTH
+
+
+def leads(names: tuple[str, ...], weights: FloatArray) -> bool:
+    """Tell whether shapes say that a sensor reads ahead of time, which none does."""
+    by = dict(zip(names, weights.tolist(), strict=True))
+    lag, lead_s = by.get("lag", 0.0), by.get("x'", 0.0)
+    return bool(lag < -0.02 or (lead_s > 0.002 and lag * _LAG_S < lead_s))
+
+
+def _peers(suspect: Suspect) -> dict[str, FloatArray]:
+    """Return the readings of the bank's sensors of the same make."""
+    group = next((group for group in PEERS if suspect.channel in group), ())
+    record = suspect.case.record
+    return {
+        name: np.nan_to_num(record[name][suspect.case.start :])
+        for name in group
+        if name != suspect.channel and name in suspect.case.monitor.bank.channels
+    }
+
+
+def _felt(suspect: Suspect) -> dict[str, FloatArray]:
+    """Return what accelerometers read that may leak into a gyro, in g; their mean where a reading is missing."""
+    record = suspect.case.record
+    names = [name for name in WITNESSES if suspect.channel in PEERS[0] and name in record.channels]
+    felt = {name: record[name][suspect.case.start :] for name in names}
+    there = {name: np.isfinite(readings) for name, readings in felt.items()}
+    return {
+        name: np.where(there[name], readings, readings[there[name]].mean())
+        for name, readings in felt.items()
+        if there[name].any()
+    }
+
+
+def _lagged(values: FloatArray, lag_s: float, sample_period_s: float) -> FloatArray:
+    return lagged(values, lag_s, sample_period_s, (float(values[0]), 0.0))[0]

@@ -1,0 +1,190 @@
+"""Faults that are noise: white or a random walk on a suspect's readings, by its spectrum; or a few samples off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.isolation.case import own
+from gtmbench.detectors.isolation.parabola import vertex
+from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.record import FloatArray
+
+_VARIANCES = np.geomspace(1e-3, 1e4, 24)  # of noise that a fault adds, over the noise that is there
+_BINS = 72  # of a periodogram
+_FINE = 24  # of them that hold one frequency
+_SPIKE = 40.0  # of -2 log likelihood, that a spike explains
+
+Indices = np.ndarray[Any, np.dtype[np.int_]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseFit:
+    """Noise fitted to what is left of a suspect's residuals.
+
+    Attributes
+    ----------
+    left : Left
+    variance : float
+        Of the noise, of a walk's steps.
+    spread : float
+        The standard error of its logarithm; NaN where the record doesn't tell.
+    """
+
+    left: Left = field(repr=False)
+    variance: float
+    spread: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpikesFit:
+    """Single samples that are off: what is left without them, how many, how large, and how many a second."""
+
+    left: Left = field(repr=False)
+    count: int
+    size: float
+    size_error: float
+    rate_hz: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Spectra:
+    """What residuals' spectra S are with noise of all variances that are tried: of no residual, so worked out once.
+
+    Attributes
+    ----------
+    unit : float
+        What the variances are multiples of.
+    logs : shape (variances,)
+        Sums of log S.
+    inverse : shape (variances, outputs * bins)
+        1/S.
+    """
+
+    unit: float
+    logs: FloatArray
+    inverse: FloatArray
+
+    @classmethod
+    def of(cls, power: FloatArray, counts: FloatArray) -> _Spectra:
+        unit = 1.0 / max(float(np.median(power[0])), 1e-12)
+        spectra = 1.0 + np.outer(_VARIANCES * unit, power)
+        return cls(unit=unit, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
+
+    def deviances(self, binned: FloatArray) -> FloatArray:
+        """Return -2 log likelihood of a periodogram, shape (outputs, bins), of each variance."""
+        return np.asarray(self.logs + self.inverse @ binned.ravel())
+
+
+class Noise:
+    """Whittle's likelihood of a suspect's residuals: the sum over frequencies of log S + I/S.
+
+    I is the periodogram, S = 1 + variance power(frequency) what healthy noise and the fault's have together, power what
+    the ways from the readings make of white noise; that of a random walk is 1/(4 sin(w/2)^2) times it. Frequencies are
+    taken together in bins, for S is smooth.
+    """
+
+    def __init__(self, suspect: Suspect) -> None:
+        self._suspect = suspect
+        self._there = suspect.there
+
+    def fits(self, left: FloatArray) -> tuple[NoiseFit, NoiseFit]:
+        """Return the best white noise and the best random walk on the readings, of what is left otherwise."""
+        weights, _, edges = self._bins
+        counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
+        lines = np.fft.rfft(np.where(self._there, left, 0.0))
+        binned = np.add.reduceat(weights * (np.square(lines.real) + np.square(lines.imag)) / counts, edges, axis=1)
+        return self._best(left, binned, self._white), self._best(left, binned, self._walk)
+
+    def _best(self, left: FloatArray, binned: FloatArray, spectra: _Spectra) -> NoiseFit:
+        total = spectra.deviances(binned)
+        at, spread = _bottom(total)
+        left_of = Left(deviance=float(total.min()), outputs=self._suspect.outputs, white=left)
+        return NoiseFit(left=left_of, variance=float(np.exp(at) * spectra.unit), spread=spread)
+
+    @cached_property
+    def _white(self) -> _Spectra:
+        return _Spectra.of(self._power, self._counts)
+
+    @cached_property
+    def _walk(self) -> _Spectra:
+        return _Spectra.of(self._power / np.maximum(4.0 * np.square(np.sin(self._frequency / 2.0)), 1e-4), self._counts)
+
+    @cached_property
+    def _counts(self) -> FloatArray:
+        """How many samples each bin of each residual tells as much as, shape (outputs, bins)."""
+        weights, _, edges = self._bins
+        return np.asarray(np.add.reduceat(weights, edges) * self._there.mean(axis=1, keepdims=True))
+
+    @cached_property
+    def _bins(self) -> tuple[FloatArray, FloatArray, Indices]:
+        """Return weights and angular frequencies of a periodogram's lines, and where bins of them begin."""
+        rows = self._suspect.white.shape[1]
+        lines = rows // 2 + 1
+        weights = np.full(lines, 2.0)
+        weights[0] = 1.0
+        if rows % 2 == 0:
+            weights[-1] = 1.0
+        edges = np.concatenate([np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)])
+        edges = np.unique(edges[edges < lines])
+        return weights, np.arange(lines) * (2.0 * np.pi / rows), edges
+
+    @cached_property
+    def _frequency(self) -> FloatArray:
+        weights, frequency, edges = self._bins
+        return np.asarray(np.add.reduceat(weights * frequency, edges) / np.add.reduceat(weights, edges))
+
+    @cached_property
+    def _power(self) -> FloatArray:
+        """What white noise of unit variance on the readings makes of the residuals, shape (outputs, bins)."""
+        suspect = self._suspect
+        power = np.zeros((len(suspect.outputs), len(self._frequency)))
+        for path in suspect.paths:
+            power[suspect.outputs.index(path.output)] += path.power(self._frequency, suspect.case.period_s)
+        return power
+
+
+def spikes_of(suspect: Suspect) -> SpikesFit | None:
+    """Find single samples that are off in a suspect's innovations; None where none is.
+
+    A spike shows there as the filter's own shape; each costs its place and its size.
+    """
+    habit = suspect.case.habits.get(suspect.channel)
+    if habit is None:
+        return None
+    taps = habit.taps
+    white = np.nan_to_num(suspect.white[suspect.outputs.index(own(suspect.channel))])
+    power = float(taps @ taps)
+    sizes = np.correlate(white, taps, "full")[len(taps) - 1 :] / power
+    gain = np.square(sizes) * power
+    rows: list[int] = []
+    for row in np.argsort(gain)[::-1][: len(gain) // 10].tolist():
+        if gain[row] < _SPIKE:
+            break
+        if all(abs(row - other) > 2 for other in rows):
+            rows.append(row)
+    if not rows:
+        return None
+    changes = np.zeros((1, len(suspect.measured)))
+    changes[0, np.array(rows) + suspect.judged.start] = sizes[rows]
+    left = suspect.plain(suspect.white - suspect.shown(changes)[0])
+    cost = 2.0 * len(rows) * float(np.log(len(white)))
+    return SpikesFit(
+        left=Left(deviance=left.deviance + cost, outputs=left.outputs, white=left.white),
+        count=len(rows),
+        size=float(np.median(np.abs(sizes[rows]))),
+        size_error=float(1.0 / np.sqrt(len(rows) * power)),
+        rate_hz=len(rows) / (len(white) * suspect.case.period_s),
+    )
+
+
+def _bottom(deviances: FloatArray) -> tuple[float, float]:
+    """Return the logarithm of the likeliest variance, by the parabola there, and the standard error of that."""
+    logs, best = np.log(_VARIANCES), int(np.argmin(deviances))
+    if not 0 < best < len(logs) - 1:
+        return float(logs[best]), float("nan")
+    at, bend = vertex(logs[best - 1 : best + 2], deviances[best - 1 : best + 2])
+    return (at, float(1.0 / np.sqrt(bend))) if bend > 0.0 else (float(logs[best]), float("nan"))

@@ -1,0 +1,121 @@
+"""What a sensor's own readings tell, without any other sensor: noise that comes or goes, repeats, straight lines.
+
+An aircraft moves slowly beside its sensors' samples, so the fourth differences of readings are the sensor's own noise.
+A fault of a gyro leaves the attitude sensors' alone, and the other way round: where one residual holds both, this tells
+them apart. What is usual is learnt just before the fault, on the same flight with the same sensors; motion that should
+have been as sudden as noise is discounted (`Habit.motion`), and counts of a converter tell nothing by repeating.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.method.autoregressive import innovations
+from gtmbench.record import FloatArray
+
+_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
+_ALIKE = 2.0  # its samples aren't independent: about half of them count
+_ROWS = 3000  # learnt from, at most
+_LEAST = 200
+_BLOCK = 100
+_UNSTEADY = 1.7  # times the variance: blocks of a steady noise stay below
+_STRAIGHT = 1e-9  # of the readings' size
+_AROUND = 25  # rows
+_DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good to a quarter
+_STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
+_QUIETEST = 1e-3
+_DISTINCT = 0.9  # of the readings, where they are no counts
+_EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
+
+ROWS_BEFORE = _ROWS + 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Habit:
+    """How a healthy sensor reads.
+
+    Attributes
+    ----------
+    taps : shape (5,)
+        Of the filter from its readings to its noise, over more than the deviation of that, so that two samples count
+        for one.
+    quietest : float
+        The least mean square of that over a block, of its own; 0 where being quiet tells nothing.
+    straight : float
+        Share of rows whose second difference is zero: it repeats itself, or runs dead straight.
+    reach : float
+        Its greatest magnitude.
+    """
+
+    taps: FloatArray = field(repr=False)
+    quietest: float
+    straight: float
+    reach: float
+
+    @property
+    def variance(self) -> float:
+        """Of its noise, in the channel's unit squared, were that white."""
+        return 1.0 / (_ALIKE * float(np.sum(np.square(self.taps))))
+
+    def innovations(self, readings: FloatArray) -> FloatArray:
+        """Return its noise, in deviations; NaN where a reading that it needs is missing."""
+        there = readings[np.isfinite(readings)]
+        return innovations(readings - (there[0] if len(there) else 0.0), self.taps)  # smaller numbers, same steps
+
+    def motion(self, expected: FloatArray) -> FloatArray:
+        """Return by what innovations are to be divided where the sensor should have moved too suddenly to predict."""
+        sudden = np.square(np.convolve(expected - expected[0], self.taps)[: len(expected)])
+        sudden[: len(self.taps)] = 0.0
+        around = np.convolve(sudden, np.ones(_AROUND) / _AROUND, mode="same")
+        return np.sqrt(1.0 + _DISCOUNT * around)
+
+    def deviance(self, squares: FloatArray, count: int) -> FloatArray:
+        """Return -2 log likelihood of `count` samples of noise by their sum of squares, which may be less than ever."""
+        if not self.quietest:
+            return squares
+        samples = max(count, 1) / _ALIKE
+        level = np.clip(squares / samples * _STEADY / self.quietest, _QUIETEST, 1.0)
+        return np.asarray(samples * np.log(level) + squares / level)
+
+    def surprise(self, straight: int) -> float:
+        """Return -2 log likelihood of so many straight rows, were the sensor healthy."""
+        return -2.0 * straight * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
+
+
+def habit_of(readings: FloatArray) -> Habit | None:
+    """Learn how a sensor reads from rows before a fault; None where they are too few, or all alike."""
+    if len(readings) < _LEAST:
+        return None
+    last = readings[-ROWS_BEFORE:]
+    left = innovations(last, _DIFFERENCE)
+    left = left[np.isfinite(left)]
+    if len(left) < _LEAST:
+        return None
+    blocks = np.square(left[: len(left) // _BLOCK * _BLOCK]).reshape(-1, _BLOCK).mean(axis=1)
+    variance = float(np.mean(np.square(left)))
+    if blocks.max() > _UNSTEADY * variance:  # gusts, vibration: only what is more than all of that tells of the sensor
+        variance = float(blocks.max())
+    if not variance > (1e-9 * max(float(np.nanmax(np.abs(last))), 1e-12)) ** 2:
+        return None
+    there = last[np.isfinite(last)]
+    straight, quietest = float(np.mean(straight_rows(last)[np.isfinite(last)])), float(blocks.min()) / variance
+    if len(np.unique(there)) < _DISTINCT * len(there):  # counts of a converter repeat whenever little moves
+        straight, quietest = 1.0, 0.0
+    quietest = min(quietest, 1.0)
+    taps = _DIFFERENCE / np.sqrt(_ALIKE * variance)
+    return Habit(taps=taps, quietest=quietest, straight=straight, reach=float(np.nanmax(np.abs(last))))
+
+
+def straight_rows(readings: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Tell which rows continue the two before them dead straight.
+
+    >>> straight_rows(np.array([1.0, 2.0, 3.0, 3.0, 3.0, 2.5]))
+    array([False, False,  True, False,  True, False])
+    """
+    found = np.zeros(len(readings), dtype=bool)
+    if len(readings) > 2:
+        size = float(np.nanmax(np.abs(readings), initial=0.0))
+        found[2:] = np.abs(np.diff(readings, 2)) <= _STRAIGHT * size
+    return found

@@ -1,0 +1,207 @@
+"""A suspect: one sensor of a case, how a fault of its own would show, and how well residuals are explained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.isolation.case import Case, own
+from gtmbench.detectors.isolation.effects import Effects, Path, paths_of
+from gtmbench.detectors.isolation.health import MOST, energy, greatest
+from gtmbench.record import FloatArray
+
+_ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
+_EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Left:
+    """What a hypothesis leaves.
+
+    Attributes
+    ----------
+    deviance : float
+        -2 log likelihood of the residuals that the suspect enters.
+    outputs : tuple of str
+        Whose these are.
+    white : shape (outputs, rows)
+        They, rid of the fault; noise that belongs to it is still there.
+    """
+
+    deviance: float
+    outputs: tuple[str, ...]
+    white: FloatArray = field(repr=False)
+
+    def heals(self, monitor: CalibratedBank) -> bool:
+        """Tell whether it is healthy by the monitor's test."""
+        return all(
+            greatest(monitor, output, white, is_corrected=True) <= 1.0
+            for output, white in zip(self.outputs, self.white, strict=True)
+            if output in monitor.whiteners
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Suspect:
+    """A suspect of a case.
+
+    Attributes
+    ----------
+    case : Case
+    channel : str
+    measured, virtual : shape (rows,)
+        What it read and what it should have read, from the case's `start` on.
+    time_s : shape (rows,)
+    paths : list of Path
+        Into the residuals, and into its own innovations, the last.
+    """
+
+    case: Case
+    channel: str
+    measured: FloatArray = field(repr=False)
+    virtual: FloatArray = field(repr=False)
+    time_s: FloatArray = field(repr=False)
+    paths: list[Path] = field(repr=False)
+
+    @classmethod
+    def of(cls, case: Case, channel: str) -> Suspect | None:
+        """Return a suspect, or None where nothing predicts it."""
+        virtual = case.virtual.get(channel)
+        if virtual is None:
+            return None
+        rows = slice(case.start, None)
+        paths = [path.later(case.start) for path in paths_of(case.monitor, case.record, channel, virtual)]
+        habit = case.habits.get(channel)
+        if habit is not None:
+            paths.append(Path(output=own(channel), kernel=habit.taps, ahead=0, of_value=1.0, of_slope=None))
+        return cls(
+            case=case,
+            channel=channel,
+            measured=case.record[channel][rows],
+            virtual=virtual[rows],
+            time_s=case.record.time_s[rows],
+            paths=[path for path in paths if path.output in case.white],
+        )
+
+    @property
+    def onset(self) -> int:
+        """The row from `start` on where the fault may have begun."""
+        return self.case.onset - self.case.start
+
+    @property
+    def sure(self) -> int:
+        """The row from `start` on where it is surely there."""
+        return self.case.sure - self.case.start
+
+    @property
+    def earliest_s(self) -> float:
+        """When the fault may have begun, at the earliest."""
+        sure_s = float(self.time_s[self.sure])
+        return sure_s - max(_EARLIEST_S, 2.0 * (sure_s - float(self.time_s[0])))
+
+    @cached_property
+    def judged(self) -> slice:
+        """The rows from `start` on that are judged."""
+        judged = self.case.judged
+        return slice(judged.start - self.case.start, judged.stop - self.case.start)
+
+    @cached_property
+    def expected(self) -> FloatArray:
+        """What it should have read, without the virtual sensor's noise; what it read, where that isn't known."""
+        if self.channel in self.case.expected:
+            return self.case.expected[self.channel][self.case.start :]
+        return np.where(np.isfinite(self.virtual), self.virtual, np.nan_to_num(self.measured))
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """The whitened residuals that it enters, its own innovations last."""
+        return tuple(dict.fromkeys(path.output for path in self.paths))
+
+    @cached_property
+    def white(self) -> FloatArray:
+        """These residuals over the rows judged, shape (outputs, rows); NaN where one is missing.
+
+        Its own innovations are missing where it isn't known what it should have read, too.
+        """
+        white = np.array([self.case.white[output][self.case.judged] for output in self.outputs])
+        unknown = ~np.isfinite(self.virtual)
+        if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
+            reach = np.ones(len(self.case.habits[self.channel].taps))
+            white[-1, np.convolve(unknown, reach)[self.judged] > 0.5] = np.nan
+        return white
+
+    @cached_property
+    def there(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Which of these samples are there."""
+        return np.isfinite(self.white)
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether all are."""
+        return bool(self.there.all())
+
+    @cached_property
+    def elsewhere(self) -> float:
+        """-2 log likelihood of everything that it doesn't enter, the other suspects' readings included."""
+        case = self.case
+        others = sum(energy for output, energy in case.energies.items() if output not in self.outputs)
+        return others + sum(surprise for channel, surprise in case.surprises.items() if channel != self.channel)
+
+    @cached_property
+    def sick_elsewhere(self) -> float:
+        """What residuals that it doesn't enter leave over what another fault of theirs would, if that is much."""
+        over = 0.0
+        for output in self.case.residuals.raw:
+            if output not in self.outputs:
+                white = self.case.white[output][self.case.judged]
+                over += max(self.case.energies[output] - float(np.isfinite(white).sum()) - _ANOTHER, 0.0)
+        return over
+
+    @cached_property
+    def _effects(self) -> Effects:
+        return Effects(self.paths, len(self.measured), self.case.period_s)
+
+    def shown(self, changes: FloatArray) -> FloatArray:
+        """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
+        waves = self._effects.of(np.nan_to_num(changes), self.judged)
+        shown = np.empty((len(changes), *self.white.shape))
+        for i, output in enumerate(self.outputs):
+            shown[:, i] = waves[output]
+            spread = self.case.spread(output)
+            if not isinstance(spread, float):
+                shown[:, i] /= spread[self.case.judged]
+        return shown
+
+    def plain(self, left: FloatArray) -> Left:
+        """Weigh residuals, shape (outputs, rows), that should be healthy noise."""
+        return Left(deviance=float(self.deviances(left)), outputs=self.outputs, white=left)
+
+    def deviances(self, left: FloatArray) -> FloatArray:
+        """Return -2 log likelihood of residuals that should be healthy noise, shape (..., outputs, rows).
+
+        What it reads instead has its own noise, or none: where its innovations are better as they were read, they are
+        taken so. The sensor's own noise may have gone, as that of a stuck one has: its variance may be less than ever.
+        """
+        squares = np.square(np.clip(left, -MOST, MOST))
+        if not self.is_whole:
+            squares = np.nan_to_num(squares)
+        sums = squares.sum(axis=-1)
+        if self.channel not in self.case.habits:
+            return np.asarray(sums.sum(axis=-1))
+        return np.asarray(sums[..., :-1].sum(axis=-1) + np.minimum(self._quiet(sums[..., -1]), self._as_read))
+
+    def _quiet(self, squares: FloatArray) -> FloatArray:
+        """Return -2 log likelihood of its own noise by its sum of squares."""
+        return self.case.habits[self.channel].deviance(squares, self._count)
+
+    @cached_property
+    def _count(self) -> int:
+        return int(self.there[-1].sum())
+
+    @cached_property
+    def _as_read(self) -> float:
+        """-2 log likelihood of its innovations as they were read."""
+        return float(self._quiet(np.asarray(energy(self.white[-1]))))

@@ -1,0 +1,89 @@
+"""Transients: what a short disturbance was that no residual shows any more.
+
+An attitude angle enters bank C by its slope, so a step of it (a bias that comes at once) shows for as long as filters
+remember and then hardly: residuals are healthy again while the sensor isn't. A reading that was off for a while and
+came back looks alike, but not the same: its two edges differ in sign. Matched filters tell them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.effects import Path
+from gtmbench.detectors.isolation.suspect import Suspect
+from gtmbench.record import FloatArray
+
+_PULSES = (1, 2, 3, 5, 8, 13, 21)  # rows
+_REMEMBERED = 60  # rows of a step's response that are looked at, at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transient:
+    """The best explanation of a short disturbance: a step or a pulse of one sensor's readings.
+
+    `gain` is by how much -2 log likelihood is better than with nothing at all.
+    """
+
+    channel: str
+    is_step: bool
+    size: float
+    row: int
+    gain: float
+
+
+def transients(case: Case, suspects: Sequence[Suspect]) -> list[Transient]:
+    """Return the best step and the best pulse of every suspect, the best first."""
+    rows = slice(case.start, case.judged.start)
+    white = {output: np.nan_to_num(values[rows]) for output, values in case.white.items()}
+    found: list[Transient] = []
+    for suspect in suspects:
+        shapes = [(True, np.ones(_REMEMBERED))] + [(False, np.ones(length)) for length in _PULSES]
+        found.extend(_best(suspect, white, shape, is_step) for is_step, shape in shapes)
+    return sorted(found, key=lambda each: -each.gain)
+
+
+def _best(suspect: Suspect, white: dict[str, FloatArray], shape: FloatArray, is_step: bool) -> Transient:
+    """Return where, and how large, a change of one shape explains most."""
+    count = len(next(iter(white.values())))
+    along, power = np.zeros(count), np.full(count, 1e-12)
+    for path in suspect.paths:
+        response, weight, lead = _response(path, shape, suspect.case.period_s, is_step=is_step)
+        weights = np.broadcast_to(weight, len(suspect.measured))[:count]
+        matched = np.correlate(white[path.output], response, "full")[len(response) - 1 :]
+        shifted = np.zeros(count)
+        shifted[lead:] = matched[: count - lead] if lead else matched
+        inside = np.cumsum(np.square(response))  # a response that runs out of the rows has less of itself there
+        room = np.minimum(count - np.arange(count) + lead, len(response)) - 1
+        along += weights * shifted
+        power += np.square(weights) * inside[np.maximum(room, 0)]
+    gain = np.square(along) / power
+    row = int(np.argmax(gain))
+    return Transient(
+        channel=suspect.channel,
+        is_step=is_step,
+        size=float(along[row] / power[row]),
+        row=suspect.case.start + row,
+        gain=float(gain[row]),
+    )
+
+
+def _response(
+    path: Path, shape: FloatArray, period_s: float, *, is_step: bool
+) -> tuple[FloatArray, float | FloatArray, int]:
+    """Return what a change does to a residual, by what it is weighed row by row, and how many rows ahead it begins."""
+    if path.of_slope is None:
+        return (
+            np.convolve(shape, path.kernel)[: len(shape) + (0 if is_step else len(path.kernel) - 1)],
+            path.of_value,
+            path.ahead,
+        )
+    padded = np.concatenate([[0.0, 0.0], shape, np.full(2, shape[-1] if is_step else 0.0)])
+    slope = (padded[2:] - padded[:-2]) / (2.0 * period_s)
+    response = np.convolve(slope, path.kernel)
+    if is_step:
+        response = response[: len(path.kernel) + 2]
+    return response, path.of_slope, path.ahead + 1

@@ -1,0 +1,172 @@
+"""Faults that add something to the signal: y_b(t) = y(t) + something."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gtmbench.faults.distortions import random_walk
+from gtmbench.faults.draws import Distribution, drawn
+from gtmbench.faults.fault import Distorted, Fault, Formula, Value, check_unit, periods
+from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
+from gtmbench.record import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bias(Formula):
+    """A step: y + size.
+
+    >>> step = Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 2.0])]
+    [1.0, 1.5, 2.5]
+    """
+
+    kind: ClassVar[str] = "bias"
+    size: float = severity()
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add it."""
+        return now[0] + self.size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift(Formula):
+    """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro.
+
+    >>> step = Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 1.0])]
+    [1.0, 1.0, 1.5]
+    """
+
+    kind: ClassVar[str] = "drift"
+    slope: float = severity(per_second=True)
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add the ramp."""
+        return now[0] + self.slope * elapsed_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillation(Formula):
+    """A sine is added: y + amplitude sin(2 pi frequency_hz (t - onset) + phase_deg); or it `replaces` the signal.
+
+    >>> step = Oscillation(channel="p", onset_s=0.0, amplitude=2.0, frequency_hz=0.25).stream(sample_period_s=1.0)
+    >>> [round(step(time_s, [1.0]), 9) for time_s in range(4)]
+    [1.0, 3.0, 1.0, -1.0]
+    """
+
+    kind: ClassVar[str] = "oscillation"
+    amplitude: float = severity(low=0.0)
+    frequency_hz: float = setting(unit="Hz", low=0.0)
+    phase_deg: float = setting(unit="deg", default=0.0)
+    replaces: bool = flag()
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add the sine, or put it in place."""
+        angle = 2.0 * math.pi * self.frequency_hz * elapsed_s + math.radians(self.phase_deg)
+        wave = self.amplitude * np.sin(angle)
+        return wave if self.replaces else now[0] + wave
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomWalk(Fault):
+    """A random walk is added: y + w, w(k) = w(k-1) + gain sqrt(Ts) n(k), n standard normal, from 0 at the beginning.
+
+    After T seconds w has a standard deviation of gain sqrt(T).
+
+    >>> step = RandomWalk(channel="p", onset_s=1.0, gain=0.1).stream(sample_period_s=1.0)
+    >>> [round(step(time_s, [0.0]), 3) for time_s in range(5)]
+    [0.0, 0.0, 0.136, 0.164, 0.086]
+    """
+
+    kind: ClassVar[str] = "random_walk"
+    gain: float = severity(per="sqrt(s)", low=0.0)
+    seed: int = random_seed()
+
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+        """Add the walk of a stretch."""
+        draws = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
+        walk, carried = random_walk(draws, self.gain, sample_period_s, carried)
+        return readings[:, 0] + walk, carried
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
+    ) -> tuple[float, Any]:
+        """Take one step of the walk."""
+        step = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
+        at = 0.0 if carried is None else carried + step
+        return now[0] + self.gain * math.sqrt(sample_period_s) * at, at
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise(Formula):
+    """White noise is added: y + deviation n(k), n standard normal.
+
+    >>> step = Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
+    >>> [round(step(time_s, [1.0]), 3) for time_s in range(4)]
+    [1.0, 0.865, 1.097, 1.415]
+    """
+
+    kind: ClassVar[str] = "noise"
+    deviation: float = severity(low=0.0)
+    seed: int = random_seed()
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add a draw a sample."""
+        return now[0] + self.deviation * _drawn(self, "standard_normal", elapsed_s, sample_period_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spikes(Formula):
+    """Single samples are off by +size or -size, each sample with probability rate_hz Ts: rate_hz spikes a second.
+
+    >>> step = Spikes(channel="p", onset_s=0.0, size=9.0, rate_hz=0.5).stream(sample_period_s=1.0)
+    >>> [step(time_s, [1.0]) for time_s in range(6)]
+    [-8.0, 1.0, 10.0, 1.0, -8.0, 1.0]
+    """
+
+    kind: ClassVar[str] = "spikes"
+    size: float = severity(low=0.0)
+    rate_hz: float = setting(unit="Hz", low=0.0)
+    seed: int = random_seed()
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add the spikes: one draw tells whether there is one, and its sign."""
+        draw = _drawn(self, "random", elapsed_s, sample_period_s)
+        likely = min(self.rate_hz * sample_period_s, 1.0)
+        sign = 1.0 * (draw < 0.5 * likely) - 1.0 * (draw > 1.0 - 0.5 * likely)
+        return now[0] + self.size * sign
+
+
+@dataclass(frozen=True, kw_only=True)
+class GSensitivity(Formula):
+    """Acceleration leaks in: y + coefficient n, n the specific force in g that the accelerometer of `axis` reads.
+
+    At rest that is 1 g along the vertical: the bias that it brings belongs to the fault.
+
+    >>> step = GSensitivity(channel="p", onset_s=0.0, axis="nz", coefficient=0.1).stream(sample_period_s=1.0)
+    >>> step(0.0, [1.0, 2.0])
+    1.2
+    """
+
+    kind: ClassVar[str] = "g_sensitivity"
+    axis: str = other_channel()
+    coefficient: float = severity(per="g")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_unit(f"{self.kind}: axis", self.axis, "g")
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add what leaks in."""
+        return now[0] + self.coefficient * now[1]
+
+
+def _drawn(fault: Any, distribution: Distribution, elapsed_s: Value, sample_period_s: float) -> Value:
+    """Return what a fault draws at some times: by its seed, its kind and its channel, and samples since its onset."""
+    number = periods(elapsed_s, sample_period_s, sample_period_s)
+    return drawn(distribution, fault.seed, f"{fault.kind} of {fault.channel}", number)

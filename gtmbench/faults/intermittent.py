@@ -1,0 +1,64 @@
+"""Faults that come and go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from gtmbench.checks import number, whole
+from gtmbench.faults.draws import drawn
+
+SLACK_S = 1e-9  # a time counts as reached up to a nanosecond before it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Intermittent:
+    """When an intermittent fault is on: once a period, for a share of it.
+
+    In period n = 0, 1, ... after the onset the fault is on for
+
+        (n + j u(n)) T <= t - onset < (n + j u(n) + d) T,
+
+    T its period, d its duty, j its jitter, u(n) drawn evenly from [0, 1), but u(0) = 0: it begins at its onset.
+
+    Parameters
+    ----------
+    period_s : float
+        T, in seconds.
+    duty : float
+        d, the share of each period in which the fault is on: more than 0, at most 1.
+    jitter : float
+        j, the share of the period by which beginnings vary: at most 1 - d, so each spell stays in its own period.
+    seed : int
+        Of the beginnings.
+
+    Raises
+    ------
+    InputError
+        Where a figure can't be meant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Intermittent(period_s=2.0, duty=0.5).is_on(np.arange(5.0))
+    array([ True, False,  True, False,  True])
+    """
+
+    period_s: float
+    duty: float
+    jitter: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        number("intermittent: period_s", self.period_s, 0.0, above=True)
+        duty = number("intermittent: duty", self.duty, 0.0, 1.0, above=True)
+        number("intermittent: jitter", self.jitter, 0.0, 1.0 - duty + 1e-9)
+        whole("intermittent: seed", self.seed)
+
+    def is_on(self, elapsed_s: Any) -> Any:
+        """Return whether the fault is on, so long after its onset; of a float or of an array of rising times."""
+        period = (elapsed_s + SLACK_S) // self.period_s
+        period = period * (period > 0.0)  # before the onset there is none
+        late = self.jitter * drawn("random", self.seed, "intermittent", period) * (period > 0.0) if self.jitter else 0.0
+        since_s = elapsed_s - (period + late) * self.period_s
+        return (since_s >= -SLACK_S) & (since_s < self.duty * self.period_s - SLACK_S)

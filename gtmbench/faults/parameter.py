@@ -1,0 +1,130 @@
+"""Parameters of a kind of fault: how a class declares them among its fields, and what they may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import MISSING, dataclass, field
+from typing import Any
+
+from gtmbench.checks import number, shown, whole
+from gtmbench.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of a kind of fault, beyond what every fault has.
+
+    Attributes
+    ----------
+    name : str
+        As the class's field, and as a scenario's key.
+    is_severity : bool
+        Whether it tells how bad the fault is. Settings, seeds, flags and other channels don't.
+    value_type : type
+        float (a number), int (a whole number), bool (a flag) or str (the name of a channel that the fault reads).
+    unit : str or None
+        Of a number: its own unit ("" for none), or None for the channel's, divided by `per`.
+    per : str
+        "", or what the channel's unit is divided by: "s", "sqrt(s)", "g".
+    low, high, above
+        What a number may be: low..high, with `above` more than low.
+    default
+        What it is when nothing is said; `is_required` where something must be.
+    """
+
+    name: str
+    is_severity: bool
+    value_type: type = float
+    unit: str | None = None
+    per: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False
+    default: Any = MISSING
+
+    @property
+    def is_required(self) -> bool:
+        """Whether it has no default."""
+        return self.default is MISSING
+
+    @property
+    def is_channel(self) -> bool:
+        """Whether it names a channel that the fault reads beside its own."""
+        return self.value_type is str
+
+    @property
+    def per_second(self) -> bool:
+        """Whether it is in the channel's unit per second, as slopes are."""
+        return self.per == "s"
+
+    def check(self, where: str, value: Any) -> None:
+        """Refuse a value that this parameter can't have; None is legal where it is the default.
+
+        Raises
+        ------
+        InputError
+            Naming the place, the parameter, what was given and what is legal.
+        """
+        key = f"{where}: {self.name}"
+        if value is None and self.default is None:
+            return
+        if self.value_type is float:
+            number(key, value, self.low, self.high, above=self.above)
+        elif self.value_type is int:
+            whole(key, value)
+        elif not isinstance(value, self.value_type):
+            legal = "a channel's name" if self.is_channel else "true or false"
+            raise InputError(f"{key} is {shown(value)}; it must be {legal}")
+
+
+def severity(
+    *,
+    per_second: bool = False,
+    per: str = "",
+    unit: str | None = None,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: bool = False,
+    default: Any = MISSING,
+) -> Any:
+    """Declare a figure that tells how bad a fault is among its fields.
+
+    Parameters
+    ----------
+    per_second : bool
+        It is in the channel's unit per second; short for ``per="s"``.
+    per : str
+        What the channel's unit is divided by: "s", "sqrt(s)", "g"; left out: nothing.
+    unit : str
+        Its own unit ("" for a mere number) where the channel's doesn't matter.
+    low, high, above
+        What it may be: low..high, with `above` more than low.
+    default
+        What it is when nothing is said; left out: it must be given.
+    """
+    limits = {"low": low, "high": high, "above": above}
+    told = {"is_severity": True, "per": "s" if per_second else per, "unit": unit}
+    return field(default=default, metadata={**told, **limits})
+
+
+def setting(
+    *, unit: str, low: float = -math.inf, high: float = math.inf, above: bool = False, default: Any = MISSING
+) -> Any:
+    """Declare a number among a fault's fields that doesn't tell how bad it is: a frequency, a phase."""
+    metadata = {"is_severity": False, "unit": unit, "low": low, "high": high, "above": above}
+    return field(default=default, metadata=metadata)
+
+
+def other_channel() -> Any:
+    """Declare a channel that the fault reads among its fields."""
+    return field(metadata={"is_severity": False, "value_type": str})
+
+
+def flag() -> Any:
+    """Declare something that a fault does or doesn't among its fields; left out, it doesn't."""
+    return field(default=False, metadata={"is_severity": False, "value_type": bool})
+
+
+def random_seed() -> Any:
+    """Declare the seed of what a fault draws among its fields; left out: 0."""
+    return field(default=0, metadata={"is_severity": False, "value_type": int})

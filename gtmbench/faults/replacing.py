@@ -1,0 +1,203 @@
+"""Faults that put something in the place of the reading: nothing, a constant, an older one, another channel's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gtmbench.faults.distortions import followed, rate_limited
+from gtmbench.faults.fault import Distorted, Fault, Formula, Value, periods
+from gtmbench.faults.parameter import other_channel, severity
+from gtmbench.record import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dropout(Formula):
+    """Nothing arrives: NaN.
+
+    >>> Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    nan
+    """
+
+    kind: ClassVar[str] = "dropout"
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Read nothing."""
+        return math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stuck(Formula):
+    """The sensor reads a value that never changes: y_b(k) = value; zero where none is given.
+
+    >>> Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    0.0
+    """
+
+    kind: ClassVar[str] = "stuck"
+    value: float = severity(default=0.0)
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Read it."""
+        return self.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Jam(Fault):
+    """The sensor stays at its last healthy sample: y(k) = y(onset - Ts), or the first sample if it never was healthy.
+
+    >>> step = Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([3.0, 1.0, 2.0])]
+    [3.0, 3.0, 3.0]
+    """
+
+    kind: ClassVar[str] = "jam"
+
+    def begin(self, before: FloatArray) -> Any:
+        """Hold the last healthy sample."""
+        return float(before[0])
+
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+        """Repeat it."""
+        return np.full(len(readings), carried), carried
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
+    ) -> tuple[float, Any]:
+        """Repeat it once more."""
+        return carried, carried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hardover(Fault):
+    """The sensor runs to its stop and stays: y_b(k) = y_b(k-1) + clip(limit - y_b(k-1), +-rate_limit Ts).
+
+    It starts from the last healthy sample; without a rate limit, it is at its stop at once.
+
+    >>> step = Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 2.0, 1.0, 2.0])]
+    [1.0, -3.0, -5.0, -5.0]
+    """
+
+    kind: ClassVar[str] = "hardover"
+    limit: float = severity()
+    rate_limit: float | None = severity(per_second=True, low=0.0, above=True, default=None)
+
+    def begin(self, before: FloatArray) -> Any:
+        """Start from the last healthy sample, or from the stop."""
+        return self.limit if self.rate_limit is None else float(before[0])
+
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+        """Run, and stay."""
+        stop = np.full(len(readings), self.limit)
+        return rate_limited(stop, (self.rate_limit or 0.0) * sample_period_s, carried)
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
+    ) -> tuple[float, Any]:
+        """Run by one step."""
+        at = followed(carried, self.limit, (self.rate_limit or 0.0) * sample_period_s)
+        return at, at
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stale(Fault):
+    """Only one reading every hold_s is fresh, and is repeated until the next: y_b(t) = y(onset + n hold_s), n whole.
+
+    Where that is between samples the next one is taken; one that is missing (NaN) isn't: the one before is repeated on.
+
+    >>> step = Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 3.0, 4.0])]
+    [0.0, 1.0, 1.0, 3.0, 3.0]
+    """
+
+    kind: ClassVar[str] = "stale"
+    hold_s: float = severity(unit="s", low=0.0, above=True)
+
+    def begin(self, before: FloatArray) -> Any:
+        """Repeat the last healthy sample where none is fresh."""
+        return -1.0, float(before[0])
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
+    ) -> tuple[float, Any]:
+        """Read, or repeat."""
+        number, held = periods(elapsed_s, self.hold_s, sample_period_s), carried[1]
+        if number != carried[0] and now[0] == now[0]:
+            held = now[0]
+        return held, (number, held)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delay(Fault):
+    """Readings are late: y_b(t) = y(t - delay_s), between samples on a straight line.
+
+    What was read before the onset has been read on time: until the first late reading arrives, the last one stands.
+
+    >>> step = Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 4.0, 8.0])]
+    [0.0, 0.0, 0.5, 1.5, 3.0]
+    """
+
+    kind: ClassVar[str] = "delay"
+    delay_s: float = severity(unit="s", low=0.0)
+
+    def begin(self, before: FloatArray) -> Any:
+        """Hold the last healthy sample until another arrives."""
+        return (float(before[0]),)
+
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+        """Look back over a stretch and what was before."""
+        samples, share = _late(self.delay_s, sample_period_s)
+        history = np.concatenate([carried, readings[:, 0]])
+        rows = np.arange(len(carried), len(history)) - samples
+        late = history[np.maximum(rows, 0)]
+        if share:
+            late = late + share * (history[np.maximum(rows - 1, 0)] - late)
+        return late, tuple(history[-(samples + 1) :].tolist())
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
+    ) -> tuple[float, Any]:
+        """Look back."""
+        samples, share = _late(self.delay_s, sample_period_s)
+        history = (*carried, now[0])
+        row = len(carried) - samples
+        late = history[max(row, 0)]
+        if share:
+            late = late + share * (history[max(row - 1, 0)] - late)
+        return late, history[-(samples + 1) :]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swap(Formula):
+    """Two channels change places: each reads what the other should. The one kind that changes two channels.
+
+    >>> step = Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
+    >>> step(0.0, [2.0, 5.0])
+    5.0
+    """
+
+    kind: ClassVar[str] = "swap"
+    other: str = other_channel()
+
+    @property
+    def parts(self) -> tuple[Fault, ...]:
+        """Itself, and the same seen from the other channel."""
+        return self, replace(self, channel=self.other, other=self.channel)
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Read the other channel."""
+        return now[1]
+
+
+@lru_cache(maxsize=64)
+def _late(delay_s: float, sample_period_s: float) -> tuple[int, float]:
+    """Return by how many whole samples a delay is late, and by which share of one more."""
+    late = round(delay_s / sample_period_s, 9)
+    return int(late), late - int(late)

@@ -1,0 +1,111 @@
+"""A log's channels sample by sample, as they stand in its file, and the file with others in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.checks import naming
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.raw import Cells, IntArray
+from gtmbench.intake.formats.registry import read_raw, rewrite_raw
+from gtmbench.intake.lattice import find_lattice
+from gtmbench.intake.mapping import Chosen, choose, split_mapping, with_time
+from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.record import Span
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """A channel's samples that are there: rows without a number, or without a time, are none.
+
+    Attributes
+    ----------
+    chosen : Chosen
+        The column, and how the channel is made of it.
+    rows : IntArray
+        Of the column, in order of time.
+    time_s : FloatArray
+        When they are, on the clock that `open_log` gives a record.
+    values : FloatArray
+        In the channel's unit.
+    span_s : (float, float)
+        When the column's clock begins and ends, whether its first and last cells hold a number or not.
+    """
+
+    chosen: Chosen = field(repr=False)
+    rows: IntArray = field(repr=False)
+    time_s: FloatArray
+    values: FloatArray
+    span_s: Span
+
+    @property
+    def sample_period_s(self) -> float:
+        """The nominal one: of the even clock behind the stamps, or their median step where there is none."""
+        lattice = find_lattice([self.time_s])
+        return float(np.median(np.diff(self.time_s))) if lattice is None else lattice.period_s
+
+    def cells(self, values: FloatArray) -> Cells:
+        """Return the cells that change with other values of the channel, in the column's own unit."""
+        stored = self.chosen.series.values()[self.rows]
+        is_new = (values != self.values) & ~(np.isnan(values) & np.isnan(self.values))
+        new = values[is_new] / self.chosen.factor
+        if self.chosen.channel == "psi":
+            new = _turned_back(new, stored, abs(360.0 / self.chosen.factor))
+        return Cells(column=self.chosen.series, rows=self.rows[is_new], values=new)
+
+
+def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
+    """Return channels of a log, found as `open_log` finds them, sample by sample.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read, or a channel isn't there.
+    """
+    columns = split_mapping(mapping)
+    raw = read_raw(path)
+    with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
+        raw = with_time(raw, columns.pop("time", None))
+        chosen = choose(raw, columns, channels)
+        clocks, _, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
+        return {each.channel: _samples(each, clocks[each.series.clock]) for each in chosen}
+
+
+def _samples(chosen: Chosen, clock: Clock) -> Samples:
+    values = chosen.values()[clock.rows]
+    there = np.isfinite(values)
+    if np.count_nonzero(there) < 2:
+        raise InputError(f"column '{chosen.series.name}' holds {np.count_nonzero(there)} numbers; a channel has more")
+    return Samples(
+        chosen=chosen,
+        rows=clock.rows[there],
+        time_s=clock.time_s[there],
+        values=values[there],
+        span_s=(float(clock.time_s[0]), float(clock.time_s[-1])),
+    )
+
+
+def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
+    """Write a log anew with other values of some channels, everything else as it is.
+
+    Raises
+    ------
+    InputError
+        Where the format isn't written, or a column can't hold a value.
+    """
+    rewrite_raw(path, out, [samples[channel].cells(new) for channel, new in values.items()])
+
+
+def _turned_back(angles: FloatArray, stored: FloatArray, turn: float) -> FloatArray:
+    """Return headings within the turn that a column keeps to: 0 to 360 deg, +-180 deg, or any."""
+    low, high = float(stored.min()), float(stored.max())
+    for start in (-0.5 * turn, 0.0):
+        if start <= low and high <= start + turn:
+            outside = (angles < start) | (angles > start + turn)
+            return np.where(outside, start + np.mod(angles - start, turn), angles)
+    return angles

@@ -1,0 +1,133 @@
+"""Breaking a recorded flight: a trial's faults, put into a log's file where nothing else changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.channels import unit_of
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
+from gtmbench.files import atomic_write
+from gtmbench.intake.samples import Samples, log_samples, write_samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangedColumn:
+    """What became of a column of a log.
+
+    Attributes
+    ----------
+    channel, unit : str
+        Which channel it is, and that channel's unit.
+    column : str
+        Its name in the log.
+    samples, changed : int
+        How many there are, and how many are others now.
+    first_s, last_s : float or None
+        When the first and the last of these are, on the log's clock; None where there is none.
+    sample_period_s : float
+        The nominal one, which faults that carry something on from sample to sample go by.
+    """
+
+    channel: str
+    unit: str
+    column: str
+    samples: int
+    changed: int
+    first_s: float | None
+    last_s: float | None
+    sample_period_s: float
+
+
+def inject_log(
+    log: str | Path, out: str | Path, faults: Fault | Sequence[Fault], *, mapping: Sequence[str] = ()
+) -> tuple[ChangedColumn, ...]:
+    r"""Break a recorded flight, CSV or Parquet: write it to `out` with faults, one after the other, and nothing else.
+
+    A fault acts on the samples as they stand in the file, at their own times: what grows with time grows with the
+    stamps, what is carried from sample to sample (a slew limit, a lag) goes by the column's nominal sample period.
+    Samples that are missing stay so. A channel that a fault only reads is taken as its last sample told.
+
+    Parameters
+    ----------
+    log, out : str or Path
+    faults : Fault or sequence of Fault
+        In the channel table's units, whatever the log's are; times on the clock that `open_log` gives.
+    mapping : sequence of str
+        As `open_log` takes it.
+
+    Raises
+    ------
+    InputError
+        Where the log can't be read or written, lacks a channel, or a fault begins outside of it; nothing is written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gtmbench.faults.kinds import Drift
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log, out = Path(folder, "log.csv"), Path(folder, "broken.csv")
+    ...     _ = log.write_text("t [s],p [mrad/s],note\n0,1.0,a\n1,1.0,b\n2,1.0,c\n")
+    ...     _ = inject_log(log, out, Drift(channel="p", onset_s=1.0, slope=0.5))
+    ...     out.read_text().splitlines()
+    ['t [s],p [mrad/s],note', '0,1.0,a', '1,1.0,b', '2,9.7,c']
+    """
+    log, out = Path(log), Path(out)
+    listed = [faults] if isinstance(faults, Fault) else list(faults)
+    samples = log_samples(log, list(dict.fromkeys(name for fault in listed for name in fault.reads)), mapping)
+    changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
+    _check_apart({name: samples[name] for name in changed})
+    values = {name: each.values for name, each in samples.items()}
+    for fault in listed:
+        _check_onset(fault, samples[fault.channel], log)
+        values |= {part.channel: _broken(part, samples, values) for part in fault.parts}
+    with atomic_write(out) as aside:
+        write_samples(log, aside, samples, {name: values[name] for name in changed})
+    return tuple(_changed(samples[name], values[name]) for name in changed)
+
+
+def _broken(fault: Fault, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> FloatArray:
+    own = samples[fault.channel]
+    readings = [_held(samples[name].time_s, values[name], own.time_s) for name in fault.reads[1:]]
+    return fault.broken(np.column_stack([values[fault.channel], *readings]), own.time_s, own.sample_period_s)
+
+
+def _held(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return what a channel last told at some times; before its first sample, that."""
+    return values[np.maximum(np.searchsorted(time_s, at_s, side="right") - 1, 0)]
+
+
+def _check_apart(changed: Mapping[str, Samples]) -> None:
+    columns = [each.chosen.series.name for each in changed.values()]
+    twice = next((name for name in columns if columns.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"column '{twice}' is mapped to {' and '.join(changed)}, and both break; map one of them")
+
+
+def _check_onset(fault: Fault, samples: Samples, log: Path) -> None:
+    first_s, last_s = samples.span_s
+    if not first_s - 1e-9 <= fault.onset_s <= last_s + 1e-9:
+        raise InputError(
+            f"{fault.kind} on '{fault.channel}' begins at {fault.onset_s:g} s, outside of {log.name}, which runs "
+            f"from {first_s:.10g} to {last_s:.10g} s; change its onset_s"
+        )
+
+
+def _changed(samples: Samples, values: FloatArray) -> ChangedColumn:
+    cells = samples.cells(values)
+    times_s = samples.time_s[np.isin(samples.rows, cells.rows)]
+    return ChangedColumn(
+        channel=samples.chosen.channel,
+        unit=unit_of(samples.chosen.channel),
+        column=samples.chosen.series.name,
+        samples=len(samples.rows),
+        changed=len(cells.rows),
+        first_s=float(times_s[0]) if len(times_s) else None,
+        last_s=float(times_s[-1]) if len(times_s) else None,
+        sample_period_s=samples.sample_period_s,
+    )
