@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
 from gtmbench.detectors.virtual import integrable, integrated_angle
@@ -18,7 +18,8 @@ from gtmbench.record import FloatArray, Record
 WITNESSES = ("nx", "ny", "nz")  # what a hypothesis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
-_SMOOTH_S = 0.2
+_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
+_FREQUENCIES = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +48,11 @@ class Case:
     sure: int
     shift: Mapping[str, float]
     habits: Mapping[str, Habit]
+
+    def with_record(self, record: Record) -> Case:
+        """Return the case had another record been read."""
+        residuals = residuals_of(self.monitor.bank, record, self.monitor.operators, self.residuals.raw)
+        return replace(self, record=record, residuals=replace(self.residuals, raw=residuals.raw))
 
     @property
     def period_s(self) -> float:
@@ -157,11 +163,28 @@ class Case:
         unknown = ~np.isfinite([self.virtual[name] for name in names])
         read = np.nan_to_num([self.record[name] for name in names])
         values = np.where(unknown, read, [self.virtual[name] for name in names])
-        window = 2 * int(0.5 * _SMOOTH_S / self.period_s) + 1
-        if 5 <= window <= len(self.record):
+        window = self._window
+        if window:
             near = [np.convolve(rows, np.ones(window), mode="same") > 0.5 for rows in unknown]
-            values = np.where(near, values, savgol_filter(values, window, 3))
+            values = np.where(near, values, savgol_filter(values, window, _SMOOTH_ORDER))
         return dict(zip(names, values, strict=True))
+
+    @cached_property
+    def smoothing(self) -> FloatArray:
+        """What of each frequency, evenly from 0 to half the sample rate, `expected` keeps."""
+        from scipy.signal import freqz, savgol_coeffs
+
+        if not self._window:
+            return np.ones(1)
+        frequency = np.linspace(0.0, np.pi, _FREQUENCIES)
+        _, response = freqz(savgol_coeffs(self._window, _SMOOTH_ORDER), worN=frequency)
+        return np.real(response * np.exp(1j * frequency * (self._window // 2)))
+
+    @property
+    def _window(self) -> int:
+        """Rows over which `expected` is smooth; 0 where there are too few."""
+        window = 2 * int(0.5 * _SMOOTH_S / self.period_s) + 1
+        return window if 5 <= window <= len(self.record) else 0
 
     @cached_property
     def _unbiased(self) -> Record:
