@@ -117,10 +117,10 @@ def test_spikes_are_found_one_by_one_and_their_echoes_are_not():
     rng = np.random.default_rng(8)
     habit = habit_of(noisy(rng))
     truth = np.zeros(2000)
-    truth[[300, 303, 900, 1500, 1998]] = [400.0, -80.0, 30.0, 5000.0, 60.0]
+    truth[[300, 303, 900, 1500, 1990]] = [400.0, -80.0, 30.0, 5000.0, 60.0]
     found = spikes_in(np.nan_to_num(habit.innovations(noisy(rng, count=2000) + truth)), habit.taps)
     assert np.flatnonzero(found).tolist() == np.flatnonzero(truth).tolist()
-    np.testing.assert_allclose(found[:1990], truth[:1990], atol=3.0)
+    np.testing.assert_allclose(found, truth, atol=3.0)
 
 
 # every kind finds its name

@@ -48,6 +48,9 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("sin", "cos"),
     ("1", "sin", "cos"),
     ("1", "x", "x'"),
+    ("t", "x"),  # an offset of a rate is a slope of its angle: what one may have, the other may
+    ("t", "sin", "cos"),
+    ("t", "x", "x'"),
 )
 
 
@@ -303,9 +306,9 @@ def _peers(suspect: Suspect) -> dict[str, FloatArray]:
 
 
 def _felt(suspect: Suspect) -> dict[str, FloatArray]:
-    """Return what accelerometers read that may leak into a gyro, in g; their mean where a reading is missing."""
+    """Return what accelerometers read that may leak into a sensor, in g; their mean where a reading is missing."""
     record = suspect.case.record
-    names = [name for name in WITNESSES if suspect.channel in PEERS[0] and name in record.channels]
+    names = [name for name in WITNESSES if name in record.channels]
     felt = {name: record[name][suspect.case.start :] for name in names}
     there = {name: np.isfinite(readings) for name, readings in felt.items()}
     return {

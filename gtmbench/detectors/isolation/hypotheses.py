@@ -202,7 +202,7 @@ def _crossing(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _leaking(fitter: Fitter, axis: str) -> Iterator[Fit]:
-    """Give the fit of a gyro that feels acceleration; none while the accelerometer tells no more than a bias does."""
+    """Give the fit of a sensor that feels acceleration; none while the accelerometer tells no more than a bias does."""
     of_axis = f"of {axis}"
     if fitter.plain(of_axis).deviance <= fitter.plain("1").deviance - WORTH:
         found = {"coefficient": float(fitter.weights(of_axis)[0])}

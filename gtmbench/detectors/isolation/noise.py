@@ -16,6 +16,7 @@ from gtmbench.record import FloatArray
 _VARIANCES = np.geomspace(1e-3, 1e5, 27)  # of noise that a fault adds, over the noise that is there
 _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
+_LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
 _SPIKE = 40.0  # of -2 log likelihood, that a spike explains
 
 Indices = np.ndarray[Any, np.dtype[np.int_]]
@@ -56,23 +57,24 @@ class _Spectra:
 
     Attributes
     ----------
-    unit : float
-        What the variances are multiples of.
+    variances : shape (variances,)
     logs : shape (variances,)
         Sums of log S.
     inverse : shape (variances, outputs * bins)
         1/S.
     """
 
-    unit: float
+    variances: FloatArray
     logs: FloatArray
     inverse: FloatArray
 
     @classmethod
-    def of(cls, power: FloatArray, counts: FloatArray) -> _Spectra:
-        unit = 1.0 / max(float(np.median(power, axis=1).max()), 1e-12)  # where it shows most
-        spectra = 1.0 + np.outer(_VARIANCES * unit, power)
-        return cls(unit=unit, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
+    def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:
+        variances = _VARIANCES / max(float(np.median(power, axis=1).max()), 1e-12)  # where it shows most
+        if least > 0.0:
+            variances = np.geomspace(least, max(variances[-1], 4.0 * least), len(variances))
+        spectra = 1.0 + np.outer(variances, power)
+        return cls(variances=variances, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
 
     def deviances(self, binned: FloatArray) -> FloatArray:
         """Return -2 log likelihood of a periodogram, shape (outputs, bins), of each variance."""
@@ -103,13 +105,14 @@ class Noise:
 
     def _best(self, left: FloatArray, binned: FloatArray, spectra: _Spectra) -> NoiseFit:
         total = spectra.deviances(binned)
-        at, spread = _bottom(total)
+        at, spread = _bottom(np.log(spectra.variances), total)
         left_of = Left(deviance=float(total.min()), outputs=self._suspect.outputs, white=left)
-        return NoiseFit(left=left_of, variance=float(np.exp(at) * spectra.unit), spread=spread)
+        return NoiseFit(left=left_of, variance=float(np.exp(at)), spread=spread)
 
     @cached_property
     def _white(self) -> _Spectra:
-        return _Spectra.of(self._power, self._counts)
+        habit = self._suspect.case.habits.get(self._suspect.channel)
+        return _Spectra.of(self._power, self._counts, 0.0 if habit is None else _LEAST * habit.variance)
 
     @cached_property
     def _walk(self) -> _Spectra:
@@ -201,9 +204,9 @@ def spikes_in(innovations: FloatArray, taps: FloatArray) -> FloatArray:
     return sizes
 
 
-def _bottom(deviances: FloatArray) -> tuple[float, float]:
+def _bottom(logs: FloatArray, deviances: FloatArray) -> tuple[float, float]:
     """Return the logarithm of the likeliest variance, by the parabola there, and the standard error of that."""
-    logs, best = np.log(_VARIANCES), int(np.argmin(deviances))
+    best = int(np.argmin(deviances))
     if not 0 < best < len(logs) - 1:
         return float(logs[best]), float("nan")
     at, bend = vertex(logs[best - 1 : best + 2], deviances[best - 1 : best + 2])
