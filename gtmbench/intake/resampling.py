@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.checks import whole
 from gtmbench.clock import FloatArray
@@ -16,6 +17,7 @@ from gtmbench.record import Record, check_record
 HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
 _KAISER = 7.86  # beta of a ripple of 1e-4
+PAUSE = 2.5  # periods, its own or the record's: a step that is longer is a pause; shorter ones miss a sample or two
 _HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
 _SAME_RATE = 0.1  # of the median steps of rounded stamps
 
@@ -80,7 +82,9 @@ def resampled(
     """Return values at ``first_s + k period_s``, shape (count, channels), NaN where there are none.
 
     The low-pass is the same for every channel, also for those that come at the wanted rate, so the operator between
-    channels stays the same; it needs `HALF` samples more at either end.
+    channels stays the same; it needs `HALF` samples more at either end. Beside a pause it sees the samples before
+    turned about the last of them (what comes after: about the first), so nothing reaches over a pause, a straight line
+    stays one up to its edge, and what is missing is the pause and not what the filter needs about it.
     """
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
@@ -89,20 +93,51 @@ def resampled(
     check_values(laid_out * values.shape[1], "laying out the channels evenly")
     step_s = period_s / finer
     start_s = first_s - margin * period_s
+    laid = np.full((laid_out, values.shape[1]), np.nan)
     places = (time_s - start_s) / step_s
     nearest = np.rint(places).astype(np.int64)
-    one_a_step = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
-    if finer == 1 and one_a_step and np.all(np.abs(places - nearest) <= JITTER):
-        laid = np.full((laid_out, values.shape[1]), np.nan)
-        inside = (nearest >= 0) & (nearest < laid_out)
+    on_clock = np.zeros(len(time_s), dtype=bool)
+    if finer == 1 and abs(typical_s / step_s - 1.0) <= _SAME_RATE:
+        on_clock = _on_clock(places, nearest, PAUSE * max(typical_s, period_s) / step_s)
+        inside = on_clock & (nearest >= 0) & (nearest < laid_out)
         laid[nearest[inside]] = values[inside]
-    else:
+    if not on_clock.all():
         hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
         at = start_s + np.arange(laid_out, dtype=np.float64) * step_s
-        laid = np.column_stack([_spline(time_s, column, at, hole_s, 1e-6 * step_s) for column in values.T])
+        off = [_spline(time_s[~on_clock], column, at, hole_s, 1e-6 * step_s) for column in values[~on_clock].T]
+        laid = np.where(np.isnan(laid), np.column_stack(off), laid)
     if not filtered:
         return laid
-    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count))
+    return np.column_stack([_filtered(column, finer, count) for column in laid.T])
+
+
+def _on_clock(places: FloatArray, nearest: NDArray[np.int64], pause: float) -> NDArray[np.bool_]:
+    """Tell which samples stand on the wanted clock, one a step: all from pause to pause, or none."""
+    fits = np.abs(places - nearest) <= JITTER
+    fits[1:] &= np.diff(nearest) > 0
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(places) > pause) + 1])
+    return np.repeat(np.logical_and.reduceat(fits, begins), np.diff([*begins, len(places)]))
+
+
+def _filtered(values: FloatArray, factor: int, count: int) -> FloatArray:
+    """Return `count` of every `factor`-th value, low-pass filtered from pause to pause; the first is the `HALF`-th."""
+    there = np.isfinite(values)
+    if there.all():
+        return _low_passed(values[:, np.newaxis], factor, slice(2 * HALF, 2 * HALF + count))[:, 0]
+    filtered = np.full(count, np.nan)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+    reach, near = HALF * factor, factor / 2  # nearer to a pause than half a sample of the result counts to it
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        low = begin + near * (begin > 0)
+        high = end - 1 - near * (end < len(values))
+        first, last = max(math.ceil(low / factor) - HALF, 0), min(math.floor(high / factor) - HALF, count - 1)
+        if first <= last:
+            before = reach + begin % factor
+            turned = np.pad(values[begin:end], (before, reach), mode="reflect", reflect_type="odd")
+            at = first + HALF - (begin - before) // factor + HALF
+            kept = slice(at, at + last + 1 - first)
+            filtered[first : last + 1] = _low_passed(turned[:, np.newaxis], factor, kept)[:, 0]
+    return filtered
 
 
 def _low_passed(values: FloatArray, factor: int, kept: slice) -> FloatArray:

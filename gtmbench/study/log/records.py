@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from gtmbench.detectors.bank.bank import check_channels
+from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.segments import FEWEST, SHORTEST_S
 from gtmbench.record import Record, Span
 
+_LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
 
 
@@ -21,13 +27,16 @@ def open_for(
 ) -> FlightLog:
     """Open a log with the channels that a detector needs; with all of its channels for one that doesn't say.
 
+    For a bank with the witnesses beside them that its diagnoses may read, where the log has any.
+
     Raises
     ------
     InputError
         Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
     """
+    witnesses = WITNESSES if hasattr(watcher, "bank") else ()
     try:
-        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None)
+        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):
@@ -86,6 +95,31 @@ def within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
     """Return the parts of a log that lie in some spans."""
     parts = [_cut(segment, *span) for span in spans for segment in log.segments]
     return [part for part in parts if part is not None]
+
+
+def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[Record]:
+    """Return some channels of records, without the stretches where one of them misses more than a sample or two.
+
+    What is left between them is a record where it is as long as a log's segments are: for identification, that doesn't
+    bridge what is missing.
+    """
+    parts: list[Record] = []
+    for record in records:
+        used = record.select(channels) if channels else record
+        lost = ~np.isfinite(used.values).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+        long = np.diff(edges)[::2] > _LOST
+        if not long.any():
+            parts.append(used)
+            continue
+        bounds = [0, *np.column_stack([edges[::2], edges[1::2]])[long].ravel().tolist(), len(used)]
+        fewest = max(FEWEST, math.ceil(SHORTEST_S / used.sample_period_s))
+        parts += [
+            used.between(used.time_s[first], used.time_s[stop - 1])
+            for first, stop in zip(bounds[::2], bounds[1::2], strict=True)
+            if stop - first >= fewest
+        ]
+    return parts
 
 
 def without(log: FlightLog, spans: Sequence[Span]) -> list[Record]:
