@@ -12,7 +12,7 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import JITTER
-from gtmbench.record import Record, check_record
+from gtmbench.record import BoolArray, Record, check_record
 
 HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
@@ -78,13 +78,12 @@ def oversampling(period_s: float, wanted_s: float) -> int:
 
 def resampled(
     time_s: FloatArray, values: FloatArray, first_s: float, period_s: float, count: int, *, filtered: bool
-) -> FloatArray:
-    """Return values at ``first_s + k period_s``, shape (count, channels), NaN where there are none.
+) -> tuple[FloatArray, BoolArray]:
+    """Return values at ``first_s + k period_s``, shape (count, channels), and where a sample is there.
 
     The low-pass is the same for every channel, also for those that come at the wanted rate, so the operator between
-    channels stays the same; it needs `HALF` samples more at either end. Beside a pause it sees the samples before
-    turned about the last of them (what comes after: about the first), so nothing reaches over a pause, a straight line
-    stays one up to its edge, and what is missing is the pause and not what the filter needs about it.
+    channels stays the same; it needs `HALF` samples more at either end. As many beside a pause are there, but aren't
+    known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault.
     """
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
@@ -107,37 +106,17 @@ def resampled(
         off = [_spline(time_s[~on_clock], column, at, hole_s, 1e-6 * step_s) for column in values[~on_clock].T]
         laid = np.where(np.isnan(laid), np.column_stack(off), laid)
     if not filtered:
-        return laid
-    return np.column_stack([_filtered(column, finer, count) for column in laid.T])
+        return laid, np.isfinite(laid)
+    there = np.isfinite(laid[HALF * finer :: finer][:count])
+    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there
 
 
-def _on_clock(places: FloatArray, nearest: NDArray[np.int64], pause: float) -> NDArray[np.bool_]:
+def _on_clock(places: FloatArray, nearest: NDArray[np.int64], pause: float) -> BoolArray:
     """Tell which samples stand on the wanted clock, one a step: all from pause to pause, or none."""
     fits = np.abs(places - nearest) <= JITTER
     fits[1:] &= np.diff(nearest) > 0
     begins = np.concatenate([[0], np.flatnonzero(np.diff(places) > pause) + 1])
     return np.repeat(np.logical_and.reduceat(fits, begins), np.diff([*begins, len(places)]))
-
-
-def _filtered(values: FloatArray, factor: int, count: int) -> FloatArray:
-    """Return `count` of every `factor`-th value, low-pass filtered from pause to pause; the first is the `HALF`-th."""
-    there = np.isfinite(values)
-    if there.all():
-        return _low_passed(values[:, np.newaxis], factor, slice(2 * HALF, 2 * HALF + count))[:, 0]
-    filtered = np.full(count, np.nan)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
-    reach, near = HALF * factor, factor / 2  # nearer to a pause than half a sample of the result counts to it
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        low = begin + near * (begin > 0)
-        high = end - 1 - near * (end < len(values))
-        first, last = max(math.ceil(low / factor) - HALF, 0), min(math.floor(high / factor) - HALF, count - 1)
-        if first <= last:
-            before = reach + begin % factor
-            turned = np.pad(values[begin:end], (before, reach), mode="reflect", reflect_type="odd")
-            at = first + HALF - (begin - before) // factor + HALF
-            kept = slice(at, at + last + 1 - first)
-            filtered[first : last + 1] = _low_passed(turned[:, np.newaxis], factor, kept)[:, 0]
-    return filtered
 
 
 def _low_passed(values: FloatArray, factor: int, kept: slice) -> FloatArray:

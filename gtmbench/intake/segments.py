@@ -16,7 +16,6 @@ from functools import cached_property
 from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
@@ -25,7 +24,7 @@ from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.record import Record, Span
+from gtmbench.record import BoolArray, Record, Span
 
 _BESIDE_IT = 5  # steps before a step or after it: as many, and as long as it, are another rate
 SHORTEST_S, FEWEST = 2.0, 20  # of a segment
@@ -108,8 +107,10 @@ class _Parts:
         pauses = list(zip(ends_s, (*starts_s[1:], np.inf), strict=True))
         return [part for span in spans for part in _overlaps(pauses, span) if part[1] - part[0] > self.limit_s]
 
-    def laid(self, span: Span, first_s: float, period_s: float, count: int, *, filtered: bool) -> FloatArray:
-        """Return the values on another clock, made of the samples in a span."""
+    def laid(
+        self, span: Span, first_s: float, period_s: float, count: int, *, filtered: bool
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return the values on another clock, made of the samples in a span, and where a sample is there."""
         used = self._around(*span)
         return resampled(used.time_s, used.values, first_s, period_s, count, filtered=filtered)
 
@@ -216,7 +217,7 @@ def _places(track: Track, breaks_s: Sequence[float]) -> list[int]:
     return [place for place in places if 0 <= place < len(track.time_s) - 1]
 
 
-def _slow(steps: FloatArray, limit_s: float) -> NDArray[np.bool_]:
+def _slow(steps: FloatArray, limit_s: float) -> BoolArray:
     """Tell which long steps are no pauses: those before or after them are as long."""
     long = steps > limit_s
     if np.count_nonzero(long) <= _BESIDE_IT // 2 or len(steps) < _BESIDE_IT:
@@ -225,7 +226,7 @@ def _slow(steps: FloatArray, limit_s: float) -> NDArray[np.bool_]:
     beside = np.zeros(len(steps))
     beside[_BESIDE_IT:] = usual[: len(steps) - _BESIDE_IT]
     beside[:-_BESIDE_IT] = np.maximum(beside[:-_BESIDE_IT], usual[1:])
-    slow: NDArray[np.bool_] = long & (steps <= PAUSE * beside)
+    slow: BoolArray = long & (steps <= PAUSE * beside)
     return slow
 
 
@@ -336,9 +337,15 @@ def _add_record(
         text = f"{max(end_s - start_s, 0.0):.4g} s between gaps: too short to be used, dropped"
         made.remarks.append(remark("short", start_s, end_s, text))
         return
-    values = [part.laid(span, first_s, period_s, count, filtered=filtered) for part in parts]
-    channels = [channel for part in parts for channel in part.track.channels]
-    made.records.append(Record(np.hstack(values), channels=channels, sample_period_s=period_s, start_s=first_s))
+    values, there = zip(*(part.laid(span, first_s, period_s, count, filtered=filtered) for part in parts), strict=True)
+    record = Record(
+        np.hstack(values),
+        channels=[channel for part in parts for channel in part.track.channels],
+        sample_period_s=period_s,
+        start_s=first_s,
+        there=np.hstack(there) if filtered else None,
+    )
+    made.records.append(record)
 
 
 def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filtered: bool) -> FloatArray:
@@ -357,7 +364,7 @@ def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filt
     filtered = filtered or oversampling(parts.period_s, period_s) > 1
     margin_s = HALF * period_s if filtered else 0.0
     span = record.start_s - margin_s, record.end_s + margin_s
-    return parts.laid(span, record.start_s, period_s, len(record), filtered=filtered)
+    return parts.laid(span, record.start_s, period_s, len(record), filtered=filtered)[0]
 
 
 def _described(parts: _Parts) -> str:

@@ -26,7 +26,6 @@ from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.faults.kinds import Dropout
 from gtmbench.method.alarms import BoolArray
-from gtmbench.record import FloatArray
 
 NEVER = np.iinfo(np.int64).max
 _TOLERATED_S, _TOLERATED_ROWS = 0.5, 5
@@ -69,14 +68,14 @@ class MissingSamples:
     def take_one(self, row: list[float]) -> None:
         """Take the next row."""
         if len(self._rows) or not math.isfinite(sum(row)):
-            self.take(np.array([row]))
+            self.take(np.isfinite([row]))
         else:
             self._next += 1
 
-    def take(self, values: FloatArray) -> None:
-        """Take the next rows, shape (rows, channels)."""
-        first, lost = self._next, ~np.isfinite(values)
-        self._next += len(values)
+    def take(self, there: BoolArray) -> None:
+        """Take which samples of the next rows are there, shape (rows, channels)."""
+        first, lost = self._next, ~there
+        self._next += len(there)
         if not len(self._rows) and not lost.any():
             return
         live = np.flatnonzero(~lost.all(axis=1))
