@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtmbench.checks import whole
 from gtmbench.clock import FloatArray
@@ -85,38 +85,37 @@ def resampled(
     channels stays the same; it needs `HALF` samples more at either end. As many beside a pause are there, but aren't
     known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault.
     """
+    if not len(time_s):
+        return np.full((count, values.shape[1]), np.nan), np.zeros((count, values.shape[1]), dtype=bool)
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
     margin = HALF if filtered else 0
     laid_out = (count - 1 + 2 * margin) * finer + 1
     check_values(laid_out * values.shape[1], "laying out the channels evenly")
     step_s = period_s / finer
-    start_s = first_s - margin * period_s
+    at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * step_s
     laid = np.full((laid_out, values.shape[1]), np.nan)
-    places = (time_s - start_s) / step_s
+    places = (time_s - at_s[0]) / step_s
     nearest = np.rint(places).astype(np.int64)
-    on_clock = np.zeros(len(time_s), dtype=bool)
-    if finer == 1 and abs(typical_s / step_s - 1.0) <= _SAME_RATE:
-        on_clock = _on_clock(places, nearest, PAUSE * max(typical_s, period_s) / step_s)
-        inside = on_clock & (nearest >= 0) & (nearest < laid_out)
-        laid[nearest[inside]] = values[inside]
-    if not on_clock.all():
-        hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
-        at = start_s + np.arange(laid_out, dtype=np.float64) * step_s
-        off = [_spline(time_s[~on_clock], column, at, hole_s, 1e-6 * step_s) for column in values[~on_clock].T]
-        laid = np.where(np.isnan(laid), np.column_stack(off), laid)
+    fits = np.abs(places - nearest) <= JITTER
+    fits[1:] &= np.diff(nearest) > 0
+    fits &= finer == 1 and abs(typical_s / step_s - 1.0) <= _SAME_RATE
+    hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
+    bounds = [0, *(np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1).tolist(), len(time_s)]
+    for first, last in itertools.pairwise(bounds):
+        part = slice(first, last)
+        if fits[part].all():
+            inside = (nearest[part] >= 0) & (nearest[part] < laid_out)
+            laid[nearest[part][inside]] = values[part][inside]
+        else:
+            near_s = 1e-6 * step_s
+            begin, end = np.searchsorted(at_s, [time_s[first] - near_s, time_s[last - 1] + near_s])
+            for column, own in zip(laid.T, values[part].T, strict=True):
+                column[begin:end] = _spline(time_s[part], own, at_s[begin:end], hole_s, near_s)
     if not filtered:
         return laid, np.isfinite(laid)
     there = np.isfinite(laid[HALF * finer :: finer][:count])
     return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there
-
-
-def _on_clock(places: FloatArray, nearest: NDArray[np.int64], pause: float) -> BoolArray:
-    """Tell which samples stand on the wanted clock, one a step: all from pause to pause, or none."""
-    fits = np.abs(places - nearest) <= JITTER
-    fits[1:] &= np.diff(nearest) > 0
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(places) > pause) + 1])
-    return np.repeat(np.logical_and.reduceat(fits, begins), np.diff([*begins, len(places)]))
 
 
 def _low_passed(values: FloatArray, factor: int, kept: slice) -> FloatArray:
@@ -133,7 +132,7 @@ def _spline(time_s: FloatArray, values: FloatArray, at_s: FloatArray, hole_s: fl
 
     there = np.isfinite(values)
     time_s, values = time_s[there], values[there]
-    if len(time_s) < 4:
+    if len(time_s) < 2:
         return np.full(len(at_s), np.nan)
     # times are counted from the span's start: cubes of large numbers lose digits
     spline: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
