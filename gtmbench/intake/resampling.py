@@ -85,37 +85,49 @@ def resampled(
     channels stays the same; it needs `HALF` samples more at either end. As many beside a pause are there, but aren't
     known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault.
     """
-    if not len(time_s):
-        return np.full((count, values.shape[1]), np.nan), np.zeros((count, values.shape[1]), dtype=bool)
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
     margin = HALF if filtered else 0
     laid_out = (count - 1 + 2 * margin) * finer + 1
     check_values(laid_out * values.shape[1], "laying out the channels evenly")
-    step_s = period_s / finer
-    at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * step_s
-    laid = np.full((laid_out, values.shape[1]), np.nan)
-    places = (time_s - at_s[0]) / step_s
-    nearest = np.rint(places).astype(np.int64)
-    fits = np.abs(places - nearest) <= JITTER
-    fits[1:] &= np.diff(nearest) > 0
-    fits &= finer == 1 and abs(typical_s / step_s - 1.0) <= _SAME_RATE
+    at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * (period_s / finer)
     hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
-    bounds = [0, *(np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1).tolist(), len(time_s)]
-    for first, last in itertools.pairwise(bounds):
-        part = slice(first, last)
-        if fits[part].all():
-            inside = (nearest[part] >= 0) & (nearest[part] < laid_out)
-            laid[nearest[part][inside]] = values[part][inside]
-        else:
-            near_s = 1e-6 * step_s
-            begin, end = np.searchsorted(at_s, [time_s[first] - near_s, time_s[last - 1] + near_s])
-            for column, own in zip(laid.T, values[part].T, strict=True):
-                column[begin:end] = _spline(time_s[part], own, at_s[begin:end], hole_s, near_s)
+    laid = np.full((laid_out, values.shape[1]), np.nan)
+    cuts = np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1
+    for first, last in itertools.pairwise([0, *cuts.tolist(), len(time_s)]):
+        if first < last:
+            _lay(laid, at_s, period_s / finer, time_s[first:last], values[first:last], typical_s, hole_s)
     if not filtered:
         return laid, np.isfinite(laid)
     there = np.isfinite(laid[HALF * finer :: finer][:count])
     return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there
+
+
+def _lay(
+    laid: FloatArray,
+    at_s: FloatArray,
+    step_s: float,
+    time_s: FloatArray,
+    values: FloatArray,
+    typical_s: float,
+    hole_s: float,
+) -> None:
+    """Lay samples between two pauses out at even times: as they are where they stand on that clock, else by splines."""
+    places = (time_s - at_s[0]) / step_s
+    nearest = np.rint(places).astype(np.int64)
+    same_rate = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
+    if same_rate and np.all(np.abs(places - nearest) <= JITTER):
+        inside = (nearest >= 0) & (nearest < len(laid))
+        laid[nearest[inside]] = values[inside]
+        return
+    near_s = 1e-6 * step_s
+    rows = slice(*np.searchsorted(at_s, [time_s[0] - near_s, time_s[-1] + near_s]))
+    there = np.isfinite(values)
+    if there.all():
+        laid[rows] = _spline(time_s, values, at_s[rows], hole_s, near_s)
+        return
+    for column, own, known in zip(laid.T, values.T, there.T, strict=True):
+        column[rows] = _spline(time_s[known], own[known], at_s[rows], hole_s, near_s)
 
 
 def _low_passed(values: FloatArray, factor: int, kept: slice) -> FloatArray:
@@ -130,10 +142,8 @@ def _spline(time_s: FloatArray, values: FloatArray, at_s: FloatArray, hole_s: fl
     """Return a cubic spline's values, NaN outside the samples and where the nearest two are too far apart."""
     from scipy.interpolate import CubicSpline
 
-    there = np.isfinite(values)
-    time_s, values = time_s[there], values[there]
     if len(time_s) < 2:
-        return np.full(len(at_s), np.nan)
+        return np.full((len(at_s), *values.shape[1:]), np.nan)
     # times are counted from the span's start: cubes of large numbers lose digits
     spline: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
     after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)
