@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -75,7 +75,7 @@ class Record:
     channels: tuple[str, ...]
     sample_period_s: float
     start_s: float
-    _there: BoolArray | None
+    _there: BoolArray | None = field(init=False)
 
     def __init__(
         self,

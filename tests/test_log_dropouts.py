@@ -91,6 +91,18 @@ def test_a_channel_that_comes_alone_drops_out_alone(name, tmp_path):
     assert (alarm.sensor, alarm.onset_s, alarm.ended_s) == ("q", same_time(20.0), same_time(22.0))
 
 
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_empty_cells_of_a_faster_table_are_told_as_when_they_are(ending, tmp_path):
+    """100 Hz, watched at 50: the low-pass takes 13 samples more on either side."""
+    flight = logs.record(4000, seed=11, period_s=0.01)
+    empty = (flight.time_s >= 20.0) & (flight.time_s < 22.0)
+    gb.write_log(flight.replace("p", np.where(empty, np.nan, flight["p"])), tmp_path / f"log.{ending}")
+    log = watch_log(tmp_path / f"log.{ending}", monitor())
+    assert [(a.sensor, a.test, a.onset_s, a.ended_s) for a in log.alarms] == [
+        ("p", MISSING, same_time(20.0), same_time(22.0))
+    ]
+
+
 @pytest.mark.parametrize(("gyro_hz", "attitude_hz"), [(50, 50), (60, 50), (100, 50), (250, 50), (50, 20), (250, 10)])
 @pytest.mark.parametrize("message", ["gyro", "attitude"])
 def test_times_are_within_a_sample_at_whatever_rates(gyro_hz, attitude_hz, message, tmp_path):

@@ -3,7 +3,7 @@
 A step of a track that is longer than usual is a pause. While another track lives on, the record goes on and the paused
 channels are missing; where all pause there is a gap, and the record is split. A log begins when the last of its tracks
 does; one that ends, or is back after a gap, no more than `SHORTEST_S` apart from the others cuts the record there.
-Where a track comes slower than usual for long, nothing is missing: it is no record at that rate.
+Where a track comes slower than usual for long, nothing is missing: there is no record of that rate, as in a gap.
 """
 
 from __future__ import annotations
