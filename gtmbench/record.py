@@ -56,8 +56,8 @@ class Record:
     start_s : float
         Time of sample 0, in seconds: sample k is at ``start_s + k Ts``.
     there : array_like, shape (samples, channels), optional
-        Where a sample is there, though its value isn't known: beside a pause, a low-pass knows none. Without it only
-        where values are finite, as they are anyway.
+        Where a sample is there, though its value isn't known: beside a pause a low-pass knows none, and a log may leave
+        single ones out. Without it only where values are finite, as they are anyway.
 
     Raises
     ------
@@ -267,11 +267,15 @@ class Record:
         return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s, there=there)
 
 
-def _mask(there: ArrayLike, values: FloatArray) -> BoolArray:
+def _mask(there: ArrayLike, values: FloatArray) -> BoolArray | None:
+    """Return where samples are there; None where that are those that are finite."""
     mask = np.array(there, dtype=bool)
     if mask.shape != values.shape:
         raise InputError(f"what is there has shape {mask.shape}, values have {values.shape}; give one for each")
-    mask |= np.isfinite(values)
+    finite = np.isfinite(values)
+    if not np.any(mask & ~finite):
+        return None
+    mask |= finite
     mask.setflags(write=False)
     return mask
 

@@ -132,6 +132,18 @@ def test_what_is_tolerated_of_missing_samples_is_tolerated_beside_a_low_pass(len
     assert [alarm for alarm in monitor().watch(record).alarms if alarm.test == MISSING] == []
 
 
+@pytest.mark.parametrize(("gyro_hz", "attitude_hz"), [(10, 50), (50, 50), (50, 10), (250, 50)])
+def test_single_messages_that_a_log_leaves_out_are_no_dropout(gyro_hz, attitude_hz, tmp_path):
+    """Every third one: values aren't known there, but the sensor lives."""
+    sent = messages(gyro_hz=gyro_hz, attitude_hz=attitude_hz)
+    gyro = sent["gyro"]
+    kept = (np.arange(len(gyro.time_s)) % 3 > 0) | (gyro.time_s < 21.0)
+    lossy = replace(gyro, time_s=gyro.time_s[kept], values=gyro.values[kept])
+    (record,) = opened("log.ulg", {**sent, "gyro": lossy}, tmp_path).segments
+    assert record.there.all()
+    assert np.isfinite(record["phi"]).all()
+
+
 def test_a_stream_says_what_watch_says_of_it(tmp_path):
     (whole,) = opened("log.ulg", without(messages(), "gyro", (20.0, 20.4), (25.0, 26.0)), tmp_path).segments
     record = whole.between(18.0, 30.0)

@@ -182,7 +182,7 @@ def _beside(record: Record, channel: str, values: FloatArray) -> Record:
         channels=[*record.channels, channel],
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
-        there=np.column_stack([record.there, np.isfinite(values)]) if record.is_in_part_unknown else None,
+        there=np.column_stack([record.there, np.isfinite(values)]),
     )
 
 

@@ -79,11 +79,12 @@ def oversampling(period_s: float, wanted_s: float) -> int:
 def resampled(
     time_s: FloatArray, values: FloatArray, first_s: float, period_s: float, count: int, *, filtered: bool
 ) -> tuple[FloatArray, BoolArray]:
-    """Return values at ``first_s + k period_s``, shape (count, channels), and where a sample is there.
+    """Return values at ``first_s + k period_s``, shape (count, channels), and where a sample is there, if not known.
 
     The low-pass is the same for every channel, also for those that come at the wanted rate, so the operator between
     channels stays the same; it needs `HALF` samples more at either end. As many beside a pause are there, but aren't
-    known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault.
+    known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault. So it
+    is with a single sample that was left out, which is no pause, and those about it.
     """
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
@@ -93,14 +94,17 @@ def resampled(
     at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * (period_s / finer)
     hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
     laid = np.full((laid_out, values.shape[1]), np.nan)
+    there = np.zeros(laid.shape, dtype=bool)
     cuts = np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1
     for first, last in itertools.pairwise([0, *cuts.tolist(), len(time_s)]):
         if first < last:
             _lay(laid, at_s, period_s / finer, time_s[first:last], values[first:last], typical_s, hole_s)
+            lives = slice(*np.searchsorted(at_s, [time_s[first], time_s[last - 1]]))
+            there[lives] |= np.isfinite(values[first:last]).all(axis=0)
+    there |= np.isfinite(laid)
     if not filtered:
-        return laid, np.isfinite(laid)
-    there = np.isfinite(laid[HALF * finer :: finer][:count])
-    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there
+        return laid, there
+    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there[HALF * finer :: finer][:count]
 
 
 def _lay(

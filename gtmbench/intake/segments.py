@@ -343,7 +343,7 @@ def _add_record(
         channels=[channel for part in parts for channel in part.track.channels],
         sample_period_s=period_s,
         start_s=first_s,
-        there=np.hstack(there) if filtered else None,
+        there=np.hstack(there),
     )
     made.records.append(record)
 

@@ -11,7 +11,8 @@ after as before.
 
 At a row at which every channel is missing nothing was recorded. Such a common gap says nothing of any sensor, so it is
 passed over: for this count no time goes by. A channel that hasn't been there yet is missing since the first row. What
-is there and only isn't known (`Record.there`: beside a pause, a low-pass knows nothing) isn't missing.
+is there and only isn't known (`Record.there`: beside a pause, a low-pass knows nothing; a log may leave single samples
+out) isn't missing.
 """
 
 from __future__ import annotations
