@@ -70,6 +70,17 @@ def test_a_message_that_pauses_while_another_lives_is_a_dropout_of_its_channels(
     assert len(log.log.segments) == 1
 
 
+def test_the_command_tells_it_in_words(cli, tmp_path):
+    path, _ = written("log.bin", without(messages(), "gyro", PAUSE), tmp_path)
+    gb.save_monitor(monitor(), tmp_path / "C.json")
+    code, out, err = cli("monitor", str(path), "--detector", str(tmp_path / "C.json"))
+    assert (code, err) == (1, "")
+    assert "19.99 to 22.00 s  missing, p: nothing for 2.01 s while others live on; one sample every 0.01 s else" in out
+    assert "20.50 s  p failed; dropout\n" in out
+    assert "since about 20.00 s; named at 20.50 s; gone since 22.00 s" in out
+    assert "p failed at 20.50 s; q failed at 20.50 s; r failed at 20.50 s\n" in out
+
+
 @pytest.mark.parametrize("name", logs.FORMATS)
 def test_a_pause_of_all_is_a_gap(name, tmp_path):
     sent = messages()
@@ -286,6 +297,16 @@ def test_what_is_identified_on_is_cut_at_pauses(tmp_path):
     log = watch_log(path, C, healthy=[(0.0, 45.0)])
     assert log.monitor.provenance["records"] == 2
     assert log.outcome is Outcome.HEALTHY
+
+
+def test_where_nothing_is_left_to_identify_on_it_is_said(tmp_path):
+    pauses = [(0.5 * k, 0.5 * k + 0.3) for k in range(2, 80)]
+    path, _ = written("log.ulg", without(messages(), "gyro", *pauses), tmp_path)
+    said = "nothing that is healthy lasts 2 s and 20 samples with every channel there"
+    with pytest.raises(gb.InputError, match=said):
+        watch_log(path, C, healthy=[(5.0, 25.0)])
+    with pytest.raises(gb.InputError, match=rf"log\.ulg: {said}"):
+        logged_records([path], BankDetector(bank=C))
 
 
 def test_a_table_that_misses_samples_is_cut_as_well(tmp_path):

@@ -16,7 +16,7 @@ from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
-from gtmbench.checks import number, whole
+from gtmbench.checks import naming, number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
@@ -158,7 +158,9 @@ def logged_records(
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
         logs.append({"name": path.name, "sha256": digest})
-        for part in between_pauses(log.segments, detector.channels):
+        with naming(path):
+            parts = between_pauses(log.segments, detector.channels)
+        for part in parts:
             records.append(_with(part, added, seed + len(records)))
     return records, {"source": "logs", "logs": logs, **_common(added)}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -98,27 +97,37 @@ def within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
 
 
 def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[Record]:
-    """Return some channels of records, without the stretches where one of them misses more than a sample or two.
+    """Return some channels of records, cut where one of them misses more than a sample or two: to identify on.
 
-    What is left between them is a record where it is as long as a log's segments are: for identification, that doesn't
-    bridge what is missing.
+    What is left between pauses is as long as a log's segments are, and begins and ends with values that are known.
+
+    Raises
+    ------
+    InputError
+        Where nothing is left.
     """
-    parts: list[Record] = []
-    for record in records:
-        used = record.select(channels) if channels else record
-        lost = ~np.isfinite(used.values).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
-        long = np.diff(edges)[::2] > _LOST
-        if not long.any():
-            parts.append(used)
-            continue
-        bounds = [0, *np.column_stack([edges[::2], edges[1::2]])[long].ravel().tolist(), len(used)]
-        fewest = max(FEWEST, math.ceil(SHORTEST_S / used.sample_period_s))
-        parts += [
-            used.between(used.time_s[first], used.time_s[stop - 1])
-            for first, stop in zip(bounds[::2], bounds[1::2], strict=True)
-            if stop - first >= fewest
-        ]
+    parts = [part for record in records for part in _complete(record.select(channels) if channels else record)]
+    if not parts:
+        raise InputError(
+            f"nothing that is healthy lasts {SHORTEST_S:g} s and {FEWEST} samples with every channel there; give a "
+            "longer stretch, or leave out a channel"
+        )
+    return parts
+
+
+def _complete(record: Record) -> list[Record]:
+    lost = ~record.there.all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+    long = np.diff(edges)[::2] > _LOST
+    if not long.any():
+        return [record]
+    bounds = [0, *edges.reshape(-1, 2)[long].ravel().tolist(), len(record)]
+    known = np.flatnonzero(np.isfinite(record.values).all(axis=1))
+    parts = []
+    for first, stop in zip(bounds[::2], bounds[1::2], strict=True):
+        rows = known[(known >= first) & (known < stop)]
+        if len(rows) and rows[-1] - rows[0] >= max(FEWEST, SHORTEST_S / record.sample_period_s):
+            parts.append(record.between(record.time_s[rows[0]], record.time_s[rows[-1]]))
     return parts
 
 
