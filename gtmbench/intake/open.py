@@ -142,13 +142,10 @@ def _opened(
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
-    others = choose_of([name for name in witnesses if name not in segments[0]], raw, columns)
-    for choice in others:
+    for choice in choose_of([name for name in witnesses if name not in segments[0]], raw, columns):
         beside = _laid(choice, raw, clocks, breaks_s, made)
         if any(np.isfinite(values).any() for values in beside):
-            segments = [
-                _beside(record, choice.channel, values) for record, values in zip(segments, beside, strict=True)
-            ]
+            segments = [_beside(*each, choice.channel) for each in zip(segments, beside, strict=True)]
             taken.append(f"{choice.channel} = {choice.how}, a witness: diagnoses read it, no alarm stands on it")
     left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
     return FlightLog(
@@ -176,7 +173,7 @@ def _laid(
     return []
 
 
-def _beside(record: Record, channel: str, values: FloatArray) -> Record:
+def _beside(record: Record, values: FloatArray, channel: str) -> Record:
     return Record(
         np.column_stack([record.values, values]),
         channels=[*record.channels, channel],

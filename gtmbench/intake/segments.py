@@ -26,9 +26,10 @@ from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.record import BoolArray, Record, Span
 
-_BESIDE_IT = 5  # steps before a step or after it: as many, and as long as it, are another rate
+_RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
 SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 _BESIDE = 30  # samples: what is further away doesn't move a spline
+_start, _end = itemgetter(0), itemgetter(1)  # of a span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -220,12 +221,12 @@ def _places(track: Track, breaks_s: Sequence[float]) -> list[int]:
 def _slow(steps: FloatArray, limit_s: float) -> BoolArray:
     """Tell which long steps are no pauses: those before or after them are as long."""
     long = steps > limit_s
-    if np.count_nonzero(long) <= _BESIDE_IT // 2 or len(steps) < _BESIDE_IT:
+    if np.count_nonzero(long) <= _RATE // 2 or len(steps) < _RATE:
         return np.zeros(len(steps), dtype=bool)
-    usual = np.median(np.lib.stride_tricks.sliding_window_view(steps, _BESIDE_IT), axis=1)
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(steps, _RATE), axis=1)
     beside = np.zeros(len(steps))
-    beside[_BESIDE_IT:] = usual[: len(steps) - _BESIDE_IT]
-    beside[:-_BESIDE_IT] = np.maximum(beside[:-_BESIDE_IT], usual[1:])
+    beside[_RATE:] = usual[: len(steps) - _RATE]
+    beside[:-_RATE] = np.maximum(beside[:-_RATE], usual[1:])
     slow: BoolArray = long & (steps <= PAUSE * beside)
     return slow
 
@@ -278,10 +279,7 @@ def _overlaps(spans: Sequence[Span], span: Span) -> list[Span]:
 
 def _met(spans: Sequence[Span], span: Span) -> slice:
     """Return which spans, in time and apart, meet another one."""
-    return slice(bisect_left(spans, span[0], key=_end), bisect_right(spans, span[1], key=itemgetter(0)))
-
-
-_end = itemgetter(1)  # of a span
+    return slice(bisect_left(spans, span[0], key=_end), bisect_right(spans, span[1], key=_start))
 
 
 def _remarks(parts: _Parts, spans: Sequence[Span], breaks_s: Sequence[float]) -> list[Remark]:
