@@ -141,7 +141,6 @@ def _parquet(sent, path):
     _frame(sent).to_parquet(path)
 
 
-_IMU, _FILTER = "/imu.{}", "/filter.{}"
 ROS = [
     *(f"{name}=/imu.angular_velocity.{axis}" for name, axis in zip(GYRO, "xyz", strict=True)),
     *(f"{name}=/imu.linear_acceleration.{axis}" for name, axis in zip(ACCELERATION, "xyz", strict=True)),
