@@ -80,7 +80,7 @@ class BankMonitor(CalibratedBank):
         residuals = bank_residuals(self, record)
         tracks = tracks_of(self, residuals)
         logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True, without=without)
-        logic.missing.take(record.matrix(self.bank.channels))
+        logic.missing.take(record.there[:, record.columns(self.bank.channels)])
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}
         return Watch(
