@@ -10,12 +10,14 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.health import energy, greatest
+from gtmbench.detectors.isolation.referee import Referee
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.record import FloatArray, Record
 
-WITNESSES = ("nx", "ny", "nz")  # what a hypothesis may read beside the bank's channels, where a record has them
+ACCELEROMETERS = ("nx", "ny", "nz")
+WITNESSES = (*ACCELEROMETERS, "alpha", "beta", "tas")  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
 _SMOOTH_S = 0.2
@@ -37,6 +39,8 @@ class Case:
         Means of the residuals before the fault (biases), in the outputs' units.
     habits : dict
         How the suspects read before the fault.
+    referees : dict
+        What air data said of gyros and their virtual sensors before the fault, where they are there.
     """
 
     monitor: CalibratedBank
@@ -47,6 +51,7 @@ class Case:
     sure: int
     shift: Mapping[str, float]
     habits: Mapping[str, Habit]
+    referees: Mapping[str, Referee] = field(default_factory=dict)
 
     @property
     def period_s(self) -> float:
@@ -103,6 +108,17 @@ class Case:
         return {
             channel: habit.surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
             for channel, habit in self.habits.items()
+        }
+
+    @cached_property
+    def objections(self) -> dict[str, float]:
+        """What air data say against suspects that they clear, of -2 log likelihood."""
+        record, predicted = self.record, self.residuals.predicted
+        return {
+            name: weight
+            for output, referee in self.referees.items()
+            if output in predicted
+            for name, weight in referee.against(record, output, predicted[output], self.judged).items()
         }
 
     @property

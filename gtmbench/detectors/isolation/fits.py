@@ -51,6 +51,7 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
             continue
         for fit in (*known(fitter), *unknown(fitter)):
             bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty
+            bic += case.objections.get(fitter.suspect.channel, 0.0)
             if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
                 bic -= fitter.suspect.sick_elsewhere
             ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))

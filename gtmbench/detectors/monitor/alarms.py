@@ -48,6 +48,7 @@ from gtmbench.detectors.isolation.diagnosis import (
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
+from gtmbench.detectors.isolation.referee import Referee, referees_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
@@ -148,6 +149,7 @@ class OpenFault:
     start: int  # from where on the suspect isn't believed
     shift: dict[str, float]
     habits: dict[str, Habit]
+    referees: dict[str, Referee] = field(default_factory=dict)
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
@@ -275,7 +277,7 @@ class AlarmLogic:
         if leader is None:
             signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
-            fault.habits = self._habits(start)
+            fault.habits, fault.referees = self._habits(start), self._referees(start)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
@@ -298,6 +300,12 @@ class AlarmLogic:
         before = self._memory.record(range(max(start - ROWS_BEFORE, self._memory.first, 0), start))
         habits = {name: habit_of(before[name]) for name in self._bank.suspects if name in before.channels}
         return {name: habit for name, habit in habits.items() if habit is not None}
+
+    def _referees(self, start: int) -> dict[str, Referee]:
+        """Return what air data said of gyros and their virtual sensors before a fault."""
+        rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
+        record, residuals = self._memory.cut(rows, tuple(arming.output for arming in self.arming))
+        return referees_of(record, residuals.predicted, self._bank.suspects)
 
     def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
@@ -425,6 +433,7 @@ class AlarmLogic:
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
             habits=fault.habits,
+            referees=fault.referees,
         )
 
     def _close(self, fault: OpenFault, **end: float) -> None:
