@@ -113,26 +113,29 @@ def _r_lat(x: Motion) -> Any:
     return _G * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
 
 
-def _accelerations(x: Motion) -> Any:
-    """Return specific force and gravity together, forward, right and down, in m/s2."""
-    return (
-        _G * (x("nx") - x.sin("theta")),
-        _G * (x("ny") + x.cos("theta") * x.sin("phi")),
-        _G * (x.cos("theta") * x.cos("phi") - x("nz")),
-    )
+def _along(x: Motion) -> Any:
+    """Return specific force and gravity along the velocity's direction in the plane of symmetry, in m/s2."""
+    return _forward(x) * x.cos("alpha") + _down(x) * x.sin("alpha")
+
+
+def _forward(x: Motion) -> Any:
+    return _G * (x("nx") - x.sin("theta"))
+
+
+def _down(x: Motion) -> Any:
+    return _G * (x.cos("theta") * x.cos("phi") - x("nz"))
 
 
 def _q_air(x: Motion) -> Any:
-    forward, _, down = _accelerations(x)
-    turned = (down * x.cos("alpha") - forward * x.sin("alpha")) / (_moving(x("tas")) * x.cos("beta"))
-    return x.slope("alpha") + np.tan(x("beta")) * (x("p") * x.cos("alpha") + x("r") * x.sin("alpha")) - turned
+    across = _down(x) * x.cos("alpha") - _forward(x) * x.sin("alpha")
+    sideways = np.tan(x("beta")) * (x("p") * x.cos("alpha") + x("r") * x.sin("alpha"))
+    return x.slope("alpha") + sideways - across / (_moving(x("tas")) * x.cos("beta"))
 
 
 def _r_air(x: Motion) -> Any:
-    forward, right, down = _accelerations(x)
-    along = forward * x.cos("alpha") + down * x.sin("alpha")
-    turned = (right * x.cos("beta") - along * x.sin("beta")) / _moving(x("tas"))
-    return (x("p") * x.sin("alpha") + turned - x.slope("beta")) / x.cos("alpha")
+    right = _G * (x("ny") + x.cos("theta") * x.sin("phi"))
+    across = right * x.cos("beta") - _along(x) * x.sin("beta")
+    return (x("p") * x.sin("alpha") + across / _moving(x("tas")) - x.slope("beta")) / x.cos("alpha")
 
 
 def _moving(speed: Any) -> Any:

@@ -10,14 +10,14 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.health import energy, greatest
-from gtmbench.detectors.isolation.referee import Referee
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
+from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.record import FloatArray, Record
 
 ACCELEROMETERS = ("nx", "ny", "nz")
-WITNESSES = (*ACCELEROMETERS, "alpha", "beta", "tas")  # what a diagnosis may read beside the bank's channels, where a record has them
+WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
 _SMOOTH_S = 0.2
@@ -40,7 +40,7 @@ class Case:
     habits : dict
         How the suspects read before the fault.
     referees : dict
-        What air data said of gyros and their virtual sensors before the fault, where they are there.
+        Of gyros, where there are air data beside them.
     """
 
     monitor: CalibratedBank

@@ -1,4 +1,4 @@
-"""Air data as referees between a gyro and the angle that it turns: whose rate still is what air data say it is?
+"""Air data as referees between a gyro and the angle that it turns: whose rate is still what air data say it is.
 
 Where a gyro and its virtual sensor from the attitude differ, their difference doesn't tell which of the two is wrong.
 Air data and accelerometers tell the rate a third time, and without either (`q_air`, `r_air`; roll has none). Of the
@@ -10,18 +10,20 @@ learnt on the same flight, and where both differences are worse than usual (a gu
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from gtmbench.channels import axis_of
+from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.method.pseudo_inputs import derived, raw_needs
 from gtmbench.record import FloatArray, Record
 
-AIR = {"q": "q_air", "r": "r_air"}
+AIR = {"q": "q_air", "r": "r_air"}  # of the gyros
+VANES = ("alpha", "beta", "tas")
 _BLOCK_S = 0.2  # of which means are taken: what is faster shows in a sensor's own readings, or is a vane's noise
 _ORDER = 5  # blocks that a whitening filter looks back
 _LEAST = 60  # blocks to learn from,
@@ -50,7 +52,7 @@ class Referee:
         rows : slice
             That are judged.
         """
-        size = round(_BLOCK_S / record.sample_period_s)
+        size = _size(record)
         before = min(_ORDER, rows.start // size)
         seen = slice(rows.start - before * size, rows.stop)
         white = [
@@ -71,18 +73,25 @@ class Referee:
         return dict.fromkeys(cleared, apart) if apart > 0.0 else {}
 
 
-def referees_of(record: Record, predicted: Mapping[str, FloatArray], suspects: Iterable[str]) -> dict[str, Referee]:
-    """Learn what is usual from rows before a fault: of gyros that air data tell of, where they are there.
+def referees_of(bank: Bank, record: Record, predicted: Mapping[str, FloatArray]) -> dict[str, Referee]:
+    """Learn what is usual from rows before a fault: of gyros that air data tell of, and a bank may confuse with angles.
 
-    What a sensor under suspicion reads is no air data.
+    Air data that the bank stands on itself tell nothing new.
+
+    Parameters
+    ----------
+    bank : Bank
+    record : Record
+        With air data, or without.
+    predicted : mapping of output to array of shape (rows,)
+        The virtual sensors.
     """
-    referees = {}
-    for output in AIR:
-        needs = raw_needs(AIR[output])
-        if output in predicted and needs <= set(record.channels) and not {"alpha", "beta", "tas"} & set(suspects):
-            size = round(_BLOCK_S / record.sample_period_s)
+    size, referees = _size(record), {}
+    for output in predicted:
+        is_open = set(axis_of(output)) <= set(bank.suspects) and not set(VANES) & set(bank.channels)
+        if is_open and size and output in AIR and raw_needs(AIR[output]) <= set(record.channels):
             blocks = [_blocks(each, size) for each in _differences(record, output, predicted[output])]
-            if size and all(np.isfinite(each).sum() >= _LEAST for each in blocks):
+            if all(np.isfinite(each).sum() >= _LEAST for each in blocks):
                 gyro, virtual = (fit_whitener([each], order=_ORDER) for each in blocks)
                 referees[output] = Referee(gyro=gyro, virtual=virtual)
     return referees
@@ -92,6 +101,11 @@ def _differences(record: Record, output: str, predicted: FloatArray) -> tuple[Fl
     """Return gyro - air and virtual sensor - air."""
     (air,) = derived(record, [AIR[output]])
     return record[output] - air, predicted - air
+
+
+def _size(record: Record) -> int:
+    """Return how many rows a block has; none, where a row is longer."""
+    return int(_BLOCK_S / record.sample_period_s + 0.5)
 
 
 def _blocks(values: FloatArray, size: int) -> FloatArray:

@@ -305,7 +305,7 @@ class AlarmLogic:
         """Return what air data said of gyros and their virtual sensors before a fault."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
         record, residuals = self._memory.cut(rows, tuple(arming.output for arming in self.arming))
-        return referees_of(record, residuals.predicted, self._bank.suspects)
+        return referees_of(self._bank, record, residuals.predicted)
 
     def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
