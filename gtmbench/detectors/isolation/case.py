@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
@@ -113,12 +114,12 @@ class Case:
     @cached_property
     def objections(self) -> dict[str, float]:
         """What air data say against suspects that they clear, of -2 log likelihood."""
-        record, predicted = self.record, self.residuals.predicted
+        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
         return {
             name: weight
-            for output, referee in self.referees.items()
-            if output in predicted
-            for name, weight in referee.against(record, output, predicted[output], self.judged).items()
+            for gyro, referee in self.referees.items()
+            if set(axis_of(gyro)) <= set(virtual)
+            for name, weight in referee.objections(self.record, virtual, self.judged).items()
         }
 
     @property

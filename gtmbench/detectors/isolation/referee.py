@@ -1,17 +1,19 @@
-"""Air data as referees between a gyro and the angle that it turns: whose rate is still what air data say it is.
+"""Air data as referees between a gyro and the angle that it turns: which of the two has to be wrong for them to agree.
 
-Where a gyro and its virtual sensor from the attitude differ, their difference doesn't tell which of the two is wrong.
-Air data and accelerometers tell the rate a third time, and without either (`q_air`, `r_air`; roll has none). Of the
-differences of both from it, the one that is as healthy as it was just before the fault clears its sensor.
+Where a gyro and the attitude differ, that alone doesn't tell which is wrong. Air data and accelerometers tell pitch and
+yaw rate once more (`q_air`, `r_air`), with neither but through gravity, which tells of bank, too. With the virtual
+sensor of the one that is wrong in its place, they agree as well as they did just before the fault; so the other one is
+cleared.
 
 How good air data are depends on the air: in turbulence they are tens of times noisier than in calm. So what is usual is
-learnt on the same flight, and where both differences are worse than usual (a gust, a vane that fails) nothing is said.
+learnt on the same flight, and where nothing agrees (a gust, a vane that fails, another fault) nothing is said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,62 +21,65 @@ from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
+from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derived, raw_needs
 from gtmbench.record import FloatArray, Record
 
-AIR = {"q": "q_air", "r": "r_air"}  # of the gyros
 VANES = ("alpha", "beta", "tas")
+_AIR = {"p": ("r", "r_air"), "q": ("q", "q_air"), "r": ("r", "r_air")}  # of a gyro: what tells of its axis
 _BLOCK_S = 0.2  # of which means are taken: what is faster shows in a sensor's own readings, or is a vane's noise
 _ORDER = 5  # blocks that a whitening filter looks back
-_LEAST = 60  # blocks to learn from,
-_LEAST_JUDGED = 10  # and to judge
+_LEAST = 10  # blocks judged
 _HEALTHY = 1.5  # times the usual mean square
-_CHANCE = 3.0  # deviations of what two healthy differences may be apart
+_CHANCE = 3.0  # deviations that two healthy ones may be apart
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Referee:
-    """What is usual of a gyro's difference from air data, and of its virtual sensor's."""
+    """What air data say of a gyro and the angle that it turns.
 
-    gyro: Whitener
-    virtual: Whitener
+    Attributes
+    ----------
+    gyro : str
+    usual : mapping of suspect to Whitener
+        Of the rate's difference from air data, with the suspect's virtual sensor in its place.
+    """
 
-    def against(self, record: Record, output: str, predicted: FloatArray, rows: slice) -> dict[str, float]:
-        """Return what speaks against gyro and angle over some rows, of -2 log likelihood; nothing where air data don't.
+    gyro: str
+    usual: Mapping[str, Whitener] = field(repr=False)
+
+    def objections(self, record: Record, virtual: Mapping[str, FloatArray], rows: slice) -> dict[str, float]:
+        """Return what speaks against gyro or angle over some rows, of -2 log likelihood.
+
+        Nothing where air data agree with neither, or too little tells them apart.
 
         Parameters
         ----------
         record : Record
-        output : str
-            The gyro.
-        predicted : shape (rows of the record,)
-            Its virtual sensor.
+        virtual : mapping of suspect to array of shape (rows of the record,)
+            What they should have read.
         rows : slice
             That are judged.
         """
         size = _size(record)
         before = min(_ORDER, rows.start // size)
         seen = slice(rows.start - before * size, rows.stop)
-        white = [
-            whitener.whiten(_blocks(difference[seen], size))[before:]
-            for whitener, difference in zip(
-                (self.gyro, self.virtual), _differences(record, output, predicted), strict=True
-            )
-        ]
-        there = np.isfinite(white).all(axis=0)
+        white = {
+            name: self.usual[name].whiten(_blocks(difference[seen], size))[before:]
+            for name, difference in _differences(record, self.gyro, virtual)
+        }
+        there = np.isfinite(list(white.values())).all(axis=0)
         count = int(there.sum())
-        if count < _LEAST_JUDGED:
+        energies = {name: energy(each[there]) for name, each in white.items()}
+        agreeing, other = sorted(energies, key=energies.__getitem__)
+        if count < _LEAST or energies[agreeing] > _HEALTHY * count:
             return {}
-        of_gyro, of_virtual = (energy(each[there]) for each in white)
-        if min(of_gyro, of_virtual) > _HEALTHY * count:
-            return {}
-        apart = abs(of_gyro - of_virtual) - _CHANCE * float(np.sqrt(4.0 * count))
-        cleared = [name for name in axis_of(output) if (name == output) == (of_gyro < of_virtual)]
-        return dict.fromkeys(cleared, apart) if apart > 0.0 else {}
+        apart = energies[other] - energies[agreeing] - _CHANCE * float(np.sqrt(4.0 * count))
+        return {other: apart} if apart > 0.0 else {}
 
 
 def referees_of(bank: Bank, record: Record, predicted: Mapping[str, FloatArray]) -> dict[str, Referee]:
-    """Learn what is usual from rows before a fault: of gyros that air data tell of, and a bank may confuse with angles.
+    """Learn what is usual from rows before a fault, of each gyro that a bank may confuse with its angle.
 
     Air data that the bank stands on itself tell nothing new.
 
@@ -84,23 +89,27 @@ def referees_of(bank: Bank, record: Record, predicted: Mapping[str, FloatArray])
     record : Record
         With air data, or without.
     predicted : mapping of output to array of shape (rows,)
-        The virtual sensors.
+        The gyros' virtual sensors.
     """
-    size, referees = _size(record), {}
-    for output in predicted:
-        is_open = set(axis_of(output)) <= set(bank.suspects) and not set(VANES) & set(bank.channels)
-        if is_open and size and output in AIR and raw_needs(AIR[output]) <= set(record.channels):
-            blocks = [_blocks(each, size) for each in _differences(record, output, predicted[output])]
-            if all(np.isfinite(each).sum() >= _LEAST for each in blocks):
-                gyro, virtual = (fit_whitener([each], order=_ORDER) for each in blocks)
-                referees[output] = Referee(gyro=gyro, virtual=virtual)
+    referees = {}
+    for gyro in () if set(VANES) & set(bank.channels) else _AIR:
+        is_open = gyro in predicted and set(axis_of(gyro)) <= set(bank.suspects)
+        if is_open and _size(record) and raw_needs(_AIR[gyro][1]) <= set(record.channels):
+            with suppress(InputError):  # too few rows, or nothing moves
+                usual = {
+                    name: fit_whitener([_blocks(difference, _size(record))], order=_ORDER)
+                    for name, difference in _differences(record, gyro, predicted)
+                }
+                referees[gyro] = Referee(gyro=gyro, usual=usual)
     return referees
 
 
-def _differences(record: Record, output: str, predicted: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return gyro - air and virtual sensor - air."""
-    (air,) = derived(record, [AIR[output]])
-    return record[output] - air, predicted - air
+def _differences(record: Record, gyro: str, virtual: Mapping[str, FloatArray]) -> Iterator[tuple[str, FloatArray]]:
+    """Give a rate's difference from air data, with virtual sensors in the place of gyro and angle in turn."""
+    rate, air = _AIR[gyro]
+    for name in axis_of(gyro):
+        other = record.replace(name, virtual[name]) if name in virtual else record
+        yield name, other[rate] - derived(other, [air])[0]
 
 
 def _size(record: Record) -> int:
