@@ -70,8 +70,8 @@ def predicted(record):
     return {gyro: np.convolve(derive(record, [f"{gyro}_att"])[f"{gyro}_att"], smooth, mode="same") for gyro in AXES}
 
 
-def referees(record, bank="C"):
-    before = record.between(0.0, ONSET_S)
+def referees(record, bank="C", since_s=0.0):
+    before = record.between(since_s, ONSET_S)
     return referees_of(gb.load_bank(bank), before, predicted(before))
 
 
@@ -114,7 +114,7 @@ def test_there_are_none_without_air_data_nor_of_banks_that_stand_on_them(healthy
     assert referees(healthy, bank="B") == {}
     assert referees(without(healthy)) == {}
     assert referees(healthy.replace("beta", np.full(len(healthy), np.nan))) == {}
-    assert referees(healthy.between(ONSET_S - 10.0, 119.0)) == {}
+    assert referees(healthy, since_s=ONSET_S - 10.0) == {}
     still = gb.Record(np.ones((6000, 12)), channels=healthy.channels, sample_period_s=0.02)
     assert referees(still) == {}
 

@@ -30,6 +30,7 @@ _AIR = {"p": ("r", "r_air"), "q": ("q", "q_air"), "r": ("r", "r_air")}  # of a g
 _BLOCK_S = 0.2  # of which means are taken: what is faster shows in a sensor's own readings, or is a vane's noise
 _ORDER = 5  # blocks that a whitening filter looks back
 _LEAST = 10  # blocks judged
+_LONGEST_S = 20.0  # judged: an angle that gyros carry on drifts
 _HEALTHY = 1.5  # times the usual mean square
 _CHANCE = 3.0  # deviations that two healthy ones may be apart
 
@@ -49,9 +50,9 @@ class Referee:
     usual: Mapping[str, Whitener] = field(repr=False)
 
     def objections(self, record: Record, virtual: Mapping[str, FloatArray], rows: slice) -> dict[str, float]:
-        """Return what speaks against gyro or angle over some rows, of -2 log likelihood.
+        """Return what speaks against gyro or angle, of -2 log likelihood.
 
-        Nothing where air data agree with neither, or too little tells them apart.
+        Nothing where air data agree with neither, or no more than chance tells them apart.
 
         Parameters
         ----------
@@ -59,11 +60,12 @@ class Referee:
         virtual : mapping of suspect to array of shape (rows of the record,)
             What they should have read.
         rows : slice
-            That are judged.
+            That are judged, the first 20 s of them at most.
         """
         size = _size(record)
         before = min(_ORDER, rows.start // size)
-        seen = slice(rows.start - before * size, rows.stop)
+        longest = round(_LONGEST_S / record.sample_period_s)
+        seen = slice(rows.start - before * size, min(rows.stop, rows.start + longest))
         white = {
             name: self.usual[name].whiten(_blocks(difference[seen], size))[before:]
             for name, difference in _differences(record, self.gyro, virtual)
