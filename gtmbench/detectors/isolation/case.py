@@ -111,16 +111,22 @@ class Case:
             for channel, habit in self.habits.items()
         }
 
+    def objection(self, suspect: str) -> float:
+        """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""
+        axis = axis_of(suspect)
+        if axis not in self._objections:
+            referee = self.referees.get(axis[0])
+            virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
+            told = (
+                referee.objections(self.record, virtual, self.judged) if referee and set(axis) <= set(virtual) else {}
+            )
+            self._objections[axis] = told
+        return self._objections[axis].get(suspect, 0.0)
+
     @cached_property
-    def objections(self) -> dict[str, float]:
-        """What air data say against suspects that they clear, of -2 log likelihood."""
-        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
-        return {
-            name: weight
-            for gyro, referee in self.referees.items()
-            if set(axis_of(gyro)) <= set(virtual)
-            for name, weight in referee.objections(self.record, virtual, self.judged).items()
-        }
+    def _objections(self) -> dict[tuple[str, ...], dict[str, float]]:
+        """By axis; those that aren't asked for aren't worked out."""
+        return {}
 
     @property
     def deviance(self) -> float:

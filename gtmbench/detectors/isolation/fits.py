@@ -49,9 +49,9 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
         least = min((fit.bic for fit in ranking), default=np.inf)
         if of_axis[fitter.suspect.channel] > least + _HOPELESS:
             continue
+        objection = case.objection(fitter.suspect.channel)
         for fit in (*known(fitter), *unknown(fitter)):
-            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty
-            bic += case.objections.get(fitter.suspect.channel, 0.0)
+            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty + objection
             if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
                 bic -= fitter.suspect.sick_elsewhere
             ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))

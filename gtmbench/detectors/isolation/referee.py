@@ -109,9 +109,11 @@ def referees_of(bank: Bank, record: Record, predicted: Mapping[str, FloatArray])
 def _differences(record: Record, gyro: str, virtual: Mapping[str, FloatArray]) -> Iterator[tuple[str, FloatArray]]:
     """Give a rate's difference from air data, with virtual sensors in the place of gyro and angle in turn."""
     rate, air = _AIR[gyro]
+    needs = raw_needs(air)
     for name in axis_of(gyro):
-        other = record.replace(name, virtual[name]) if name in virtual else record
-        yield name, other[rate] - derived(other, [air])[0]
+        stand_in = virtual.get(name, record[name])
+        said = derived(record.replace(name, stand_in) if name in needs else record, [air])[0]
+        yield name, (stand_in if name == rate else record[rate]) - said
 
 
 def _size(record: Record) -> int:

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
@@ -53,7 +53,7 @@ from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.record import FloatArray, Record
 
 HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
@@ -249,6 +249,7 @@ class AlarmLogic:
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         crossing = track.crossing(output, scored_row, time_s)
         start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
+        record, before = self._before(start)
         fault = OpenFault(
             alarm=Alarm(
                 number=len(self.alarms),
@@ -262,7 +263,8 @@ class AlarmLogic:
             due=NEVER,
             horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
             start=start,
-            shift=self._shift(start),
+            # biases
+            shift={output: shift_of(self._monitor, output, raw) for output, raw in before.raw.items()},
             habits={},
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
@@ -277,7 +279,8 @@ class AlarmLogic:
         if leader is None:
             signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
-            fault.habits, fault.referees = self._habits(start), self._referees(start)
+            fault.habits = self._habits(start)
+            fault.referees = referees_of(self._bank, record, before.predicted)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
@@ -289,23 +292,17 @@ class AlarmLogic:
         self._diagnosed = [each for each in self._diagnosed if each > since]
         return len(self._diagnosed) < _MOST
 
-    def _shift(self, start: int) -> dict[str, float]:
-        """Return the residuals' means before a fault (biases), in the outputs' units."""
+    def _before(self, start: int) -> tuple[Record, BankResiduals]:
+        """Return the baseline before a fault, witnesses that are there among its channels."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
-        return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
+        outputs = tuple(arming.output for arming in self.arming)
+        return self._memory.witnessed(rows), self._memory.residuals(rows, outputs)
 
     def _habits(self, start: int) -> dict[str, Habit]:
         """Return how the suspects read before a fault."""
         before = self._memory.record(range(max(start - ROWS_BEFORE, self._memory.first, 0), start))
         habits = {name: habit_of(before[name]) for name in self._bank.suspects if name in before.channels}
         return {name: habit for name, habit in habits.items() if habit is not None}
-
-    def _referees(self, start: int) -> dict[str, Referee]:
-        """Return what air data said of gyros and their virtual sensors before a fault."""
-        rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        record, residuals = self._memory.cut(rows, tuple(arming.output for arming in self.arming))
-        return referees_of(self._bank, record, residuals.predicted)
 
     def _tell(self, open_fault: OpenFault, /, **changes: Any) -> None:
         """Add to what is known of an alarm."""
