@@ -115,13 +115,15 @@ class Case:
         """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""
         axis = axis_of(suspect)
         if axis not in self._objections:
-            referee = self.referees.get(axis[0])
-            virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
-            told = (
-                referee.objections(self.record, virtual, self.judged) if referee and set(axis) <= set(virtual) else {}
-            )
-            self._objections[axis] = told
+            self._objections[axis] = self._refereed(axis)
         return self._objections[axis].get(suspect, 0.0)
+
+    def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
+        referee = self.referees.get(axis[0])
+        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
+        if referee is None or not set(axis) <= set(virtual):
+            return {}
+        return referee.objections(self.record, virtual, self.judged)
 
     @cached_property
     def _objections(self) -> dict[tuple[str, ...], dict[str, float]]:
