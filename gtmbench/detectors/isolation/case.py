@@ -8,14 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
+from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.record import FloatArray, Record
 
-WITNESSES = ("nx", "ny", "nz")  # what a hypothesis may read beside the bank's channels, where a record has them
+ACCELEROMETERS = ("nx", "ny", "nz")
+WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
 _SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
@@ -38,6 +41,8 @@ class Case:
         Means of the residuals before the fault (biases), in the outputs' units.
     habits : dict
         How the suspects read before the fault.
+    referees : dict
+        Of gyros, where there are air data beside them.
     """
 
     monitor: CalibratedBank
@@ -48,6 +53,7 @@ class Case:
     sure: int
     shift: Mapping[str, float]
     habits: Mapping[str, Habit]
+    referees: Mapping[str, Referee] = field(default_factory=dict)
 
     def with_record(self, record: Record) -> Case:
         """Return the case had another record been read."""
@@ -110,6 +116,25 @@ class Case:
             channel: habit.surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
             for channel, habit in self.habits.items()
         }
+
+    def objection(self, suspect: str) -> float:
+        """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""
+        axis = axis_of(suspect)
+        if axis not in self._objections:
+            self._objections[axis] = self._refereed(axis)
+        return self._objections[axis].get(suspect, 0.0)
+
+    def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
+        referee = self.referees.get(axis[0])
+        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
+        if referee is None or not set(axis) <= set(virtual):
+            return {}
+        return referee.objections(self.record, virtual, self.judged)
+
+    @cached_property
+    def _objections(self) -> dict[tuple[str, ...], dict[str, float]]:
+        """By axis; those that aren't asked for aren't worked out."""
+        return {}
 
     @property
     def deviance(self) -> float:

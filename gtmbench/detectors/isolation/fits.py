@@ -56,8 +56,9 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
         most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
         if all(_leaves_more(mate, most) for mate in mates[fitter]):
             continue
+        objection = case.objection(fitter.suspect.channel)
         for fit in (*known(fitter), *unknown(fitter)):
-            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty
+            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty + objection
             if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
                 bic -= fitter.suspect.sick_elsewhere
             ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.channels import axis_of
-from gtmbench.detectors.isolation.case import WITNESSES, own
+from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
@@ -308,7 +308,7 @@ def _peers(suspect: Suspect) -> dict[str, FloatArray]:
 def _felt(suspect: Suspect) -> dict[str, FloatArray]:
     """Return what accelerometers read that may leak into a sensor, in g; their mean where a reading is missing."""
     record = suspect.case.record
-    names = [name for name in WITNESSES if name in record.channels]
+    names = [name for name in ACCELEROMETERS if name in record.channels]
     felt = {name: record[name][suspect.case.start :] for name in names}
     there = {name: np.isfinite(readings) for name, readings in felt.items()}
     return {

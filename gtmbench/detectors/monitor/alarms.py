@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
@@ -48,11 +48,12 @@ from gtmbench.detectors.isolation.diagnosis import (
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
+from gtmbench.detectors.isolation.referee import Referee, referees_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.record import FloatArray, Record
 
 HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
@@ -148,6 +149,7 @@ class OpenFault:
     start: int  # from where on the suspect isn't believed
     shift: dict[str, float]
     habits: dict[str, Habit]
+    referees: dict[str, Referee] = field(default_factory=dict)
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
@@ -247,6 +249,7 @@ class AlarmLogic:
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         crossing = track.crossing(output, scored_row, time_s)
         start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
+        record, before = self._before(start)
         fault = OpenFault(
             alarm=Alarm(
                 number=len(self.alarms),
@@ -260,7 +263,8 @@ class AlarmLogic:
             due=NEVER,
             horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
             start=start,
-            shift=self._shift(start),
+            # biases
+            shift={output: shift_of(self._monitor, output, raw) for output, raw in before.raw.items()},
             habits={},
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
@@ -276,6 +280,7 @@ class AlarmLogic:
             signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
+            fault.referees = referees_of(self._bank, record, before.predicted)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
@@ -287,11 +292,11 @@ class AlarmLogic:
         self._diagnosed = [each for each in self._diagnosed if each > since]
         return len(self._diagnosed) < _MOST
 
-    def _shift(self, start: int) -> dict[str, float]:
-        """Return the residuals' means before a fault (biases), in the outputs' units."""
+    def _before(self, start: int) -> tuple[Record, BankResiduals]:
+        """Return the baseline before a fault, witnesses that are there among its channels."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
-        return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
+        outputs = tuple(arming.output for arming in self.arming)
+        return self._memory.witnessed(rows), self._memory.residuals(rows, outputs)
 
     def _habits(self, start: int) -> dict[str, Habit]:
         """Return how the suspects read before a fault."""
@@ -425,6 +430,7 @@ class AlarmLogic:
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
             habits=fault.habits,
+            referees=fault.referees,
         )
 
     def _close(self, fault: OpenFault, **end: float) -> None:

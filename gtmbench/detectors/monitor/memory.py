@@ -130,7 +130,7 @@ class Memory:
         """
         residuals = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
-        return self._record(rows, self._there(rows)), BankResiduals(
+        return self.witnessed(rows), BankResiduals(
             raw={output: np.where(known[output], residuals.raw[output], np.nan) for output in outputs},
             predicted={output: np.where(known[output], residuals.predicted[output], np.nan) for output in outputs},
             spread={
@@ -143,6 +143,10 @@ class Memory:
     def record(self, rows: range) -> Record:
         """Return rows of the channels."""
         return self._record(rows, self.channels)
+
+    def witnessed(self, rows: range) -> Record:
+        """Return rows of the channels, and of the witnesses that are there."""
+        return self._record(rows, self._there(rows))
 
     def _there(self, rows: range) -> tuple[str, ...]:
         """Return the channels, and the witnesses that read anything in some rows."""
