@@ -17,6 +17,7 @@ _VARIANCES = np.geomspace(1e-3, 1e5, 27)  # of noise that a fault adds, over the
 _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
 _LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
+_TURNS = 4
 _SPIKE = 40.0  # of -2 log likelihood, that a spike explains
 
 Indices = np.ndarray[Any, np.dtype[np.int_]]
@@ -194,13 +195,20 @@ def spikes_in(innovations: FloatArray, taps: FloatArray) -> FloatArray:
     """
     left, power = innovations.copy(), float(taps @ taps)
     sizes = np.zeros_like(left)
+
+    def take(row: int) -> None:
+        after = slice(row, row + len(taps))
+        size = float(left[after] @ taps[: len(left) - row]) / power
+        sizes[row] += size
+        left[after] -= size * taps[: len(left) - row]
+
     for _ in range(len(left) // 10):
-        at_each = np.correlate(left, taps, "full")[len(taps) - 1 :] / power
-        row = int(np.argmax(np.abs(at_each)))
-        if at_each[row] ** 2 * power < _SPIKE:
+        gains = np.square(np.correlate(left, taps, "full")[len(taps) - 1 :]) / power
+        if gains.max() < _SPIKE:
             break
-        sizes[row] += at_each[row]
-        left[row : row + len(taps)] -= at_each[row] * taps[: len(left) - row]
+        take(int(np.argmax(gains)))
+    for row in _TURNS * np.flatnonzero(sizes).tolist():  # neighbours' echoes were in the first ones' sizes
+        take(row)
     return sizes
 
 
