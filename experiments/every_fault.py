@@ -124,7 +124,7 @@ class Size:
     watched_from_s: float = 20.0
     calibration: int = 60
     calibration_s: float = 500.0
-    first_seed: int = 300_101
+    first_seed: int = 300_151
     flights: int = 12
     small: int = 6  # flights, the first, on which the smallest faults are looked for
     steps: int = 10  # of the ladder of magnitudes, down from the strong ones
