@@ -340,9 +340,7 @@ class AlarmLogic:
             if each.alarm.last is not None
             for output in entered(self._bank, each.alarm.last.candidates)
         }
-        return tuple(
-            output for output in self._outputs if output == fault.crossing.output or output not in others
-        )
+        return tuple(output for output in self._outputs if output == fault.crossing.output or output not in others)
 
     def _unspoilt(self, fault: OpenFault, outputs: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of some residuals that no other fault enters which has been decided since."""
