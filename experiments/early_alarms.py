@@ -2,8 +2,8 @@
 
     python experiments/early_alarms.py [--quick] [--out DIR] [--jobs N]
 
-Bank C waits 0.11 s until it knows what a gyro should have read. Bank C-early has its residuals and, beside them, those of
-the attitude's body rates from the gyros, which wait for a sample. Calibrates both on GTM flights (multisine and
+Bank C waits 0.11 s until it knows what a gyro should have read. Bank C-early has its residuals and, beside them, those
+of the attitude's body rates from the gyros, which wait for a sample. Calibrates both on GTM flights (multisine and
 turbulence, the T2's noise), with the attitude as it is and 30 ms late. Then counts false alarms on healthy flights of
 every excitation, and times the first alarm of every fault of a gyro. What is said after it isn't asked here; the
 diagnoses stand on the residuals of bank C in both. Writes report.md and every row into DIR; prints the tables, and ends
@@ -236,10 +236,11 @@ def report(healthy: pd.DataFrame, faults: pd.DataFrame, size: Size) -> str:
     kinds = grouped(faults, {"fault": "fault", "severity": "severity", **WHO}, OF_FAULTS)
     return f"""# Alarms that don't wait
 
-{SAID_QUICK if size is QUICK else ""}Banks C and C-early, calibrated on {size.calibration} flights of {size.calibration_s:g} s
-({CALIBRATION}, T2 noise), for 0.002 false alarms an hour each, with the attitude as it is and late. Faults of
-gyros on {size.faults} flights of {size.duration_s:g} s ({", ".join(UNSEEN)} in turn), healthy flights of these and of
-the excitation of the calibration; none of them was used while building. Delays, from the onset to the first alarm, count
+{SAID_QUICK if size is QUICK else ""}Banks C and C-early, calibrated on {size.calibration} flights of
+{size.calibration_s:g} s ({CALIBRATION}, T2 noise), for 0.002 false alarms an hour each, with the attitude as it is and
+late. Faults of gyros on {size.faults} flights of {size.duration_s:g} s
+({", ".join(UNSEEN)} in turn), healthy flights of these and of
+the excitation of the calibration; none of them was used while building. Delays, from onset to first alarm, count
 look-ahead and windows; intervals are 95 % (Clopper-Pearson), bounds on rates 95 % (Poisson).
 
 ## Targets
