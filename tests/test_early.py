@@ -149,6 +149,10 @@ def test_an_early_residual_adds_no_channel_no_suspect_and_nothing_to_a_diagnosis
             "'theta' holds 'theta' itself; it would predict itself",
         ),
         (
+            [{"output": "p", "inputs": ["p_turn"]}, {"output": "p_att", "inputs": ["p"]}],
+            "'p_att' alarms for faults of psi, which don't enter the residual of p",
+        ),
+        (
             [{"output": "q", "inputs": ["q_att"]}, {"output": "q_att", "inputs": ["q", "p_att"]}],
             "'p_att' holds 'phi' itself; it would predict itself",
         ),

@@ -217,13 +217,21 @@ def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> Residu
 
 
 def _check_early(specs: list[ResidualSpec]) -> None:
-    """Refuse a pseudo output without the sensor's own residual: an alarm of it could not be diagnosed."""
-    sensors = {spec.output for spec in specs if not spec.is_early}
+    """Refuse a pseudo output without a residual of its sensor that every fault enters: alarms couldn't be diagnosed."""
+    sensors = {spec.output: spec.needs for spec in specs if not spec.is_early}
     for i, spec in enumerate(specs, 1):
-        if spec.is_early and spec.source not in sensors:
+        if not spec.is_early:
+            continue
+        if spec.source not in sensors:
             raise InputError(
                 f"residuals, table {i}: output '{spec.output}' isn't a sensor; give a measured channel, or beside it "
                 "the residual of the sensor that it reproduces, which its alarms are diagnosed by"
+            )
+        lacking = sorted(spec.needs - sensors[spec.source])
+        if lacking:
+            raise InputError(
+                f"residuals, table {i}: output '{spec.output}' alarms for faults of {', '.join(lacking)}, which don't "
+                f"enter the residual of {spec.source} that they are diagnosed by"
             )
 
 

@@ -35,7 +35,7 @@ class RowByRow:
         names = {name for line in self._lines for name in (line.output, *line.inputs)}
         self._pseudo = tuple(name for name in names if name in PSEUDO_INPUTS)
         self._factors = {name: factor_of(name) for name in monitor.bank.channels}
-        self._reach = max(line.taps for line in self._lines) + 3
+        self._reach = max(line.taps for line in self._lines) + 2
         self._period_s = monitor.sample_period_s
         self._before: list[float] = []  # the last three samples
         self._middle: list[float] = []
