@@ -104,7 +104,7 @@ def _score(monitor: CalibratedBank, record: Record, arming: Arming) -> Score:
         name=arming.output,
         values=score.values,
         known_s=score.known_s,
-        channels=tuple(name for name in monitor.bank.channels if arming.output in monitor.bank.affects(name)),
+        channels=tuple(name for name in monitor.bank.channels if arming.source in monitor.bank.affects(name)),
         armed=np.isfinite(score.values) & _armed(arming, len(record)),
         disarmed_s=None if since is None else float(record.time_s[since]),
     )

@@ -215,7 +215,7 @@ class Case:
     def _unbiased(self) -> Record:
         """The record, its gyros without the biases that they had before the fault."""
         record = self.record
-        for spec in self.monitor.bank.residuals:
+        for spec in self.monitor.bank.diagnostic:
             # kinematics alone: the mean of the residual is the gyro's bias
             is_kinematic = len(spec.inputs) == 1 and spec.inputs[0] in PSEUDO_INPUTS
             if is_kinematic and spec.output in self.residuals.raw:

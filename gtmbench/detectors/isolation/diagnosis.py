@@ -55,7 +55,7 @@ def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
     Where the attitude follows from the gyros, a fault of one enters them all.
     """
     if bank.attitude_from_gyros and candidates:
-        return {spec.output for spec in bank.residuals}
+        return {spec.output for spec in bank.diagnostic}
     return {output for name in candidates for output in bank.affects(name)}
 
 

@@ -70,6 +70,8 @@ class Arming:
 
     Attributes
     ----------
+    source : str
+        Whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about.
     came_down : bool
         Whether it has been known at or below 1 since watching it began.
     low : bool
@@ -81,6 +83,7 @@ class Arming:
     """
 
     output: str
+    source: str
     track: Track
     came_down: bool = False
     low: bool = False
@@ -190,10 +193,12 @@ class AlarmLogic:
         for family in self._without:
             if family not in FAMILIES:
                 raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
+        sources = {spec.output: spec.source for spec in self._bank.residuals}
         self.arming = [
-            Arming(output=output, track=track, changes=[] if keeps_changes else None)
+            Arming(output=output, source=sources[output], track=track, changes=[] if keeps_changes else None)
             for output, track in sorted(tracks.items())
         ]
+        self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
         self.alarms: list[Alarm] = []
@@ -226,8 +231,8 @@ class AlarmLogic:
         row = self.row
         risen = [arming for arming, score in zip(self.arming, scores, strict=True) if arming.take(score, row)]
         self.row += 1
-        for arming in risen:
-            self._raise(arming, row)
+        for source in dict.fromkeys(arming.source for arming in risen):
+            self._raise(next(arming for arming in risen if arming.source == source), row)
         return bool(risen)
 
     def _watch(self, stop: int) -> None:
@@ -244,7 +249,7 @@ class AlarmLogic:
 
     def _raise(self, arming: Arming, row: int) -> None:
         """Raise an alarm with a row."""
-        output, track = arming.output, arming.track
+        output, track = arming.source, arming.track
         scored_row = row - track.ahead
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         crossing = track.crossing(output, scored_row, time_s)
@@ -255,7 +260,7 @@ class AlarmLogic:
                 number=len(self.alarms),
                 time_s=time_s,
                 onset_s=self._memory.time_s(crossing.onset_row),
-                source=output,
+                source=arming.output,
                 test=crossing.test,
             ),
             crossing=crossing,
@@ -284,7 +289,9 @@ class AlarmLogic:
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
-        arming.disarm(row + 1, row)
+        for each in self.arming:
+            if each.source == output:
+                each.disarm(row + 1, row)
         self.due = min(self.due, fault.due)
 
     def _may_diagnose(self, row: int) -> bool:
@@ -295,8 +302,7 @@ class AlarmLogic:
     def _before(self, start: int) -> tuple[Record, BankResiduals]:
         """Return the baseline before a fault, witnesses that are there among its channels."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        outputs = tuple(arming.output for arming in self.arming)
-        return self._memory.witnessed(rows), self._memory.residuals(rows, outputs)
+        return self._memory.witnessed(rows), self._memory.residuals(rows, self._outputs)
 
     def _habits(self, start: int) -> dict[str, Habit]:
         """Return how the suspects read before a fault."""
@@ -326,7 +332,7 @@ class AlarmLogic:
             last = each.alarm.last
             if last is None or (fault.is_judged and last.sensor is None):
                 continue
-            if fault.alarm.source in entered(self._bank, last.candidates):
+            if fault.crossing.output in entered(self._bank, last.candidates):
                 return each
         return None
 
@@ -338,9 +344,7 @@ class AlarmLogic:
             if each.alarm.last is not None
             for output in entered(self._bank, each.alarm.last.candidates)
         }
-        return tuple(
-            output for output in self._monitor.operators if output == fault.alarm.source or output not in others
-        )
+        return tuple(output for output in self._outputs if output == fault.crossing.output or output not in others)
 
     def _unspoilt(self, fault: OpenFault, outputs: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of some residuals that no other fault enters which has been decided since."""
@@ -351,7 +355,7 @@ class AlarmLogic:
             if last is not None and last.sensor is not None
             for output in entered(self._bank, [last.sensor])
         }
-        return tuple(output for output in outputs if output == fault.alarm.source or output not in spoilt)
+        return tuple(output for output in outputs if output == fault.crossing.output or output not in spoilt)
 
     # ---- judgements ----
 
@@ -361,7 +365,7 @@ class AlarmLogic:
             if fault in self._open and fault.due <= self.row:
                 self._look_at(fault)
         for arming in self.arming:
-            if any(arming.output in self._disarmed_by(fault) for fault in self._open):
+            if any(arming.source in self._disarmed_by(fault) for fault in self._open):
                 arming.disarm(self.row, self.row)
             else:
                 arming.rearm(self.row)
@@ -370,7 +374,7 @@ class AlarmLogic:
     def _disarmed_by(self, fault: OpenFault) -> set[str]:
         if fault.is_judged and fault.alarm.is_first and fault.alarm.last is not None:
             return entered(self._bank, fault.alarm.last.candidates)
-        return {fault.alarm.source}
+        return {fault.crossing.output}
 
     def _look_at(self, fault: OpenFault) -> None:
         """Look at a fault anew."""
@@ -402,7 +406,7 @@ class AlarmLogic:
         if is_late:
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
-        first = by_signature(self._bank, trusted, fault.alarm.source, fault.alarm.time_s)
+        first = by_signature(self._bank, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
@@ -435,17 +439,17 @@ class AlarmLogic:
 
     def _close(self, fault: OpenFault, **end: float) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew."""
-        outputs = {fault.alarm.source} | entered(self._bank, fault.alarm.candidates)
+        outputs = {fault.crossing.output} | entered(self._bank, fault.alarm.candidates)
         if end:
             self._tell(fault, **end)
         for each in [each for each in self._open if each.alarm.fault == fault.alarm.number]:
-            outputs.add(each.alarm.source)
+            outputs.add(each.crossing.output)
             if end and each is not fault:
                 self._tell(each, **end)
             self._open.remove(each)
         rows = range(fault.crossing.onset_row, self.row + 1)
         for arming in self.arming:
-            if arming.output in outputs:
+            if arming.source in outputs:
                 arming.track.blot(rows, self.row - arming.track.ahead)
                 self._memory.blot(arming.output, rows)
                 arming.begin_anew(self.row)

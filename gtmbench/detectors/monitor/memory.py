@@ -92,11 +92,13 @@ class Memory:
         self._table[self.stop - self.first, : len(row)] = row
         self.stop += 1
 
-    def put_one(self, output: str, channel: int, row: int, predicted: float) -> float:
-        """Put what a prediction leaves of a channel beside a row, and return it."""
-        at = row - self.first
-        raw = float(self._table[at, channel]) - predicted
-        self._table[at, self._columns["raw", output]] = raw
+    def reading(self, row: int, channel: int) -> float:
+        """Return what a channel, by its number, read at a row."""
+        return float(self._table[row - self.first, channel])
+
+    def put_one(self, output: str, row: int, raw: float) -> float:
+        """Put a residual beside a row, and return it."""
+        self._table[row - self.first, self._columns["raw", output]] = raw
         return raw
 
     def raw_before(self, output: str, stop: int) -> FloatArray:
