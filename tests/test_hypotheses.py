@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.isolation.effects import Effects, paths_of
 from gtmbench.detectors.isolation.noise import spikes_in
-from gtmbench.detectors.isolation.readings import habit_of, straight_rows
+from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
 from gtmbench.detectors.isolation.search import hysteresis_step, rate_limited_step
 from gtmbench.faults.kinds import FAULTS, Hysteresis, RateSaturation
 from tests import monitors
@@ -104,6 +104,16 @@ def test_motion_as_sudden_as_noise_is_discounted():
 def test_straight_rows_are_repeats_and_ramps():
     rows = straight_rows(np.array([0.0, 0.5, 1.0, 1.5, 1.5, 1.5, 7.0]))
     assert rows.tolist() == [False, False, True, True, False, True, False]
+
+
+def test_what_still_reads_rounded_is_no_longer_as_usual_however_little_moves():
+    rng = np.random.default_rng(6)
+    habit, calm = habit_of(noisy(rng)), 0.2 * rng.normal(size=500)
+    assert not is_straighter(calm, habit)
+    assert not is_straighter(calm, None)
+    assert is_straighter(np.round(calm / 3.0) * 3.0, habit)
+    counts = habit_of(np.round(noisy(rng)))
+    assert not is_straighter(np.round(calm), counts)
 
 
 def test_a_gain_or_a_little_noise_tells_only_of_a_steady_sensor():

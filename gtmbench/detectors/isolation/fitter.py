@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
-from gtmbench.detectors.isolation.readings import straight_rows
+from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
@@ -26,7 +26,6 @@ _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
 _MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
-_STRAIGHTER = 0.005  # of the rows judged, more than before
 WORTH = 10.0  # of -2 log likelihood, that a search is worth
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
@@ -210,12 +209,6 @@ class Fitter:
         return self.suspect.white - self.suspect.shown(changes)
 
     @cached_property
-    def straight(self) -> float:
-        """The share of the rows judged that are dead straight."""
-        judged = self.suspect.measured[self.suspect.judged]
-        return float(straight_rows(judged).mean()) if len(judged) else 0.0
-
-    @cached_property
     def is_constant(self) -> bool:
         """Whether the sensor reads the same over nearly all rows judged."""
         judged = self.suspect.measured[self.suspect.judged]
@@ -225,8 +218,8 @@ class Fitter:
     @cached_property
     def is_straight(self) -> bool:
         """Whether it is dead straight more often than it was."""
-        habit = self.suspect.case.habits.get(self.suspect.channel)
-        return self.straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
+        suspect = self.suspect
+        return is_straighter(suspect.measured[suspect.judged], suspect.case.habits.get(suspect.channel))
 
     @cached_property
     def straight_step(self) -> float:

@@ -22,6 +22,7 @@ _LEAST = 200
 _BLOCK = 100
 _UNSTEADY = 1.7  # times the variance: blocks of a steady noise stay below
 _STRAIGHT = 1e-9  # of the readings' size
+_STRAIGHTER = 0.005  # of the rows, more than before
 _AROUND = 25  # rows
 _DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good to a quarter
 _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
@@ -111,6 +112,12 @@ def habit_of(readings: FloatArray) -> Habit | None:
     taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
     reach = float(np.nanmax(np.abs(last)))
     return Habit(taps=taps, quietest=quietest, straight=straight, reach=reach, is_steady=is_steady)
+
+
+def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
+    """Tell whether readings are dead straight more often than is usual: they are held, clipped or rounded."""
+    straight = float(straight_rows(readings).mean()) if len(readings) else 0.0
+    return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
 
 
 def straight_rows(readings: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
