@@ -257,9 +257,9 @@ def _untestable(case: Case) -> list[str]:
 def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
 
-    Since then the residuals as they are must look healthy, its own readings be held or rounded no longer. The record must
-    be explained decisively better than with the fault undone to the end, and than with the best fault that lasts, whose
-    BIC is `rival`: a saturation that isn't reached
+    Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
+    explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
+    is `rival`: a saturation that isn't reached
     ends nothing. For gyros only: where an angle should be, the gyros can't say for long.
     """
     fault = fault_of(best)
