@@ -108,7 +108,7 @@ def detector_names() -> dict[str, str]:
     """Return every detector that can be named, and what it is in a line; installed ones aren't imported.
 
     >>> list(detector_names())[:3]
-    ['dissertation', 'B', 'C-filtered']
+    ['dissertation', 'B', 'C-early']
     """
     banks = {name: load_bank(name).title for name in shipped_banks()}
     others = {name: f"installed: {value}" for name, value in installed_names().items()}
