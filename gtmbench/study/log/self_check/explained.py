@@ -15,6 +15,7 @@ from gtmbench.study.log.self_check.motion import slow_motion
 
 ENOUGH = 0.5  # of the motion: with the right wiring 0.66 and more, with a wrong one 0.37 and less
 _NOISE = 0.7  # of all of a residual: what is slow in it, at most, where it is noise
+_AGAINST = -0.3  # correlation of a sensor with its virtual sensor: where it is less, motion is there
 _LOUDER = 1.5  # times what a residual was where it was identified: less is a calm flight
 
 
@@ -35,8 +36,8 @@ class Explained:
         Whether it must explain: where a pseudo input reads as the sensor. Other operators are tied to how the aircraft
         is excited, and nothing says how much they have to explain.
     is_calm : bool
-        Whether the residual is noise, more fast than slow, or no more than where it was identified: too little motion
-        to tell anything from.
+        Whether the residual is noise, more fast than slow and not against the virtual sensor, or no more than where it
+        was identified: too little motion to tell anything from.
     """
 
     output: str
@@ -83,12 +84,16 @@ def explained_where_watched(bank: CalibratedBank, watches: Sequence[Watch]) -> l
 def _explained(
     bank: CalibratedBank, output: str, where: str, residuals: Sequence[FloatArray], signals: Sequence[FloatArray]
 ) -> Explained:
-    squares, rows = np.zeros(3), 1
+    squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
         (slowed, there), raw = slow_motion(np.column_stack([values, readings])), values[np.isfinite(values)]
-        squares += [*np.square(slowed).sum(axis=0), np.square(raw - raw.mean()).sum() if len(raw) else 0.0]
+        left, signal = slowed.T
+        virtual = signal - left
+        squares += [*(float(of @ of) for of in (left, signal, virtual)), float(np.square(raw - raw.mean()).sum())]
+        against += float(signal @ virtual)
         rows += int(np.count_nonzero(there))
-    residual, signal, whole = np.sqrt(squares / rows).tolist()
+    alike = against / max(float(np.sqrt(squares[1] * squares[2])), 1e-300)
+    residual, signal, _, whole = np.sqrt(squares / rows).tolist()
     usual = float(np.asarray(bank.operators[output].rms_residual).ravel()[0])
     return Explained(
         output=output,
@@ -97,5 +102,5 @@ def _explained(
         residual=residual,
         signal=signal,
         is_asked=any(reproduces(name, output) for name in bank.operators[output].inputs),
-        is_calm=residual <= _NOISE * whole or (where == "watched" and whole <= _LOUDER * usual),
+        is_calm=(alike > _AGAINST and residual <= _NOISE * whole) or (where == "watched" and whole <= _LOUDER * usual),
     )

@@ -20,7 +20,8 @@ from gtmbench.record import FloatArray, Record
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 LONGEST_LAG_S = 1.0
 _FEWEST = 20  # rows of a piece
-_AROUND_S, _USUAL = 2.0, 0.9
+_AROUND_S, _USUAL = 2.0, 0.9  # of the rows that move
+_AT_REST = 1e-3  # of the greatest mean square
 _MOST_ROWS, _BLOCK = 9000, 900  # what is looked at: the blocks that move most
 _FINE_S, _MOST_THINNED = 0.04, 8  # of a sample period: faster records are thinned, for slow motion needs no more
 
@@ -150,9 +151,9 @@ def moments(pieces: Sequence[Piece], angles: Sequence[FloatArray]) -> Moments:
         for piece, attitude in zip(pieces, angles, strict=True)
     ]
     gyros, terms, cross, rows = np.zeros(3), np.zeros((6, 6)), np.zeros((3, 6, 2 * most + 1)), 0.0
-    for (both, there), weight in zip(slowed, _weights([both[:, :3] for both, _ in slowed], period_s), strict=True):
-        both = both * np.sqrt(weight)[:, np.newaxis]
-        y, u = both[:, :3], both[:, 3:]
+    for (both, there), weight in zip(slowed, _weights([both for both, _ in slowed], period_s), strict=True):
+        weighed = both * np.sqrt(weight)[:, np.newaxis]
+        y, u = weighed[:, :3], weighed[:, 3:]
         gyros += np.square(y).sum(axis=0)
         terms += u.T @ u
         cross += _lagged(y, u, most)
@@ -166,17 +167,29 @@ def moments(pieces: Sequence[Piece], angles: Sequence[FloatArray]) -> Moments:
     )
 
 
-def _weights(gyros: Sequence[FloatArray], period_s: float) -> list[FloatArray]:
-    """Return each row's weight: rows that move more than most count as if they moved as much, and no more.
+def _weights(motions: Sequence[FloatArray], period_s: float) -> list[FloatArray]:
+    """Return each row's weight: what moves more than nearly all rows counts as if it moved as much, and no more.
 
-    A tumble at the end isn't all of a flight.
+    A tumble at the end isn't all of a flight, nor is the jump of an estimator that starts anew.
     """
-    window = np.ones(max(1, round(_AROUND_S / period_s)))
-    powers = [
-        np.convolve(np.square(values).sum(axis=1), window / len(window), mode="same")[: len(values)] for values in gyros
-    ]
-    usual = float(np.quantile(np.concatenate(powers), _USUAL))
-    return [usual / np.maximum(power, max(usual, 1e-300)) for power in powers]
+    weights = [np.ones(len(motion)) for motion in motions]
+    for columns in (slice(0, 3), slice(3, None)):
+        powers = [_power(motion[:, columns], period_s) for motion in motions]
+        usual = _usual(np.concatenate(powers))
+        for weight, power in zip(weights, powers, strict=True):
+            weight *= usual / np.maximum(power, max(usual, 1e-300))
+    return weights
+
+
+def _usual(powers: FloatArray) -> float:
+    """Return what most rows that move at all don't exceed."""
+    return float(np.quantile(powers[powers >= _AT_REST * powers.max()], _USUAL))
+
+
+def _power(values: FloatArray, period_s: float) -> FloatArray:
+    """Return the mean square about every row."""
+    window = np.ones(min(max(1, round(_AROUND_S / period_s)), len(values)))
+    return np.convolve(np.square(values).sum(axis=1), window / len(window), mode="same")
 
 
 def _lagged(y: FloatArray, u: FloatArray, most: int) -> FloatArray:

@@ -74,7 +74,7 @@ def _option(channel: str, source: Source | None, changes: Sequence[Change], read
             factor *= change.size
         elif change.kind == "late":
             late_s = change.size
-    unit = source.unit if factor == 1.0 else alike_unit(source.unit, factor)
+    unit = alike_unit(source.unit, factor)
     if unit is None:
         return None
     late = f"@{late_s:.2f}" if late_s else ""
