@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.log.self_check.causes import as_it_is, cause_of, guesses, holds, undone
 from gtmbench.study.log.watch import Outcome, watch_log
 from gtmbench.testing.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
@@ -175,11 +176,33 @@ def test_at_rest_nothing_shows_what_channels_are(tmp_path):
     assert found.reasons[0] == "p hardly moves: nothing shows that it is what it is taken for"
 
 
-def test_a_bank_without_a_heading_says_what_it_doesnt_check(tmp_path):
+def test_what_a_bank_that_isnt_kinematic_leaves_unchecked_is_said(tmp_path):
     bank = gb.load_bank("leave-one-out")
     found = watched(airliner("minute", 90001, duration_s=60), tmp_path, bank, healthy=[(0.0, 30.0)])
     assert found.check.causes == ()
-    assert "signs, units, axes, lags and the time base are tried where" in found.check.notes[0]
+    assert found.check.notes == (
+        "self-check: that channels live, no more, for nothing says what its sensors should read: signs, units, axes, "
+        "lags and the time base weren't tried",
+    )
+
+
+def test_a_bank_without_a_heading_is_checked_by_the_logs_heading_or_says_that_there_is_none(tmp_path):
+    spec = {"inputs": ["p_turn"], "output": "p", "look_back_s": 0.1, "look_ahead_s": 0.1}
+    bank = bank_of("p alone", {"suspects": ["p", "phi", "theta"], "residuals": [spec]})
+    assert "psi" not in bank.channels
+    found = watched(ALL["-p"].mutate(flight()), tmp_path, bank)
+    assert (found.outcome, [cause.text for cause in found.check.causes]) == (
+        Outcome.UNKNOWN,
+        ["the sign of p is turned"],
+    )
+    found = watched(ALL["-psi"].mutate(flight()), tmp_path, bank)  # which it doesn't read
+    assert (found.outcome, found.check.causes) == (Outcome.HEALTHY, ())
+    for name, outcome in (("none", Outcome.HEALTHY), ("-p", Outcome.UNKNOWN)):
+        found = watched(ALL[name].mutate(flight()).select(bank.channels), tmp_path, bank)
+        assert (found.outcome, found.check.causes) == (outcome, ())
+        assert found.check.notes[0].startswith(
+            "self-check: that channels live and that of p motion is explained, no more, for"
+        )
 
 
 @pytest.mark.parametrize("name", [name for name, mutation in WRONG.items() if not mutation.dead])

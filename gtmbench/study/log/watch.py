@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -20,6 +21,7 @@ from gtmbench.detectors.bank_detector import BankDetector, calibrate
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
@@ -36,7 +38,9 @@ from gtmbench.study.log.self_check.check import (
     check_identified,
     check_watched,
     check_wiring,
+    rests_on_motion,
 )
+from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _LONG_ENOUGH = 0.2  # of the longest healthy stretch
@@ -219,15 +223,15 @@ def watch_log(
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
     }
-    parts = [Part(log=other, records=other.segments, spans=[whole_s(other)]) for other in others]
+    parts = [_part(watcher, other, [whole_s(other)], mapping) for other in others]
     if spans:
-        parts.append(Part(log=log, records=within(log, spans), spans=spans))
+        parts.append(_part(watcher, log, spans, mapping))
     check = check_wiring(watcher, parts, IDENTIFIED)
     if not check.stops:
         ready = _calibrated(watcher, kept, rate, origin, progress)
         check = check_identified(check, ready, kept)
         if spans and not check.stops and any(not each.is_shown for each in check.explained):
-            whole = Part(log=log, records=log.segments, spans=[whole_s(log)])
+            whole = _part(watcher, log, [whole_s(log)], mapping)
             check = replace(check_wiring(watcher, [whole], ALL), explained=check.explained)
     if check.stops:
         return WatchedLog(
@@ -238,7 +242,7 @@ def watch_log(
             reasons=(*check.stops, *reasons),
             check=check,
         )
-    return _watched(log, ready, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    return _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
 
 
 def _by_monitor(
@@ -259,7 +263,7 @@ def _by_monitor(
             "give a bank"
         )
     log = open_for(path, monitor, mapping=mapping, rate_hz=rate_hz or own_hz)
-    return _watched(log, monitor, identified_s=(), reasons=(), check=SelfCheck(), progress=progress)
+    return _watched(log, monitor, mapping, identified_s=(), reasons=(), check=SelfCheck(), progress=progress)
 
 
 def _rate(detector: Detector, wanted: float | None) -> float | None:
@@ -309,6 +313,7 @@ def _other(path: str | Path, log: FlightLog) -> Path:
 def _watched(
     log: FlightLog,
     monitor: Monitor,
+    mapping: Sequence[str],
     *,
     identified_s: Sequence[Span],
     reasons: Sequence[str],
@@ -320,9 +325,9 @@ def _watched(
     Of a log that the monitor wasn't identified on, wiring is checked first.
     """
     parts = without(log, identified_s)
-    left = Part(log=log, records=parts, spans=[(each.start_s, each.end_s) for each in parts])
+    left = [(each.start_s, each.end_s) for each in parts]
     if not identified_s:
-        wired = check_wiring(monitor, [left], WATCHED)
+        wired = check_wiring(monitor, [_part(monitor, log, left, mapping)], WATCHED)
         check = replace(wired, explained=check.explained)
     watches: list[Watch] = []
     if check.stops:
@@ -332,7 +337,7 @@ def _watched(
         watches.append(monitor.watch(part))
     progress("watched", len(parts), len(parts))
     if not check.stops:
-        check = check_watched(check, monitor, watches, left)
+        check = check_watched(check, monitor, watches, log, left)
     return WatchedLog(
         log=log,
         monitor=monitor,
@@ -341,6 +346,22 @@ def _watched(
         reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
         check=check,
     )
+
+
+def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
+    """Return the part of a log in some spans, with its gyros and its whole attitude, read again if they weren't."""
+    moving: FlightLog | None = log
+    if not rests_on_motion(watcher):
+        moving = None
+    elif not {*GYROS, *ANGLES} <= set(log.channels):
+        moving = None
+        with contextlib.suppress(InputError):
+            moving = open_log(log.path, mapping=mapping, rate_hz=1.0 / log.sample_period_s, needs=(*GYROS, *ANGLES))
+    records = within(log, spans)
+    if moving is None:
+        return Part(log=log, records=records, spans=spans)
+    motion = records if moving is log else within(moving, spans)
+    return Part(log=log, records=records, spans=spans, motion=motion, sources=moving.sources)
 
 
 def _limits(watches: Sequence[Watch], check: SelfCheck) -> list[str]:

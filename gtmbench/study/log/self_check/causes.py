@@ -35,7 +35,8 @@ _ALIKE = 0.04  # scores that tell nothing apart
 _WORST = 4.0  # of a variance ratio: worse is as bad
 _BEST = 1e-4
 _STEPS, _LEAST_STEP_S = 5, 0.01  # of the search for a lag
-_PARTS, _SHORTEST_PART_S, _MOVES = 8, 4.0, 0.1  # of a record; a part moves by its share of the greatest motion
+_PARTS, _SHORTEST_PART_S = 16, 4.0  # of a record
+_TELLS, _SAME_FIT = 0.4, 0.05  # of a gyro's motion in a part: it is read as it is; no difference
 _STILL = 1e-6  # deg/s, deg
 _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a filter costs less
 _SAME_FACTOR = 1.2
@@ -207,16 +208,19 @@ def cause_of(records: Sequence[Record]) -> list[Guess]:
 
 
 def holds(changes: Sequence[Change], records: Sequence[Record]) -> bool:
-    """Tell whether every part of some records that moves is explained better with some changes undone."""
+    """Tell whether some changes are in all of some records: no part has what they concern explained as it is."""
     parts = [part for record in records for part in _parts(record)]
-    mended = [undone(part, changes) for part in parts]
-    motions = [sum(piece.motion for piece in pieces_of([part])) for part in parts]
-    least = _MOVES * max(motions, default=0.0)
-    return all(
-        _score_of(better) < _score_of(part)
-        for part, better, motion in zip(parts, mended, motions, strict=True)
-        if motion > least
-    )
+    return not any(_is_right(part, undone(part, changes)) for part in parts)
+
+
+def _is_right(part: Record, mended: Record) -> bool:
+    """Tell whether the gyros that a change concerns are explained as they are, and better than with it undone."""
+    as_read, better = as_it_is([part]), as_it_is([mended])
+    if as_read is None or better is None:
+        return False
+    common = as_read.fits.keys() & better.fits.keys()
+    concerned = [name for name in common if abs(as_read.fits[name] - better.fits[name]) > _SAME_FIT]
+    return as_read.score < better.score and bool(concerned) and min(as_read.fits[name] for name in concerned) > _TELLS
 
 
 def _parts(record: Record) -> list[Record]:
@@ -230,11 +234,6 @@ def as_it_is(records: Iterable[Record]) -> Guess | None:
     pieces = pieces_of(records)
     wirings = _wirings(_Reading(), pieces) if pieces else []
     return _unchanged(wirings[0]) if wirings else None
-
-
-def _score_of(record: Record) -> float:
-    guess = as_it_is([record])
-    return math.inf if guess is None else guess.score
 
 
 def undone(record: Record, changes: Iterable[Change]) -> Record:

@@ -6,7 +6,7 @@ comes in half-way is what a monitor is for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,16 +15,15 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
-from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.flight_log import FlightLog, Remark, Source
 from gtmbench.method.estimators.bayesian import reproduces
 from gtmbench.record import Record, Span
-from gtmbench.study.log.self_check.causes import Change, as_it_is, cause_of
+from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of
 from gtmbench.study.log.self_check.explained import (
     Explained,
     explained_where_identified,
     explained_where_watched,
 )
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, tried_text
 
 IDENTIFIED, WATCHED, ALL = "where identified", "where watched", "in all of it"
@@ -84,54 +83,69 @@ class SelfCheck:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Records of a log, and where they lie in it."""
+    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude.
+
+    Attributes
+    ----------
+    log : FlightLog
+    records : sequence of Record
+        With the detector's channels.
+    spans : sequence of Span
+    motion : sequence of Record
+        With p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them.
+    sources : tuple of Source
+        Which columns these are.
+    """
 
     log: FlightLog
     records: Sequence[Record]
     spans: Sequence[Span]
+    motion: Sequence[Record] = ()
+    sources: tuple[Source, ...] = ()
 
 
-def check_wiring(watcher: Detector | Monitor, parts: Iterable[Part], where: str) -> SelfCheck:
+def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str) -> SelfCheck:
     """Check the channels that a detector reads, before anything is made of them.
 
     Parameters
     ----------
     watcher : Detector or Monitor
-    parts : iterable of Part
+    parts : sequence of Part
         One a log.
     where : str
         What they are: ``where identified``, ``where watched``.
     """
     causes: list[Cause] = []
     stops: list[str] = []
-    is_identified = where == IDENTIFIED
     for part in parts:
-        at = f"{part.log.path.name}, {where}"
-        dead = _dead(part.records, watcher.channels)
-        stops += [f"{at}: {channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead]
-        if is_identified:
-            stops += [
-                f"{at}: {each.text}" for each in counting(part, watcher.channels) if each.channel not in dict(dead)
-            ]
-        if not is_kinematic(watcher):
-            continue
-        found = cause_of([_alive(record, dict(dead)) for record in part.records])
-        sources = {source.channel: source for source in part.log.sources}
-        named = [
-            Cause(
-                log=part.log.path.name,
-                changes=guess.changes,
-                text=cause_text(guess.changes),
-                to_type=mapping_for(guess, sources),
-            )
-            for guess in found
-        ]
+        at, dead = f"{part.log.path.name}, {where}", _dead(part.records, watcher.channels)
+        stops += [f"{at}: {channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
+        if where == IDENTIFIED:
+            counted = counting(part.log, part.spans, watcher.channels)
+            stops += [f"{at}: {remark.text}" for remark in counted if remark.channel not in dead]
+        found = [guess for guess in cause_of(_still(part.motion, dead)) if _concerns(watcher, guess)]
+        named = [_cause(part, guess) for guess in found]
         if named:
-            now = as_it_is(part.records)
-            better = f"undone, the attitude explains {fits_text(found[0].fits)} of the motion"
-            stops.append(f"{at}: {_either(named)}; {better}, as it is {fits_text(now.fits if now else {})}")
+            stops.append(f"{at}: {_either(named)}; {_better(part, found[0])}")
         causes += named
-    return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=_notes(watcher))
+    notes = () if all(part.motion for part in parts) else _notes(watcher)
+    return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
+
+
+def _cause(part: Part, guess: Guess) -> Cause:
+    sources = {source.channel: source for source in part.sources}
+    return Cause(
+        log=part.log.path.name,
+        changes=guess.changes,
+        text=cause_text(guess.changes),
+        to_type=mapping_for(guess, sources),
+    )
+
+
+def _better(part: Part, guess: Guess) -> str:
+    now = as_it_is(part.motion)
+    said = f"undone, the attitude explains {fits_text(guess.fits)} of the motion"
+    return said if now is None else f"{said}, as it is {fits_text(now.fits)}"
 
 
 def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Record]) -> SelfCheck:
@@ -145,9 +159,11 @@ def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Recor
     return replace(check, explained=tuple(explained), stops=(*check.stops, *stops))
 
 
-def check_watched(check: SelfCheck, monitor: Monitor, watches: Sequence[Watch], part: Part) -> SelfCheck:
+def check_watched(
+    check: SelfCheck, monitor: Monitor, watches: Sequence[Watch], log: FlightLog, spans: Sequence[Span]
+) -> SelfCheck:
     """Return a check with what the residuals explain where watched, and the channels that stand still there."""
-    doubts = (*check.doubts, *(f"{each.text}; no alarm tells of it" for each in counting(part, monitor.channels)))
+    doubts = (*check.doubts, *(f"{each.text}; no alarm tells of it" for each in counting(log, spans, monitor.channels)))
     if not isinstance(monitor, CalibratedBank):
         return replace(check, doubts=doubts)
     before = {each.output: each for each in check.explained}
@@ -175,33 +191,42 @@ def _either(causes: Sequence[Cause]) -> str:
     return f"either {said[0]}, or {said[1]}, which is the same motion" if len(said) > 1 else said[0]
 
 
-def counting(part: Part, channels: Sequence[str]) -> list[Remark]:
+def counting(log: FlightLog, spans: Sequence[Span], channels: Sequence[str]) -> list[Remark]:
     """Return the remarks on a detector's channels that count in the verdict: what stands still, or at a limit."""
     return [
         remark
-        for remark in part.log.remarks
+        for remark in log.remarks
         if remark.kind in _COUNT
         and remark.channel in (*channels, None)
-        and any(remark.start_s <= end_s and remark.end_s >= start_s for start_s, end_s in part.spans)
+        and any(remark.start_s <= end_s and remark.end_s >= start_s for start_s, end_s in spans)
     ]
 
 
-def _dead(records: Sequence[Record], channels: Sequence[str]) -> list[tuple[str, float]]:
+def _dead(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
     """Return the channels that never move, with what they read."""
-    dead = []
+    dead = {}
     for channel in channels if records else ():
         values = np.concatenate([record[channel] for record in records])
         values = values[np.isfinite(values)]
         if len(values) and np.ptp(values) <= _STILL * max(1.0, abs(float(values[0]))):
-            dead.append((channel, float(values[0])))
+            dead[channel] = float(values[0])
     return dead
 
 
-def _alive(record: Record, dead: Mapping[str, float]) -> Record:
-    """Return a record whose dead channels read exactly one value."""
-    for channel, value in dead.items():
-        record = record.replace(channel, np.full(len(record), value))
-    return record
+def _still(records: Sequence[Record], dead: Mapping[str, float]) -> list[Record]:
+    """Return records whose dead channels read exactly one value."""
+    still = []
+    for record in records:
+        for channel in dead.keys() & set(record.channels):
+            record = record.replace(channel, np.full(len(record), dead[channel]))
+        still.append(record)
+    return still
+
+
+def _concerns(watcher: Detector | Monitor, guess: Guess) -> bool:
+    """Tell whether a guess changes a channel that a detector reads, or the time."""
+    touched = {name for change in guess.changes for name in change.channels}
+    return bool(touched & {*watcher.channels, "time"})
 
 
 def bank_in(watcher: Detector | Monitor) -> Bank | None:
@@ -209,24 +234,21 @@ def bank_in(watcher: Detector | Monitor) -> Bank | None:
     return watcher.bank if isinstance(watcher, (BankDetector, CalibratedBank)) else None
 
 
-def is_kinematic(watcher: Detector | Monitor) -> bool:
-    """Tell whether a detector rests on kinematics of gyros and attitude, all of which its records have."""
+def rests_on_motion(watcher: Detector | Monitor) -> bool:
+    """Tell whether a detector compares sensors with what kinematics say that they read."""
+    return bool(_asked(watcher))
+
+
+def _asked(watcher: Detector | Monitor) -> list[str]:
+    """Return the sensors that a pseudo input of a detector's bank reads as."""
     bank = bank_in(watcher)
-    return bank is not None and set(GYROS) | set(ANGLES) <= set(bank.channels)
+    specs = () if bank is None else bank.residuals
+    return [spec.output for spec in specs if any(reproduces(name, spec.output) for name in spec.inputs)]
 
 
 def _notes(watcher: Detector | Monitor) -> tuple[str, ...]:
     """Say what isn't checked."""
-    if is_kinematic(watcher):
-        return ()
-    bank = bank_in(watcher)
-    asked = (
-        []
-        if bank is None
-        else [spec.output for spec in bank.residuals if any(reproduces(name, spec.output) for name in spec.inputs)]
-    )
-    what = f"that {', '.join(asked)} are explained" if asked else "that channels live"
-    return (
-        f"self-check: {what}, no more; signs, units, axes, lags and the time base are tried where gyros and a whole "
-        "attitude are read (bank C)",
-    )
+    asked = _asked(watcher)
+    why = "the log has no whole attitude" if asked else "nothing says what its sensors should read"
+    what = f"that channels live and that of {', '.join(asked)} motion is explained" if asked else "that channels live"
+    return (f"self-check: {what}, no more, for {why}: signs, units, axes, lags and the time base weren't tried",)

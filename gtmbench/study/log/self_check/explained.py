@@ -87,6 +87,8 @@ def _explained(
     squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
         (slowed, there), raw = slow_motion(np.column_stack([values, readings])), values[np.isfinite(values)]
+        if not len(raw):
+            continue
         left, signal = slowed.T
         virtual = signal - left
         squares += [*(float(of @ of) for of in (left, signal, virtual)), float(np.square(raw - raw.mean()).sum())]
