@@ -173,7 +173,7 @@ def test_at_rest_nothing_shows_what_channels_are(tmp_path):
     found = watched(airliner("still", 90001, duration_s=30), tmp_path, healthy=[(0.0, 15.0)])
     assert found.outcome is Outcome.UNKNOWN
     assert found.check.causes == ()
-    assert found.reasons[0] == "p hardly moves: nothing shows that it is what it is taken for"
+    assert found.reasons[0] == "p moves too little, beside its noise, to show that it is what it is taken for"
 
 
 def test_what_a_bank_that_isnt_kinematic_leaves_unchecked_is_said(tmp_path):

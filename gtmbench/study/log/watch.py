@@ -230,9 +230,9 @@ def watch_log(
     if not check.stops:
         ready = _calibrated(watcher, kept, rate, origin, progress)
         check = check_identified(check, ready, kept)
-        if spans and not check.stops and any(not each.is_shown for each in check.explained):
-            whole = _part(watcher, log, [whole_s(log)], mapping)
-            check = replace(check_wiring(watcher, [whole], ALL), explained=check.explained)
+    if spans and not check.causes and (check.stops or any(not each.is_shown for each in check.explained)):
+        whole = check_wiring(watcher, [_part(watcher, log, [whole_s(log)], mapping)], ALL)
+        check = replace(whole, explained=check.explained) if whole.causes else check
     if check.stops:
         return WatchedLog(
             log=log,

@@ -37,6 +37,7 @@ _BEST = 1e-4
 _STEPS, _LEAST_STEP_S = 5, 0.01  # of the search for a lag
 _PARTS, _SHORTEST_PART_S = 16, 4.0  # of a record
 _TELLS, _SAME_FIT = 0.4, 0.05  # of a gyro's motion in a part: it is read as it is; no difference
+_MUCH_BETTER = 0.15  # of a gyro's motion: a guess that isn't named is a doubt
 _STILL = 1e-6  # deg/s, deg
 _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a filter costs less
 _SAME_FACTOR = 1.2
@@ -190,12 +191,30 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
 
 
 def cause_of(records: Sequence[Record]) -> list[Guess]:
-    """Return why gyros and attitude of some records don't tell of the same motion; two guesses are either-or.
+    """Return why gyros and attitude of some records don't tell of the same motion, as `causes_among` all guesses.
 
-    None where they do, where nothing makes every live gyro fit, where more than two guesses fit alike, or where what
-    fits doesn't hold in all parts of the records: what comes in half-way is a fault, not a matter of how to read a log.
+    Examples
+    --------
+    >>> from gtmbench.bench.flight import fly
+    >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
+    >>> cause_of([flight]), [guess.changes for guess in cause_of([flight.replace("q", -flight["q"])])]
+    ([], [(Change(kind='sign', channels=('q',), size=0.0),)])
     """
-    tried = guesses(records)
+    return causes_among(guesses(records), records)
+
+
+def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Guess]:
+    """Return the guesses that are the cause of what is wrong with some records; two are either-or.
+
+    None where nothing is wrong, where nothing makes every live gyro fit, where more than two guesses fit alike, or
+    where what fits isn't in all parts of the records: what comes in half-way is a fault, not a matter of how to read.
+
+    Parameters
+    ----------
+    tried : sequence of Guess
+        As `guesses` returns them.
+    records : sequence of Record
+    """
     if not tried or not tried[0].changes or not tried[0].explains:
         return []
     first = tried[0]
@@ -205,6 +224,21 @@ def cause_of(records: Sequence[Record]) -> list[Guess]:
         if guess.score - first.score < _ALIKE and _count(guess.changes) <= _count(first.changes) and guess.explains
     ]
     return alike if len(alike) <= 2 and all(holds(guess.changes, records) for guess in alike) else []
+
+
+def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
+    """Tell whether a gyro would read much better in another way, be it that no cause can be named.
+
+    Parameters
+    ----------
+    tried : sequence of Guess
+        As `guesses` returns them.
+    outputs : iterable of str
+        The gyros that are asked for.
+    """
+    as_read = next((guess.fits for guess in tried if not guess.changes), {})
+    best = tried[0].fits if tried else {}
+    return any(best.get(name, 0.0) > max(_FITS, as_read.get(name, 0.0) + _MUCH_BETTER) for name in outputs)
 
 
 def holds(changes: Sequence[Change], records: Sequence[Record]) -> bool:

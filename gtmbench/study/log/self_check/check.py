@@ -18,13 +18,20 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
 from gtmbench.method.estimators.bayesian import reproduces
 from gtmbench.record import Record, Span
-from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of
+from gtmbench.study.log.self_check.causes import (
+    Change,
+    Guess,
+    as_it_is,
+    causes_among,
+    guesses,
+    is_doubtful,
+)
 from gtmbench.study.log.self_check.explained import (
     Explained,
     explained_where_identified,
     explained_where_watched,
 )
-from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, tried_text
+from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
 
 IDENTIFIED, WATCHED, ALL = "where identified", "where watched", "in all of it"
 _STILL = 1e-9  # of a channel's unit: it doesn't move
@@ -123,10 +130,14 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         if where == IDENTIFIED:
             counted = counting(part.log, part.spans, watcher.channels)
             stops += [f"{at}: {remark.text}" for remark in counted if remark.channel not in dead]
-        found = [guess for guess in cause_of(_still(part.motion, dead)) if _concerns(watcher, guess)]
+        motion = _still(part.motion, dead)
+        tried = guesses(motion)
+        found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
         named = [_cause(part, guess) for guess in found]
         if named:
             stops.append(f"{at}: {_either(named)}; {_better(part, found[0])}")
+        elif where == IDENTIFIED and is_doubtful(tried, _asked(watcher)):
+            stops.append(f"{at}: gyros and attitude don't tell of one motion; {nothing_found_text()}")
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
@@ -155,7 +166,7 @@ def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Recor
     explained = explained_where_identified(monitor, records)
     stops = [unexplained_text(each) for each in explained if each.is_blind]
     if stops:
-        stops[-1] += f"; no cause was found that makes every gyro fit ({tried_text()})"
+        stops[-1] += f"; {nothing_found_text()}"
     return replace(check, explained=tuple(explained), stops=(*check.stops, *stops))
 
 
@@ -173,7 +184,7 @@ def check_watched(
         if each.is_blind and each.output not in told:
             doubts += (unexplained_text(each),)
         elif each.output in before and not (each.is_shown or before[each.output].is_shown):
-            doubts += (f"{each.output} hardly moves: nothing shows that it is what it is taken for",)
+            doubts += (f"{each.output} moves too little, beside its noise, to show that it is what it is taken for",)
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 

@@ -32,11 +32,11 @@ def fits_text(fits: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {100.0 * max(share, 0.0):.0f} %" for name, share in fits.items())
 
 
-def tried_text() -> str:
-    """Say what was tried."""
+def nothing_found_text() -> str:
+    """Say that no cause was found, and what was tried."""
     return (
-        "tried: turned signs of gyros and angles, rad for deg and deg for rad, swapped gyros, phi and theta swapped, "
-        "up to 1 s late (all, each by itself), a wrong time base"
+        "no cause was found that makes every gyro fit (tried: turned signs of gyros and angles, rad for deg and deg "
+        "for rad, swapped gyros, phi and theta swapped, up to 1 s late (all, each by itself), a wrong time base)"
     )
 
 
