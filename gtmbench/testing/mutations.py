@@ -89,6 +89,7 @@ MORE_MUTATIONS: dict[str, Mutation] = {
     "gyros turned round": Mutation(changes=_swap("p", "q", "r")),
     "steps twice as long": Mutation(changes=(Change(kind="clock", channels=("time",), size=2.0),)),
     "steps half as long": Mutation(changes=(Change(kind="clock", channels=("time",), size=0.5),)),
+    "attitude held for 0.16 s": Mutation(changes=(Change(kind="held", channels=("phi", "theta", "psi"), size=0.16),)),
     "psi dead": Mutation(dead="psi"),
 }
 
@@ -107,6 +108,11 @@ def mutated(record: Record, changes: Iterable[Change]) -> Record:
             at_s = record.time_s - change.size
             for name in change.channels:
                 record = record.replace(name, np.interp(at_s, record.time_s, record[name]))
+            continue
+        elif change.kind == "held":
+            every = round(change.size / record.sample_period_s)
+            for name in change.channels:
+                record = record.replace(name, record[name][np.arange(len(record)) // every * every])
             continue
         elif change.kind == "swap":
             change = Change(kind="swap", channels=change.channels[::-1])

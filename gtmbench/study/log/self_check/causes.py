@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import (
@@ -38,6 +39,7 @@ _STEPS, _LEAST_STEP_S = 5, 0.01  # of the search for a lag
 _PARTS, _SHORTEST_PART_S = 16, 4.0  # of a record
 _TELLS, _SAME_FIT = 0.4, 0.05  # of a gyro's motion in a part: it is read as it is; no difference
 _MUCH_BETTER = 0.15  # of a gyro's motion: a guess that isn't named is a doubt
+_HELD = 3  # readings alike in a row, by the median
 _STILL = 1e-6  # deg/s, deg
 _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a filter costs less
 _SAME_FACTOR = 1.2
@@ -54,7 +56,8 @@ class Change:
     ----------
     kind : str
         ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
-        `size` seconds); ``clock`` (stamps run `size` times too slow).
+        `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
+        seconds).
     channels : tuple of str
     size : float
     """
@@ -173,6 +176,39 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
     records : iterable of Record
         With p, q, r, phi, theta, psi.
     """
+    records = list(records)
+    made, held = _guesses(records), _held(records)
+    if held:
+        fresh = [undone(record, held) for record in records]
+        made += [_with(guess, held) for guess in _guesses(fresh)]
+    best: dict[tuple[Change, ...], Guess] = {}
+    for guess in sorted(made, key=lambda guess: guess.score):
+        best.setdefault(guess.changes, guess)
+    return list(best.values())
+
+
+def _held(records: Sequence[Record]) -> list[Change]:
+    """Return the channels whose readings are repeated: as many at a time, by the median, as it takes to be noticed."""
+    changes: dict[float, list[str]] = {}
+    for name in (*GYROS, *ANGLES) if records else ():
+        runs = np.concatenate([np.diff(_fresh(record[name])) for record in records])
+        length = float(np.median(runs)) if len(runs) else 1.0
+        if length >= _HELD:
+            changes.setdefault(length * records[0].sample_period_s, []).append(name)
+    return [Change(kind="held", channels=tuple(names), size=seconds) for seconds, names in changes.items()]
+
+
+def _fresh(values: FloatArray) -> NDArray[np.int64]:
+    """Return the rows at which a channel reads another value than before."""
+    return np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+
+
+def _with(guess: Guess, changes: Sequence[Change]) -> Guess:
+    made = tuple(sorted((*guess.changes, *changes), key=lambda change: (change.kind, change.channels)))
+    return replace(guess, changes=made, score=guess.score + _PRICE * len(changes))
+
+
+def _guesses(records: Sequence[Record]) -> list[Guess]:
     pieces = pieces_of(records)
     if not pieces:
         return []
@@ -184,10 +220,7 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
     made = [_unchanged(plain)]
     for wiring in dict.fromkeys([*wirings[:_REFINED], plain]):
         made += [*_gyros_late(wiring), *_clocks(wiring), *_angles_late(wiring, pieces)]
-    best: dict[tuple[Change, ...], Guess] = {}
-    for guess in sorted(made, key=lambda guess: guess.score):
-        best.setdefault(guess.changes, guess)
-    return list(best.values())
+    return made
 
 
 def cause_of(records: Sequence[Record]) -> list[Guess]:
@@ -277,7 +310,14 @@ def undone(record: Record, changes: Iterable[Change]) -> Record:
     >>> undone(record, [Change(kind="swap", channels=("p", "q")), Change(kind="sign", channels=("p",))])["q"]
     array([-1., -2., -3.])
     """
-    order = {"sign": 0, "unit": 0, "late": 1, "clock": 2, "swap": 3}  # a swap last: the others name what was read
+    order = {
+        "held": 0,
+        "sign": 1,
+        "unit": 1,
+        "late": 2,
+        "clock": 3,
+        "swap": 4,
+    }  # a swap last: the others name what was read
     for change in sorted(changes, key=lambda change: order[change.kind]):
         record = _without(record, change)
     return record
@@ -295,6 +335,10 @@ def _without(record: Record, change: Change) -> Record:
     if change.kind == "swap":
         last, *others = change.channels[-1:] + change.channels[:-1]
         columns = {name: record[before] for name, before in zip(change.channels, (last, *others), strict=True)}
+    elif change.kind == "held":
+        for name, values in columns.items():
+            rows = _fresh(values)
+            columns[name] = np.interp(np.arange(len(values)), rows, values[rows])
     elif change.kind == "late":
         at_s = record.time_s + change.size
         columns = {name: np.interp(at_s, record.time_s, values, right=np.nan) for name, values in columns.items()}

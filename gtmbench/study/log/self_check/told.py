@@ -36,7 +36,8 @@ def nothing_found_text() -> str:
     """Say that no cause was found, and what was tried."""
     return (
         "no cause was found that makes every gyro fit (tried: turned signs of gyros and angles, rad for deg and deg "
-        "for rad, swapped gyros, phi and theta swapped, up to 1 s late (all, each by itself), a wrong time base)"
+        "for rad, swapped gyros, phi and theta swapped, up to 1 s late (all, each by itself), held readings, a wrong "
+        "time base)"
     )
 
 
@@ -49,6 +50,8 @@ def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     sources : mapping of str to Source
         Which column each channel is read from, and how; ``time``, too, where a column tells it.
     """
+    if any(change.kind == "held" for change in guess.changes):
+        return ""
     target = {name: name for name in (*GYROS, *ANGLES)}
     for change in guess.changes:
         if change.kind == "swap":
@@ -111,7 +114,11 @@ def _clock_text(change: Change) -> str:
     return f"the time base is wrong: steps of the clock are {factor:.{digits}f} times too {way}"
 
 
-_TEXTS = {"unit": _unit_text, "swap": _swap_text, "late": _late_text, "clock": _clock_text}
+def _held_text(change: Change) -> str:
+    return f"{_listed(change.channels)} {_are(change.channels)} held: one fresh reading in {change.size:.2g} s"
+
+
+_TEXTS = {"held": _held_text, "unit": _unit_text, "swap": _swap_text, "late": _late_text, "clock": _clock_text}
 
 
 def _listed(names: Sequence[str]) -> str:
