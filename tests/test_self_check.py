@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
-from gtmbench.study.log.self_check.causes import as_it_is, cause_of, guesses, holds, undone
+from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of, causes_among, guesses, holds, undone
 from gtmbench.study.log.watch import Outcome, watch_log
 from gtmbench.testing.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.airliner import airliner
@@ -214,6 +215,21 @@ def test_what_is_undone_was_done(name):
     room = 3.0 if lost else 1e-9  # between samples a line is taken
     np.testing.assert_allclose(again.values[rows], record.values[rows], atol=room, rtol=1e-9)
     assert holds(mutation.changes, [mutation.mutate(record)])
+
+
+def test_what_reads_as_well_as_it_is_or_in_three_ways_has_no_cause():
+    sure = {"p": 0.9, "q": 0.9, "r": 0.9}
+
+    def guess(score, *signs):
+        return Guess(changes=tuple(Change(kind="sign", channels=(name,)) for name in signs), score=score, fits=sure)
+
+    one, two, other = guess(-2.0, "p"), guess(-1.99, "q"), guess(-1.98, "r")
+    wrong = [MUTATIONS["-p"].mutate(flight())]
+    assert causes_among([one], wrong) == [one]
+    assert causes_among([one, guess(-1.97)], wrong) == []  # no change reads as well
+    assert causes_among([one, two, other], wrong) == []
+    assert causes_among([replace(one, fits={**sure, "r": 0.55})], wrong) == []
+    assert causes_among([one, replace(two, fits={**sure, "r": 0.59})], wrong) == []  # nor is one of a pair told alone
 
 
 def test_mirrored_attitudes_tell_the_same_motion():

@@ -254,9 +254,10 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
     alike = [
         guess
         for guess in tried
-        if guess.score - first.score < _ALIKE and _count(guess.changes) <= _count(first.changes) and guess.explains
+        if guess.score - first.score < _ALIKE and _count(guess.changes) <= _count(first.changes)
     ]
-    return alike if len(alike) <= 2 and all(holds(guess.changes, records) for guess in alike) else []
+    is_told = len(alike) <= 2 and all(guess.changes for guess in alike)
+    return alike if is_told and all(holds(guess.changes, records) for guess in alike) else []
 
 
 def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
