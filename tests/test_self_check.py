@@ -250,6 +250,15 @@ def test_gaps_and_missing_samples_hide_no_cause():
         assert is_cause(ALL[cause], found.changes)
 
 
+def test_a_channel_that_is_never_there_or_hardly_has_no_cause():
+    for there in (0, 15):
+        lost = np.where(np.arange(len(flight())) < there, flight()["psi"], np.nan)
+        assert guesses([flight().replace("psi", lost)]) == []
+    assert guesses([]) == cause_of([]) == []
+    still = gb.Record(np.zeros((500, 6)), channels=SIX, sample_period_s=0.04)
+    assert guesses([still]) == []
+
+
 def test_a_log_sampled_faster_has_the_same_cause():
     fast = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=40.0, seed=90004), noise="t2", seed=90004)
     for cause in ("none", "-theta", "psi 0.5 s late", "gyros 0.3 s late"):

@@ -79,13 +79,14 @@ def _blocks(record: Record) -> list[Piece]:
     gyros, angles = record.matrix(GYROS), record.matrix(ANGLES)
     if every > 1:
         gyros, angles = _thinned(gyros, every), _thinned(angles, every)
+    whole = np.asarray(np.isfinite(gyros).all(axis=1) & np.isfinite(angles).all(axis=1), dtype=np.bool_)
     count = max(1, round(len(gyros) / _BLOCK))
     edges = np.linspace(0, len(gyros), count + 1).astype(int).tolist()
     period_s = record.sample_period_s * every
     return [
         Piece(gyros=gyros[first:last], angles=angles[first:last], period_s=period_s)
         for first, last in pairwise(edges)
-        if last - first >= _FEWEST
+        if np.count_nonzero(whole[first:last]) >= _FEWEST
     ]
 
 
