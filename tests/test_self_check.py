@@ -141,6 +141,7 @@ def test_a_fault_that_comes_in_is_watched_and_named_not_taken_for_a_wrong_mappin
     assert found.outcome is Outcome.FAILED
     assert {alarm.sensor for alarm in found.alarms} <= {fault.channel, getattr(fault, "other", None), None}
     assert any(fault.channel in alarm.verdict for alarm in found.alarms)
+    assert not any("no alarm tells of it" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize("onset_s", [20.0, 45.0, 70.0])

@@ -174,12 +174,14 @@ def check_watched(
     check: SelfCheck, monitor: Monitor, watches: Sequence[Watch], log: FlightLog, spans: Sequence[Span]
 ) -> SelfCheck:
     """Return a check with what the residuals explain where watched, and the channels that stand still there."""
-    doubts = (*check.doubts, *(f"{each.text}; no alarm tells of it" for each in counting(log, spans, monitor.channels)))
+    alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
+    told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
+    silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
+    doubts = (*check.doubts, *(f"{text}; no alarm tells of it" for text in silent))
     if not isinstance(monitor, CalibratedBank):
         return replace(check, doubts=doubts)
     before = {each.output: each for each in check.explained}
     explained = explained_where_watched(monitor, watches)
-    told = {alarm.source for watch in watches for alarm in watch.faults if not alarm.has_passed}
     for each in explained:
         if each.is_blind and each.output not in told:
             doubts += (unexplained_text(each),)
@@ -193,7 +195,7 @@ def unexplained_text(each: Explained) -> str:
     share = 100.0 * max(each.share, 0.0) if np.isfinite(each.share) else 0.0
     return (
         f"where {each.where}, {share:.0f} % of {each.output}'s slow motion is explained (residual {each.residual:.3g}, "
-        f"signal {each.signal:.3g} RMS): what isn't explained isn't watched"
+        f"signal {each.signal:.3g} RMS): what isn't explained can't be watched"
     )
 
 
