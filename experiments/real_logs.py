@@ -23,6 +23,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.report.tables.markdown import markdown
+from gtmbench.study.log.self_check.explained import ENOUGH
 from gtmbench.study.log.watch import Outcome, WatchedLog, watch_log
 from gtmbench.testing.mutations import MUTATIONS, Mutation, is_cause
 
@@ -95,7 +96,7 @@ def row_of(path: Path, names: Sequence[str]) -> dict[str, object] | None:
         "log": path.name,
         "Hz": f"{1.0 / parts[0].sample_period_s:.3g}",
         "s": f"{sum(part.end_s - part.start_s for part in parts):.0f}",
-        "explained (%)": "/".join(shares) or "-",
+        "explained (%)": "/".join(shares) or "0",
         "as it is": int(healthy.outcome),
         "cause claimed": "yes" if healthy.check.causes else "no",
         "refused": sum(said.outcome is Outcome.UNKNOWN for said in wrong.values()),
@@ -109,14 +110,14 @@ def row_of(path: Path, names: Sequence[str]) -> dict[str, object] | None:
 def report(rows: Sequence[dict[str, object]], folder: Path, names: Sequence[str]) -> str:
     """Return a folder's table, with the totals over it."""
     frame = pd.DataFrame(rows)
-    told = frame[frame["as it is"] != int(Outcome.UNKNOWN)]
+    told = frame[[min(map(int, shares.split("/")), default=0) >= 100.0 * ENOUGH for shares in frame["explained (%)"]]]
     total = [
         f"{len(frame)} flights, {len(names) * len(frame)} wrong readings of them: {frame['refused'].sum()} refused, "
         f"{frame['exit 0'].sum()} end with exit code 0; causes: {frame['right'].sum()} right, "
         f"{frame['wrong cause'].sum()} wrong.",
         f"A cause is claimed of {(frame['cause claimed'] == 'yes').sum()} of the flights as they are. Of the "
-        f"{len(told)} that are watched as they are, {told['right'].sum()} of {len(names) * len(told)} causes are "
-        "right.",
+        f"{len(told)} flights in whose first half the attitude explains half of every gyro's motion or more, as it has "
+        f"to where a cause is named, {told['right'].sum()} of {len(names) * len(told)} causes are right.",
     ]
     return f"## {folder.name}\n\n{' '.join(total)}\n\n{markdown(frame)}\n"
 

@@ -274,6 +274,7 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     code, out, err = cli(*options)
     assert (code, err) == (3, "")
     assert "bank C: not calibrated, nothing is watched" in out
+    assert "not watched, left out: 0.00 to 80.04 s" in out
     assert (
         "could not tell: log.csv, where identified: the sign of q is turned (then type --map q=-q_deg_s:deg/s)" in out
     )

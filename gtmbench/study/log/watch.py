@@ -237,7 +237,7 @@ def watch_log(
         return WatchedLog(
             log=log,
             monitor=watcher if not check.explained else ready,
-            identified_s=spans,
+            identified_s=spans if check.explained else (),
             watches=(),
             reasons=(*check.stops, *reasons),
             check=check,
