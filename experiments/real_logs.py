@@ -116,8 +116,8 @@ def report(rows: Sequence[dict[str, object]], folder: Path, names: Sequence[str]
         f"{frame['exit 0'].sum()} end with exit code 0; causes: {frame['right'].sum()} right, "
         f"{frame['wrong cause'].sum()} wrong.",
         f"A cause is claimed of {(frame['cause claimed'] == 'yes').sum()} of the flights as they are. Of the "
-        f"{len(told)} flights in whose first half the attitude explains half of every gyro's motion or more, as it has "
-        f"to where a cause is named, {told['right'].sum()} of {len(names) * len(told)} causes are right.",
+        f"{len(told)} flights in whose first half the attitude explains half of every gyro's motion or more, "
+        f"{told['right'].sum()} of {len(names) * len(told)} causes are right.",
     ]
     return f"## {folder.name}\n\n{' '.join(total)}\n\n{markdown(frame)}\n"
 

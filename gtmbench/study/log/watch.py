@@ -157,7 +157,8 @@ def watch_log(
     """Open a recorded flight and watch it.
 
     A monitor (or a plain function) watches all of it. A detector is first calibrated on what is `healthy`, a bank with
-    caution, as a short record wants it, and watches the rest.
+    caution, as a short record wants it, and watches the rest. A log that isn't what it expects isn't watched: `check`
+    says why.
 
     Parameters
     ----------
