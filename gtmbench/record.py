@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gtmbench.channels import CHANNELS, channel_of
 from gtmbench.checks import number
@@ -18,6 +18,7 @@ from gtmbench.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+BoolArray = NDArray[np.bool_]
 Span = tuple[float, float]
 
 
@@ -54,6 +55,9 @@ class Record:
         Ts, in seconds.
     start_s : float
         Time of sample 0, in seconds: sample k is at ``start_s + k Ts``.
+    there : array_like, shape (samples, channels), optional
+        Where a sample is there, though its value isn't known: beside a pause a low-pass knows none, and a log may leave
+        single ones out. Without it only where values are finite, as they are anyway.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class Record:
     channels: tuple[str, ...]
     sample_period_s: float
     start_s: float
+    _there: BoolArray | None = field(init=False)
 
     def __init__(
         self,
@@ -79,6 +84,7 @@ class Record:
         channels: Sequence[str],
         sample_period_s: float,
         start_s: float = 0.0,
+        there: ArrayLike | None = None,
     ) -> None:
         try:
             array = frozen(values, order="F")  # a channel is read far more often than a row
@@ -100,6 +106,7 @@ class Record:
         object.__setattr__(self, "channels", names)
         object.__setattr__(self, "sample_period_s", number("sample_period_s", sample_period_s, 0.0, above=True))
         object.__setattr__(self, "start_s", number("start_s", start_s))
+        object.__setattr__(self, "_there", None if there is None else _mask(there, array))
 
     def __repr__(self) -> str:
         return (
@@ -116,6 +123,16 @@ class Record:
     def __getitem__(self, channel: str) -> FloatArray:
         """Return one channel, shape (samples,), read-only."""
         return self.values[:, self.columns([channel])[0]]
+
+    @property
+    def there(self) -> BoolArray:
+        """Where a sample is there, shape (samples, channels): where values are finite, or are only not known."""
+        return np.isfinite(self.values) if self._there is None else self._there
+
+    @property
+    def is_in_part_unknown(self) -> bool:
+        """Whether samples may be there whose values aren't known."""
+        return self._there is not None
 
     @property
     def time_s(self) -> FloatArray:
@@ -151,7 +168,9 @@ class Record:
 
     def select(self, channels: Sequence[str]) -> Record:
         """Return a record of the named channels only, in that order."""
-        return self._with(self.matrix(channels), tuple(channels), self.start_s)
+        columns = self.columns(channels)
+        there = None if self._there is None else self._there[:, columns]
+        return self._with(self.values[:, columns], tuple(channels), self.start_s, there)
 
     def replace(self, channel: str, values: ArrayLike) -> Record:
         """Return a record in which one channel has other values."""
@@ -161,7 +180,11 @@ class Record:
             raise InputError(f"values of shape {column.shape} don't replace a channel of {len(self)} samples")
         changed = self.values.copy(order="F")
         changed[:, place] = column
-        return self._with(changed, self.channels, self.start_s)
+        there = self._there
+        if there is not None:
+            there = there.copy()
+            there[:, place] &= ~np.isfinite(self.values[:, place])  # what wasn't known still isn't
+        return self._with(changed, self.channels, self.start_s, there)
 
     def sample_range(self, start_s: float, end_s: float) -> range:
         """Return the sample numbers from start to end, both ends included.
@@ -191,7 +214,8 @@ class Record:
         """
         span = self.sample_range(start_s, end_s)
         start = self.start_s + round(span.start * self.sample_period_s, 9)
-        return self._with(self.values[span.start : span.stop], self.channels, start)
+        there = None if self._there is None else self._there[span.start : span.stop]
+        return self._with(self.values[span.start : span.stop], self.channels, start, there)
 
     def frame(self) -> pd.DataFrame:
         """Return a DataFrame: one column a channel, the index ``time_s``."""
@@ -239,8 +263,21 @@ class Record:
             check_span(time_s, sample_period_s)
         return cls(values, channels=names, sample_period_s=sample_period_s, start_s=start_s)
 
-    def _with(self, values: FloatArray, channels: Sequence[str], start_s: float) -> Record:
-        return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s)
+    def _with(self, values: FloatArray, channels: Sequence[str], start_s: float, there: BoolArray | None) -> Record:
+        return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s, there=there)
+
+
+def _mask(there: ArrayLike, values: FloatArray) -> BoolArray | None:
+    """Return where samples are there; None where that are those that are finite."""
+    mask = np.array(there, dtype=bool)
+    if mask.shape != values.shape:
+        raise InputError(f"what is there has shape {mask.shape}, values have {values.shape}; give one for each")
+    finite = np.isfinite(values)
+    if not np.any(mask & ~finite):
+        return None
+    mask |= finite
+    mask.setflags(write=False)
+    return mask
 
 
 def _numbers(name: str, column: ArrayLike) -> FloatArray:

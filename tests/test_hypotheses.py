@@ -12,7 +12,8 @@ import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.isolation.effects import Effects, paths_of
-from gtmbench.detectors.isolation.readings import habit_of, straight_rows
+from gtmbench.detectors.isolation.noise import spikes_in
+from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
 from gtmbench.detectors.isolation.search import hysteresis_step, rate_limited_step
 from gtmbench.faults.kinds import FAULTS, Hysteresis, RateSaturation
 from tests import monitors
@@ -105,6 +106,33 @@ def test_straight_rows_are_repeats_and_ramps():
     assert rows.tolist() == [False, False, True, True, False, True, False]
 
 
+def test_what_still_reads_rounded_is_no_longer_as_usual_however_little_moves():
+    rng = np.random.default_rng(6)
+    habit, calm = habit_of(noisy(rng)), 0.2 * rng.normal(size=500)
+    assert not is_straighter(calm, habit)
+    assert not is_straighter(calm, None)
+    assert is_straighter(np.round(calm / 3.0) * 3.0, habit)
+    counts = habit_of(np.round(noisy(rng)))
+    assert not is_straighter(np.round(calm), counts)
+
+
+def test_a_gain_or_a_little_noise_tells_only_of_a_steady_sensor():
+    rng = np.random.default_rng(7)
+    gusts = noisy(rng) * np.where(np.arange(3000) % 1000 < 100, 5.0, 1.0)
+    assert habit_of(noisy(rng)).is_steady
+    assert not habit_of(gusts).is_steady
+
+
+def test_spikes_are_found_one_by_one_and_their_echoes_are_not():
+    rng = np.random.default_rng(8)
+    habit = habit_of(noisy(rng))
+    truth = np.zeros(2000)
+    truth[[300, 303, 900, 1500, 1990]] = [400.0, -80.0, 30.0, 5000.0, 60.0]
+    found = spikes_in(np.nan_to_num(habit.innovations(noisy(rng, count=2000) + truth)), habit.taps)
+    assert np.flatnonzero(found).tolist() == np.flatnonzero(truth).tolist()
+    np.testing.assert_allclose(found, truth, atol=3.0)
+
+
 # every kind finds its name
 
 SEVERITIES = {
@@ -151,6 +179,22 @@ def test_a_fault_of_an_angle_is_never_its_gyros(kind):
     judged = alarm.at(20.0)
     assert judged.candidates[0] == "phi" or ("phi" in judged.candidates and any(kind in pair for pair in SAME))
     assert judged.sensor in (None, "phi")
+
+
+def test_an_angle_that_reads_far_off_is_named_though_its_effect_is_no_longer_linear():
+    turned = healthy().replace("psi", healthy()["psi"] + 150.0)
+    fault = gb.Misalignment(channel="theta", onset_s=ONSET_S, axis="psi", angle_deg=20.0)
+    judged = monitors.monitor("C").watch(gb.inject(turned, fault)).faults[0].at(20.0)
+    assert (judged.sensor, judged.kind, judged.partner) == ("theta", "misalignment", "psi")
+    assert judged.parameters["angle_deg"] == pytest.approx(20.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("channel", "factor"), [("theta", 1.15), ("theta", 0.87), ("q", 1.15), ("q", 0.87)])
+def test_a_gain_is_that_of_the_sensor_whose_noise_has_changed_with_it(channel, factor):
+    fault = gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=factor)
+    judged = monitors.monitor("C").watch(gb.inject(healthy(), fault)).faults[0].at(20.0)
+    assert (judged.sensor, judged.kind) == (channel, "scale_factor")
+    assert judged.parameters["factor"] == pytest.approx(factor, abs=0.02)
 
 
 def test_what_nobody_wrote_a_hypothesis_for_is_unknown_and_its_axis_is_told():

@@ -70,12 +70,22 @@ def test_mixed_rates_come_at_the_slowest_through_one_low_pass(tmp_path):
     assert any("that is the rate of phi, theta, psi" in line for line in log.method)
 
 
-def test_who_begins_late_and_ends_early_is_said(tmp_path):
+def test_who_begins_late_is_waited_for_and_who_ends_early_is_missing(tmp_path):
     fast_s, slow_s = np.arange(0, 30, 0.02), np.arange(5, 20, 0.02)
     log = gb.open_log(two_topics(tmp_path, fast_s, slow_s, fast_s, slow_s), needs=["p", "phi"])
-    assert (log.segments[0].start_s, round(log.segments[0].end_s, 2)) == (5.0, 19.98)
+    (record,) = log.segments
+    assert (record.start_s, round(record.end_s, 2)) == (5.0, 29.98)
     assert "all are there from 5 s on, when phi begins" in log.method
-    assert "all are there up to 19.98 s, when phi ends" in log.method
+    assert np.isfinite(record["p"]).all()
+    np.testing.assert_array_equal(np.isfinite(record["phi"]), record.time_s < 19.99)
+    (remark,) = log.remarks
+    assert (remark.kind, remark.channel, round(remark.start_s, 2), round(remark.end_s, 2)) == (
+        "missing",
+        "phi",
+        19.98,
+        29.98,
+    )
+    assert remark.text == "nothing for 10 s while others live on; one sample every 0.02 s else"
 
 
 def test_the_low_pass_keeps_the_operator_between_channels(tmp_path):
@@ -172,15 +182,28 @@ def test_no_gap_is_bridged(tmp_path_factory, data, jitter):
         assert (remark.start_s, remark.end_s) == (pytest.approx(start_s, abs=0.003), pytest.approx(end_s, abs=0.003))
 
 
-def test_a_gap_of_one_topic_is_a_gap_of_the_record(tmp_path):
+def test_a_pause_of_one_topic_is_missing_and_one_of_both_a_gap(tmp_path):
     fast_s, slow_s = np.arange(0, 30, 0.004), np.arange(0, 30, 0.02)
-    fast_s, slow_s = fast_s[(fast_s < 10) | (fast_s > 12)], slow_s[(slow_s < 20) | (slow_s > 20.5)]
+    fast_s = fast_s[((fast_s < 10) | (fast_s > 12)) & ((fast_s < 25) | (fast_s > 26))]
+    slow_s = slow_s[((slow_s < 20) | (slow_s > 20.5)) & ((slow_s < 24.9) | (slow_s > 26.1))]
     log = gb.open_log(two_topics(tmp_path, fast_s, slow_s, fast_s, slow_s), rate_hz=50, needs=["p", "phi"])
-    assert len(log.segments) == 3
-    spans = [(round(remark.start_s, 1), round(remark.end_s, 1)) for remark in log.remarks]
-    assert spans == [(10.0, 12.0), (20.0, 20.5)]
-    for record in log.segments:
-        assert not np.any((record.time_s > 10) & (record.time_s < 12) | (record.time_s > 20) & (record.time_s < 20.5))
+    spans = [(remark.kind, remark.channel, round(remark.start_s, 1), round(remark.end_s, 1)) for remark in log.remarks]
+    assert spans == [
+        ("missing", "p", 10.0, 12.0),
+        ("missing", "phi", 20.0, 20.5),
+        ("gap", None, 24.9, 26.1),
+        ("gap", None, 25.0, 26.0),
+    ]
+    first, second = log.segments
+    assert first.end_s < 24.9
+    assert second.start_s > 26.1
+    lost = [first.time_s[np.isnan(first[name])] for name in ("p", "phi")]
+    assert [(round(times[0], 1), round(times[-1], 1)) for times in lost] == [
+        (9.7, 12.3),
+        (19.7, 20.8),
+    ]  # the low-pass's
+    missing = [first.time_s[~first.there[:, column]] for column in (0, 1)]
+    assert [(round(times[0], 1), round(times[-1], 1)) for times in missing] == [(10.0, 12.0), (20.0, 20.5)]
 
 
 def test_a_heading_is_unwrapped_before_it_is_interpolated(tmp_path):

@@ -149,7 +149,7 @@ def test_the_rule_is_the_one_that_is_told_in_whatever_chunks(rows, stretch, cuts
         if stop == first + 1:
             taken.take_one(values[first].tolist())
         else:
-            taken.take(values[first:stop])
+            taken.take(np.isfinite(values[first:stop]))
     told = {}
     for row in range(len(values)):
         told |= {alarm.number: alarm for alarm in taken.tell(row, float, len(told))}

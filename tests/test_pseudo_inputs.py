@@ -208,6 +208,31 @@ def test_on_a_real_flight_lateral_acceleration_balances():
     assert np.std(error) < 0.1 * np.std(flight["r"])
 
 
+@pytest.mark.parametrize("name", ["q_air", "r_air"])
+def test_on_a_real_flight_in_still_air_the_velocity_turns_as_the_gyros_say(name):
+    # but for gravity and turning over a round earth, and the derivative
+    flight = gb.fly("gtm", "multisine", 30, seed=4)
+    gyro = flight[name[0]]
+    error = (derive(flight, [name])[name] - gyro)[2:-2]
+    assert np.abs(error).max() < 0.05 * np.abs(gyro).max()
+    assert np.std(error) < 0.04 * np.std(gyro)
+
+
+@pytest.mark.parametrize("name", ["q_air", "r_air"])
+def test_a_steady_turn_is_what_forces_and_gravity_make_of_the_velocity(name):
+    record = steady(turn=12.0, phi=35.0, theta=4.0, alpha=3.0, beta=0.0, tas=100.0)
+    bank, pitch, attack = np.deg2rad([35.0, 4.0, 3.0])
+    p, q, r = (np.deg2rad(record[each][0]) for each in "pqr")
+    u, w = 100.0 * KT * np.cos(attack), 100.0 * KT * np.sin(attack)
+    force = np.array([q * w, r * u - p * w, -q * u]) / G  # of a velocity that stands still in the body
+    gravity = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(bank), np.cos(pitch) * np.cos(bank)])
+    nx, ny, nz = (force - gravity) * [1.0, 1.0, -1.0]
+    values = np.column_stack([record.values, np.full(5, nx), np.full(5, nz)])
+    felt = Record(values, channels=[*record.channels, "nx", "nz"], sample_period_s=0.01)
+    assert felt["ny"][0] == pytest.approx(ny)
+    assert derive(felt, [name])[name][2] == pytest.approx(record[name[0]][0], rel=1e-9)
+
+
 def test_standing_still_lateral_acceleration_says_nothing():
     record = steady(0.0, 0.0, 0.0, 0.0, 0.0, tas=1.0)
     assert np.isnan(derive(record, ["r_lat"])["r_lat"]).all()

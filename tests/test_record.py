@@ -220,3 +220,21 @@ def test_a_stated_period_that_the_stamps_contradict_is_refused():
 def test_names_that_arent_words_are_refused(names):
     with pytest.raises(InputError, match="channel names must be words"):
         Record(np.ones((3, 2)), channels=names, sample_period_s=1.0)
+
+
+def test_what_is_there_is_what_is_finite_or_only_not_known():
+    values = [[1.0, np.nan], [np.nan, 2.0], [np.inf, np.nan]]
+    record = Record(values, channels=["p", "q"], sample_period_s=1.0)
+    np.testing.assert_array_equal(record.there, np.isfinite(values))
+    known = Record(values, channels=["p", "q"], sample_period_s=1.0, there=[[0, 0], [1, 0], [0, 1]])
+    expected = np.array([[True, False], [True, True], [False, True]])
+    np.testing.assert_array_equal(known.there, expected)
+    np.testing.assert_array_equal(known.select(["q"]).there, expected[:, 1:])
+    np.testing.assert_array_equal(known.between(1.0, 2.0).there, expected[1:])
+    np.testing.assert_array_equal(known.replace("p", [np.nan] * 3).there[:, 0], [False, True, False])
+    np.testing.assert_array_equal(known.replace("p", [3.0] * 3).there[:, 0], [True] * 3)
+    assert (record.is_in_part_unknown, known.is_in_part_unknown) == (False, True)
+    with pytest.raises(ValueError, match="read-only"):
+        known.there[0] = True
+    with pytest.raises(InputError, match=r"what is there has shape \(2,\), values have \(3, 2\)"):
+        Record(values, channels=["p", "q"], sample_period_s=1.0, there=[True, False])

@@ -8,7 +8,20 @@ import pytest
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.faults.fault import inject
-from gtmbench.faults.kinds import FAULTS, Bias, Drift, Hardover, Jam, Misalignment, Oscillation, Spikes, Stuck
+from gtmbench.faults.kinds import (
+    FAULTS,
+    Bias,
+    Deadzone,
+    Drift,
+    Hardover,
+    Hysteresis,
+    Jam,
+    Misalignment,
+    Oscillation,
+    Saturation,
+    Spikes,
+    Stuck,
+)
 from gtmbench.method.alarms import came_down
 from gtmbench.record import Record
 from gtmbench.study.score import SAME_KINDS, false_alarms, score
@@ -312,6 +325,13 @@ def told(fault, kind, parameters=None):
         (Hardover(channel="p", onset_s=ONSET_S, limit=100.0, rate_limit=20.0), {"hardover", "stuck"}),
         (Jam(channel="p", onset_s=ONSET_S), {"jam", "stuck"}),
         (Bias(channel="p", onset_s=ONSET_S, size=1.0), {"bias"}),
+        (Saturation(channel="p", onset_s=ONSET_S, limit=5.0), {"saturation", "stuck"}),
+        (Saturation(channel="p", onset_s=ONSET_S, limit=9.9), {"saturation"}),
+        (Deadzone(channel="p", onset_s=ONSET_S, half_width=5.0), {"deadzone", "bias"}),
+        (Deadzone(channel="p", onset_s=ONSET_S, half_width=50.0), {"deadzone", "stuck"}),
+        (Deadzone(channel="p", onset_s=ONSET_S, half_width=9.9), {"deadzone"}),
+        (Hysteresis(channel="p", onset_s=ONSET_S, width=50.0), {"hysteresis", "jam", "stuck"}),
+        (Hysteresis(channel="p", onset_s=ONSET_S, width=0.1), {"hysteresis"}),
     ],
 )
 def test_kinds_that_are_physically_the_same_are_right_and_no_others(fault, right):

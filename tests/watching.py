@@ -139,7 +139,7 @@ def written_once(write, folder):
 
     @cache
     def path_of(making):
-        path = folder / f"{making.__name__}.rrd"
+        path = folder / f"{making.__module__}.{making.__name__}.rrd"  # two files' functions may have one name
         write(making(), path)
         return path
 

@@ -80,7 +80,7 @@ class BankMonitor(CalibratedBank):
         residuals = bank_residuals(self, record)
         tracks = tracks_of(self, residuals)
         logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True, without=without)
-        logic.missing.take(record.matrix(self.bank.channels))
+        logic.missing.take(record.there[:, record.columns(self.bank.channels)])
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}
         return Watch(
@@ -104,7 +104,7 @@ def _score(monitor: CalibratedBank, record: Record, arming: Arming) -> Score:
         name=arming.output,
         values=score.values,
         known_s=score.known_s,
-        channels=tuple(name for name in monitor.bank.channels if arming.output in monitor.bank.affects(name)),
+        channels=tuple(name for name in monitor.bank.channels if arming.source in monitor.bank.affects(name)),
         armed=np.isfinite(score.values) & _armed(arming, len(record)),
         disarmed_s=None if since is None else float(record.time_s[since]),
     )

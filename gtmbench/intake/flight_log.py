@@ -1,4 +1,4 @@
-"""What is taken in of a recorded flight: segments without gaps, and remarks."""
+"""What is taken in of a recorded flight: segments between gaps, and remarks."""
 
 from __future__ import annotations
 
@@ -63,6 +63,7 @@ class FlightLog:
     path : Path
     segments : tuple of Record
         The stretches between gaps, in time, all of one sample period and with the same channels; times are the log's.
+        While a channel pauses and others live on it is missing (NaN).
     remarks : tuple of Remark
         In time.
     method : tuple of str

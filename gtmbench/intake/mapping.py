@@ -115,8 +115,7 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     InputError
         Where a mapped or a needed one can't be found, with what is there and what looks like it.
     """
-    chosen = {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items()}
-    chosen |= {channel: choice for channel, choice in _recognised(raw).items() if channel not in chosen}
+    chosen = _mapped_or_recognised(raw, mapped)
     own = {series.name: Chosen(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)}
     if needs is not None:
         for channel in needs:
@@ -128,6 +127,16 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     if not chosen:
         raise InputError(f"no column becomes a channel: {open_questions(raw)}")
     return list(chosen.values())
+
+
+def choose_of(names: Sequence[str], raw: RawLog, mapped: Mapping[str, str]) -> list[Chosen]:
+    """Return those of some channels that a log has."""
+    chosen = _mapped_or_recognised(raw, mapped)
+    return [chosen[name] for name in names if name in chosen]
+
+
+def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
+    return _recognised(raw) | {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items()}
 
 
 def _recognised(raw: RawLog) -> dict[str, Chosen]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +17,12 @@ from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.formats.registry import read_raw
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, judged, not_taken, split_mapping, with_time
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
 from gtmbench.intake.plausibility import remarks_on
-from gtmbench.intake.segments import Track, cut
+from gtmbench.intake.segments import Cut, Track, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.record import Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +59,14 @@ def open_log(
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
     needs: Sequence[str] | None = None,
+    witnesses: Sequence[str] = (),
 ) -> FlightLog:
     r"""Open a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP, whatever its first bytes say.
 
     Columns become channels where name and unit leave no doubt (``p_rad_s``, ``roll [deg]``, ``GyrX (deg/s)``), or where
-    the format documents them; the channel table's units are made of theirs. Records split at gaps. An evenly sampled
-    log comes through bit for bit; other stamps are interpolated between, mixed rates are brought to the slowest.
+    the format documents them; the channel table's units are made of theirs. Records split at gaps; while a channel
+    pauses and others live on, it's NaN. An evenly sampled log comes through bit for bit; other stamps are interpolated
+    between, mixed rates are brought to the slowest.
     What was wrong is in ``remarks``, what was done in ``method``.
 
     Parameters
@@ -78,6 +81,9 @@ def open_log(
     needs : sequence of str, optional
         The channels that are wanted, in this order; others can't do harm then. Without it, all that are recognised and,
         of tables, the other columns of numbers by their own names.
+    witnesses : sequence of str, optional
+        Channels that are taken along where the log has them; nothing else depends on whether it does. They stand behind
+        the others, brought to the same clock, and are NaN where they pause.
 
     Raises
     ------
@@ -105,13 +111,18 @@ def open_log(
     raw = read_raw(path)
     try:
         with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
-            return _opened(path, raw, columns, rate, wanted)
+            return _opened(path, raw, columns, rate, wanted, tuple(witnesses))
     except InputError as error:
         raise InputError(f"{path}: {one_line(str(error))}") from error
 
 
 def _opened(
-    path: Path, raw: RawLog, columns: dict[str, str], rate_hz: float | None, needs: tuple[str, ...] | None
+    path: Path,
+    raw: RawLog,
+    columns: dict[str, str],
+    rate_hz: float | None,
+    needs: tuple[str, ...] | None,
+    witnesses: tuple[str, ...],
 ) -> FlightLog:
     raw = with_time(raw, columns.pop("time", None))
     chosen = choose(raw, columns, needs)
@@ -132,6 +143,11 @@ def _opened(
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
+    for choice in choose_of([name for name in witnesses if name not in segments[0]], raw, columns):
+        beside = _laid(choice, raw, clocks, breaks_s, made)
+        if any(np.isfinite(values).any() for values in beside):
+            segments = [_beside(*each, choice.channel) for each in zip(segments, beside, strict=True)]
+            taken.append(f"{choice.channel} = {choice.how}, a witness: diagnoses read it, no alarm stands on it")
     left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
     return FlightLog(
         path=path,
@@ -146,7 +162,34 @@ def _time_source(raw: RawLog) -> list[Source]:
     return [] if raw.time is None else [Source(channel="time", column=raw.time[0], unit=raw.time[1])]
 
 
-def _tracks(chosen: Sequence[Chosen], clocks: dict[str, Clock]) -> list[Track]:
+def _laid(
+    choice: Chosen, raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...], made: Cut
+) -> list[FloatArray]:
+    """Return a witness on every record's clock; nothing where it can't be had there."""
+    name = choice.series.clock
+    with contextlib.suppress(InputError):
+        if name not in clocks:
+            own, own_breaks_s, _ = cleaned({name: raw.clocks[name]})
+            if breaks_s or own_breaks_s:  # which stretches belong together?
+                return []
+            clocks = own
+        check_values(len(clocks[name].rows), "a witness")
+        (track,) = _tracks([choice], clocks)
+        return [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered)[:, 0] for record in made.records]
+    return []
+
+
+def _beside(record: Record, values: FloatArray, channel: str) -> Record:
+    return Record(
+        np.column_stack([record.values, values]),
+        channels=[*record.channels, channel],
+        sample_period_s=record.sample_period_s,
+        start_s=record.start_s,
+        there=np.column_stack([record.there, np.isfinite(values)]),
+    )
+
+
+def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track]:
     """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
     groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
     for choice in chosen:

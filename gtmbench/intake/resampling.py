@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -11,11 +12,12 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import JITTER
-from gtmbench.record import Record, check_record
+from gtmbench.record import BoolArray, Record, check_record
 
 HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
 _KAISER = 7.86  # beta of a ripple of 1e-4
+PAUSE = 2.5  # periods, its own or the record's: a step that is longer is a pause; shorter ones miss a sample or two
 _HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
 _SAME_RATE = 0.1  # of the median steps of rounded stamps
 
@@ -76,33 +78,60 @@ def oversampling(period_s: float, wanted_s: float) -> int:
 
 def resampled(
     time_s: FloatArray, values: FloatArray, first_s: float, period_s: float, count: int, *, filtered: bool
-) -> FloatArray:
-    """Return values at ``first_s + k period_s``, shape (count, channels), NaN where there are none.
+) -> tuple[FloatArray, BoolArray]:
+    """Return values at ``first_s + k period_s``, shape (count, channels), and where a sample is there, if not known.
 
     The low-pass is the same for every channel, also for those that come at the wanted rate, so the operator between
-    channels stays the same; it needs `HALF` samples more at either end.
+    channels stays the same; it needs `HALF` samples more at either end. As many beside a pause are there, but aren't
+    known (NaN): whatever a filter made of one side alone would let vibration pass, and that looks like a fault. So it
+    is with a single sample that was left out, which is no pause, and those about it.
     """
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else period_s
     finer = oversampling(typical_s, period_s)
     margin = HALF if filtered else 0
     laid_out = (count - 1 + 2 * margin) * finer + 1
     check_values(laid_out * values.shape[1], "laying out the channels evenly")
-    step_s = period_s / finer
-    start_s = first_s - margin * period_s
-    places = (time_s - start_s) / step_s
-    nearest = np.rint(places).astype(np.int64)
-    one_a_step = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
-    if finer == 1 and one_a_step and np.all(np.abs(places - nearest) <= JITTER):
-        laid = np.full((laid_out, values.shape[1]), np.nan)
-        inside = (nearest >= 0) & (nearest < laid_out)
-        laid[nearest[inside]] = values[inside]
-    else:
-        hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
-        at = start_s + np.arange(laid_out, dtype=np.float64) * step_s
-        laid = np.column_stack([_spline(time_s, column, at, hole_s, 1e-6 * step_s) for column in values.T])
+    at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * (period_s / finer)
+    hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
+    laid = np.full((laid_out, values.shape[1]), np.nan)
+    there = np.zeros(laid.shape, dtype=bool)
+    cuts = np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1
+    for first, last in itertools.pairwise([0, *cuts.tolist(), len(time_s)]):
+        if first < last:
+            _lay(laid, at_s, period_s / finer, time_s[first:last], values[first:last], typical_s, hole_s)
+            lives = slice(*np.searchsorted(at_s, [time_s[first], time_s[last - 1]]))
+            there[lives] |= np.isfinite(values[first:last]).all(axis=0)
+    there |= np.isfinite(laid)
     if not filtered:
-        return laid
-    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count))
+        return laid, there
+    return _low_passed(laid, finer, slice(2 * HALF, 2 * HALF + count)), there[HALF * finer :: finer][:count]
+
+
+def _lay(
+    laid: FloatArray,
+    at_s: FloatArray,
+    step_s: float,
+    time_s: FloatArray,
+    values: FloatArray,
+    typical_s: float,
+    hole_s: float,
+) -> None:
+    """Lay samples between two pauses out at even times: as they are where they stand on that clock, else by splines."""
+    places = (time_s - at_s[0]) / step_s
+    nearest = np.rint(places).astype(np.int64)
+    same_rate = abs(typical_s / step_s - 1.0) <= _SAME_RATE and np.all(np.diff(nearest) > 0)
+    if same_rate and np.all(np.abs(places - nearest) <= JITTER):
+        inside = (nearest >= 0) & (nearest < len(laid))
+        laid[nearest[inside]] = values[inside]
+        return
+    near_s = 1e-6 * step_s
+    rows = slice(*np.searchsorted(at_s, [time_s[0] - near_s, time_s[-1] + near_s]))
+    there = np.isfinite(values)
+    if there.all():
+        laid[rows] = _spline(time_s, values, at_s[rows], hole_s, near_s)
+        return
+    for column, own, known in zip(laid.T, values.T, there.T, strict=True):
+        column[rows] = _spline(time_s[known], own[known], at_s[rows], hole_s, near_s)
 
 
 def _low_passed(values: FloatArray, factor: int, kept: slice) -> FloatArray:
@@ -117,10 +146,8 @@ def _spline(time_s: FloatArray, values: FloatArray, at_s: FloatArray, hole_s: fl
     """Return a cubic spline's values, NaN outside the samples and where the nearest two are too far apart."""
     from scipy.interpolate import CubicSpline
 
-    there = np.isfinite(values)
-    time_s, values = time_s[there], values[there]
-    if len(time_s) < 4:
-        return np.full(len(at_s), np.nan)
+    if len(time_s) < 2:
+        return np.full((len(at_s), *values.shape[1:]), np.nan)
     # times are counted from the span's start: cubes of large numbers lose digits
     spline: FloatArray = CubicSpline(time_s - time_s[0], values)(at_s - time_s[0])
     after = np.clip(np.searchsorted(time_s, at_s, side="right"), 1, len(time_s) - 1)

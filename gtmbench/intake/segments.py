@@ -1,10 +1,19 @@
-"""From channels with stamps of their own to records of one even clock, split at gaps, never bridged over one."""
+"""From channels with stamps of their own to records of one even clock, split at gaps, never bridged over one.
+
+A step of a track that is longer than usual is a pause. While another track lives on, the record goes on and the paused
+channels are missing; where all pause there is a gap, and the record is split. A log begins when the last of its tracks
+does; one that ends, or is back after a gap, no more than `SHORTEST_S` apart from the others cuts the record there.
+Where a track comes slower than usual for long, nothing is missing: there is no record of that rate, as in a gap.
+"""
 
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 
@@ -13,13 +22,14 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.resampling import HALF, oversampling, resampled
+from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.record import Record, Span
+from gtmbench.record import BoolArray, Record, Span
 
-_GAP = 2.5  # periods: a step that is longer is a gap; one sample that is left out stands as missing
+_RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
 SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 _BESIDE = 30  # samples: what is further away doesn't move a spline
+_start, _end = itemgetter(0), itemgetter(1)  # of a span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,30 +67,76 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Parts:
-    """A track between its gaps; of an even clock, times are that clock's."""
+    """A track between its pauses; of an even clock, times are that clock's.
+
+    Attributes
+    ----------
+    limit_s : float
+        A step that is longer is a pause.
+    slow : list of (start, end)
+        Where it comes slower than usual.
+    """
 
     track: Track
     parts: tuple[Track, ...]
     even_s: float | None
     jitter_s: float
+    limit_s: float
+    slow: list[Span]
 
-    @property
+    @cached_property
     def spans(self) -> list[Span]:
+        """Where it lives: a span a part."""
         return [(float(part.time_s[0]), float(part.time_s[-1])) for part in self.parts]
 
     @property
     def period_s(self) -> float:
         return self.track.period_s if self.even_s is None else self.even_s
 
-    def around(self, start_s: float, end_s: float) -> Track:
-        """Return the samples from start to end and some beside them, none of them beyond a gap."""
-        part = next(part for part in self.parts if part.time_s[0] <= start_s and part.time_s[-1] >= end_s)
-        first, last = np.searchsorted(part.time_s, [start_s, end_s])
-        return part.part(max(int(first) - _BESIDE, 0), int(last) + _BESIDE)
+    @property
+    def patience_s(self) -> float:
+        """How much later than others it may begin or end without being missed."""
+        return max(SHORTEST_S, self.limit_s)
 
-    def first_from(self, start_s: float) -> float:
-        """Return the time of the first sample from a time on."""
-        return next(float(part.time_s[part.time_s >= start_s][0]) for part in self.parts if part.time_s[-1] >= start_s)
+    def within(self, span: Span) -> list[Span]:
+        """Return where it lives in a span."""
+        return _overlaps(self.spans, span)
+
+    def absences(self, spans: Sequence[Span]) -> list[Span]:
+        """Return where it doesn't, though it had begun."""
+        starts_s, ends_s = zip(*self.spans, strict=True)
+        pauses = list(zip(ends_s, (*starts_s[1:], np.inf), strict=True))
+        return [part for span in spans for part in _overlaps(pauses, span) if part[1] - part[0] > self.limit_s]
+
+    def laid(
+        self, span: Span, first_s: float, period_s: float, count: int, *, filtered: bool
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return the values on another clock, made of the samples in a span, and where a sample is there."""
+        used = self._around(*span)
+        return resampled(used.time_s, used.values, first_s, period_s, count, filtered=filtered)
+
+    def _around(self, start_s: float, end_s: float) -> Track:
+        """Return the samples from start to end and some beside them, none of them beyond a pause."""
+        met = list(self.parts[_met(self.spans, (start_s, end_s))])
+        if not met:
+            return self.track.part(0, 0)
+        first = int(np.searchsorted(met[0].time_s, start_s))
+        last = int(np.searchsorted(met[-1].time_s, end_s))
+        met[-1] = met[-1].part(0, last + _BESIDE)
+        met[0] = met[0].part(max(first - _BESIDE, 0), len(met[0].time_s))
+        return replace(
+            self.track,
+            time_s=np.concatenate([part.time_s for part in met]),
+            values=np.concatenate([part.values for part in met]),
+        )
+
+    def first_from(self, start_s: float, period_s: float) -> float:
+        """Return the time of the first sample from a time on; of one that would be there, while it pauses."""
+        part = self.parts[min(bisect_left(self.spans, start_s, key=_end), len(self.parts) - 1)]
+        if part.time_s[0] <= start_s <= part.time_s[-1]:
+            return float(part.time_s[np.searchsorted(part.time_s, start_s)])
+        beside_s = float(part.time_s[0] if part.time_s[0] > start_s else part.time_s[-1])
+        return beside_s + float(np.ceil((start_s - beside_s) / period_s - 1e-6)) * period_s
 
 
 @dataclass(kw_only=True, eq=False)
@@ -90,10 +146,11 @@ class Cut:
     records: list[Record]
     remarks: list[Remark]
     method: list[str]
+    filtered: bool
 
 
 def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | None) -> Cut:
-    """Return the records between gaps.
+    """Return the records between gaps; where some channels pause and others don't, those are missing.
 
     Raises
     ------
@@ -101,58 +158,152 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
         Where no stretch is long enough.
     """
     for track in tracks:
-        if len(track.time_s) < FEWEST:
-            raise InputError(f"{track.label}: {len(track.time_s)} samples; give at least {FEWEST}")
-    made = Cut(records=[], remarks=[], method=[])
+        _check_long(track)
     slowest = max(tracks, key=lambda track: track.period_s)
     rough_s = slowest.period_s if rate_hz is None else 1.0 / rate_hz
-    laid = {id(track): _between_gaps(track, rough_s, breaks_s, made.remarks) for track in tracks}
+    laid = {id(track): _between_pauses(track, rough_s, breaks_s) for track in tracks}
     reference, all_parts = laid[id(slowest)], list(laid.values())
     period_s = _common_period(reference, rate_hz)
     filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts)
+    made = Cut(records=[], remarks=[], method=[], filtered=filtered)
     made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, filtered=filtered)
     if rate_hz is None and filtered:
         made.method.append(
             f"that is the rate of {slowest.label}: name the channels that are needed, or a rate, for more"
         )
-    common = _common([parts.spans for parts in all_parts])
-    made.method += _latecomers(all_parts, common)
-    for span in common:
+    spans = _between_gaps(all_parts, breaks_s, PAUSE * rough_s)
+    made.method += _latecomers(all_parts, spans)
+    made.remarks += [remark for parts in all_parts for remark in _remarks(parts, spans, breaks_s)]
+    for span in spans:
         _add_record(made, all_parts, span, reference, period_s, filtered=filtered)
     if not made.records:
         names = "; ".join(track.label for track in tracks)
         raise InputError(
-            f"no stretch of {SHORTEST_S:g} s and {FEWEST} samples at {1 / period_s:.4g} Hz in which all are there "
-            f"without a gap: {names}; leave out a channel, or give a lower rate"
+            f"no stretch of {SHORTEST_S:g} s and {FEWEST} samples at {1 / period_s:.4g} Hz that begins with all of "
+            f"them and has no gap: {names}; leave out a channel, or give a lower rate"
         )
     return made
 
 
-def _between_gaps(track: Track, common_s: float, breaks_s: Sequence[float], remarks: list[Remark]) -> _Parts:
-    parts = _parts(track, _GAP * max(track.period_s, common_s), breaks_s, remarks)
-    lattice = find_lattice([part.time_s for part in parts])
-    if lattice is None:
-        return _Parts(track=track, parts=tuple(parts), even_s=None, jitter_s=0.0)
-    evened = [replace(part, time_s=time_s) for part, time_s in zip(parts, lattice.times, strict=True)]
-    return _Parts(track=track, parts=tuple(evened), even_s=lattice.period_s, jitter_s=lattice.jitter_s)
+def _check_long(track: Track) -> None:
+    if len(track.time_s) < FEWEST:
+        raise InputError(f"{track.label}: {len(track.time_s)} samples; give at least {FEWEST}")
 
 
-def _parts(track: Track, limit_s: float, breaks_s: Sequence[float], remarks: list[Remark]) -> list[Track]:
-    """Return what lies between gaps, and note the gaps."""
+def _between_pauses(track: Track, common_s: float, breaks_s: Sequence[float]) -> _Parts:
+    limit_s = PAUSE * max(track.period_s, common_s)
     steps = np.diff(track.time_s)
-    broken = np.zeros(len(steps), dtype=bool)
-    for break_s in breaks_s:
-        place = int(np.searchsorted(track.time_s, break_s)) - 1
-        broken[place : place + 1] |= 0 <= place < len(steps)
-    gaps = np.flatnonzero((steps > limit_s) & ~broken)
-    for gap in gaps:
-        start_s, end_s = float(track.time_s[gap]), float(track.time_s[gap + 1])
-        kind, what = ("clock jump", "the clock jumps on by") if end_s - start_s > FAR_S else ("gap", "nothing for")
-        text = f"{track.label}: {what} {end_s - start_s:.4g} s; one sample every {track.period_s:.4g} s else"
-        remarks.append(remark(kind, start_s, end_s, text))
-    cuts = np.flatnonzero((steps > limit_s) | broken) + 1
-    bounds = [0, *cuts.tolist(), len(track.time_s)]
-    return [track.part(first, last) for first, last in itertools.pairwise(bounds)]
+    apart = steps > limit_s
+    for place in _places(track, breaks_s):
+        apart[place] = True
+    bounds = [0, *(np.flatnonzero(apart) + 1).tolist(), len(track.time_s)]
+    parts = [track.part(first, last) for first, last in itertools.pairwise(bounds)]
+    lattice = find_lattice([part.time_s for part in parts])
+    if lattice is not None:
+        parts = [replace(part, time_s=time_s) for part, time_s in zip(parts, lattice.times, strict=True)]
+    slow = np.flatnonzero(_slow(steps, limit_s))
+    return _Parts(
+        track=track,
+        parts=tuple(parts),
+        even_s=None if lattice is None else lattice.period_s,
+        jitter_s=0.0 if lattice is None else lattice.jitter_s,
+        limit_s=limit_s,
+        slow=_union([(float(track.time_s[place]), float(track.time_s[place + 1])) for place in slow]),
+    )
+
+
+def _places(track: Track, breaks_s: Sequence[float]) -> list[int]:
+    """Return the steps over which its clock was set."""
+    places = [int(np.searchsorted(track.time_s, break_s)) - 1 for break_s in breaks_s]
+    return [place for place in places if 0 <= place < len(track.time_s) - 1]
+
+
+def _slow(steps: FloatArray, limit_s: float) -> BoolArray:
+    """Tell which long steps are no pauses: those before or after them are as long."""
+    long = steps > limit_s
+    if np.count_nonzero(long) <= _RATE // 2 or len(steps) < _RATE:
+        return np.zeros(len(steps), dtype=bool)
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(steps, _RATE), axis=1)
+    beside = np.zeros(len(steps))
+    beside[_RATE:] = usual[: len(steps) - _RATE]
+    beside[:-_RATE] = np.maximum(beside[:-_RATE], usual[1:])
+    slow: BoolArray = long & (steps <= PAUSE * beside)
+    return slow
+
+
+def _between_gaps(all_parts: Sequence[_Parts], breaks_s: Sequence[float], join_s: float) -> list[Span]:
+    """Return where any track lives, from where all have begun; where its clock was set, a log begins anew."""
+    spans = []
+    slow = _union([span for parts in all_parts for span in parts.slow])
+    for start_s, end_s in itertools.pairwise([-np.inf, *breaks_s, np.inf]):
+        own = [parts.within((start_s, end_s)) for parts in all_parts]
+        if not all(own):
+            continue
+        begin_s = max(living[0][0] for living in own)
+        alive = _without(_union([span for living in own for span in living], join_s), slow)
+        spans += [_trimmed(all_parts, span) for span in _overlaps(alive, (begin_s, end_s))]
+    return spans
+
+
+def _trimmed(all_parts: Sequence[_Parts], span: Span) -> Span:
+    """Return a span from where tracks that come a moment later are there, to where the first ends a moment earlier."""
+    start_s, end_s = span
+    living = [(parts.within(span), parts.patience_s) for parts in all_parts]
+    firsts = [own[0][0] for own, patience_s in living if own and own[0][0] - start_s <= patience_s]
+    lasts = [own[-1][1] for own, patience_s in living if own and end_s - own[-1][1] <= patience_s]
+    return max(firsts, default=start_s), min(lasts, default=end_s)
+
+
+def _union(spans: Sequence[Span], join_s: float = 0.0) -> list[Span]:
+    """Return spans in time; those that overlap, or are no further apart than that, are one."""
+    joined: list[Span] = []
+    for start_s, end_s in sorted(spans):
+        if joined and start_s - joined[-1][1] <= join_s:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end_s)
+        else:
+            joined.append((start_s, end_s))
+    return joined
+
+
+def _without(spans: Sequence[Span], others: Sequence[Span]) -> list[Span]:
+    """Return what the others leave of spans; both are in time."""
+    edges = [-np.inf, *(edge for other in others for edge in other), np.inf]
+    between = list(zip(edges[::2], edges[1::2], strict=True))
+    return [part for span in spans for part in _overlaps(between, span)]
+
+
+def _overlaps(spans: Sequence[Span], span: Span) -> list[Span]:
+    """Return the parts of spans that lie in another one; they are in time and apart."""
+    return [(max(span[0], start_s), min(span[1], end_s)) for start_s, end_s in spans[_met(spans, span)]]
+
+
+def _met(spans: Sequence[Span], span: Span) -> slice:
+    """Return which spans, in time and apart, meet another one."""
+    return slice(bisect_left(spans, span[0], key=_end), bisect_right(spans, span[1], key=_start))
+
+
+def _remarks(parts: _Parts, spans: Sequence[Span], breaks_s: Sequence[float]) -> list[Remark]:
+    """Return remarks on where a track is missing while others live on, and on its other pauses: they are gaps."""
+    track = parts.track
+    often = f"one sample every {track.period_s:.4g} s else"
+    told = dict.fromkeys(parts.absences(spans))
+    remarks = [
+        remark("missing", *absence, f"nothing for {_length(absence)} while others live on; {often}", channel)
+        for absence in told
+        for channel in track.channels
+    ]
+    for (_, start_s), (end_s, _) in itertools.pairwise(parts.spans):
+        was_set = bisect_left(breaks_s, start_s) < bisect_left(breaks_s, end_s)
+        if not was_set and (start_s, end_s) not in told:
+            is_far = end_s - start_s > FAR_S
+            kind, what = ("clock jump", "the clock jumps on by") if is_far else ("gap", "nothing for")
+            text = f"{track.label}: {what} {_length((start_s, end_s))}; {often}"
+            remarks.append(remark(kind, start_s, end_s, text))
+    return remarks
+
+
+def _length(span: Span) -> str:
+    return f"{span[1] - span[0]:.4g} s"
 
 
 def _common_period(reference: _Parts, rate_hz: float | None) -> float:
@@ -162,41 +313,20 @@ def _common_period(reference: _Parts, rate_hz: float | None) -> float:
     return own_s if own_s is not None else 1.0 / float(f"{1.0 / reference.period_s:.3g}")
 
 
-def _common(spans: Sequence[Sequence[Span]]) -> list[Span]:
-    """Return where all have a span."""
-    common = list(spans[0])
-    for others in spans[1:]:
-        both = []
-        place = 0
-        for start_s, end_s in common:
-            while place < len(others) and others[place][1] < start_s:
-                place += 1
-            for other in others[place:]:
-                if other[0] > end_s:
-                    break
-                both.append((max(start_s, other[0]), min(end_s, other[1])))
-        common = both
-    return common
-
-
-def _latecomers(parts: Sequence[_Parts], common: Sequence[Span]) -> list[str]:
-    """Return who begins last and who ends first, where that costs the others more than a moment."""
-    if not common:
+def _latecomers(parts: Sequence[_Parts], spans: Sequence[Span]) -> list[str]:
+    """Return who begins last, where that costs the others more than a moment."""
+    last = max(parts, key=lambda track: track.spans[0][0])
+    begin_s = last.spans[0][0]
+    if not spans or begin_s - min(track.spans[0][0] for track in parts) <= SHORTEST_S:
         return []
-    first, last = max(parts, key=lambda track: track.spans[0][0]), min(parts, key=lambda track: track.spans[-1][1])
-    lines = []
-    if first.spans[0][0] - min(track.spans[0][0] for track in parts) > SHORTEST_S:
-        lines.append(f"all are there from {first.spans[0][0]:.6g} s on, when {first.track.label} begins")
-    if max(track.spans[-1][1] for track in parts) - last.spans[-1][1] > SHORTEST_S:
-        lines.append(f"all are there up to {last.spans[-1][1]:.6g} s, when {last.track.label} ends")
-    return lines
+    return [f"all are there from {begin_s:.6g} s on, when {last.track.label} begins"]
 
 
 def _add_record(
     made: Cut, parts: Sequence[_Parts], span: Span, reference: _Parts, period_s: float, *, filtered: bool
 ) -> None:
     start_s, end_s = span
-    first_s = reference.first_from(start_s) if same_period(reference.period_s, period_s) else start_s
+    first_s = reference.first_from(start_s, period_s) if same_period(reference.period_s, period_s) else start_s
     margin = HALF if filtered else 0
     first_s += margin * period_s
     count = int(np.floor((end_s - first_s) / period_s + 1e-6)) + 1 - margin
@@ -205,10 +335,34 @@ def _add_record(
         text = f"{max(end_s - start_s, 0.0):.4g} s between gaps: too short to be used, dropped"
         made.remarks.append(remark("short", start_s, end_s, text))
         return
-    used = [part.around(start_s, end_s) for part in parts]
-    values = [resampled(part.time_s, part.values, first_s, period_s, count, filtered=filtered) for part in used]
-    channels = [channel for part in used for channel in part.channels]
-    made.records.append(Record(np.hstack(values), channels=channels, sample_period_s=period_s, start_s=first_s))
+    values, there = zip(*(part.laid(span, first_s, period_s, count, filtered=filtered) for part in parts), strict=True)
+    record = Record(
+        np.hstack(values),
+        channels=[channel for part in parts for channel in part.track.channels],
+        sample_period_s=period_s,
+        start_s=first_s,
+        there=np.hstack(there),
+    )
+    made.records.append(record)
+
+
+def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filtered: bool) -> FloatArray:
+    """Return a track's values on a record's clock, shape (samples, channels), NaN where there are none.
+
+    Low-pass filtered where the record is `filtered`, or where the track comes faster.
+
+    Raises
+    ------
+    InputError
+        Where the track is too short.
+    """
+    _check_long(track)
+    period_s = record.sample_period_s
+    parts = _between_pauses(track, period_s, breaks_s)
+    filtered = filtered or oversampling(parts.period_s, period_s) > 1
+    margin_s = HALF * period_s if filtered else 0.0
+    span = record.start_s - margin_s, record.end_s + margin_s
+    return parts.laid(span, record.start_s, period_s, len(record), filtered=filtered)[0]
 
 
 def _described(parts: _Parts) -> str:

@@ -109,9 +109,37 @@ def _r_att(x: Motion) -> Any:
 
 
 def _r_lat(x: Motion) -> Any:
-    forward = x("tas") * x.cos("alpha") * x.cos("beta")
-    forward = np.where(np.abs(forward) > 1.0, forward, np.nan)  # m/s: standing still, it says nothing
+    forward = _moving(x("tas") * x.cos("alpha") * x.cos("beta"))
     return _G * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
+
+
+def _along(x: Motion) -> Any:
+    """Return specific force and gravity along the velocity's direction in the plane of symmetry, in m/s2."""
+    return _forward(x) * x.cos("alpha") + _down(x) * x.sin("alpha")
+
+
+def _forward(x: Motion) -> Any:
+    return _G * (x("nx") - x.sin("theta"))
+
+
+def _down(x: Motion) -> Any:
+    return _G * (x.cos("theta") * x.cos("phi") - x("nz"))
+
+
+def _q_air(x: Motion) -> Any:
+    across = _down(x) * x.cos("alpha") - _forward(x) * x.sin("alpha")
+    sideways = np.tan(x("beta")) * (x("p") * x.cos("alpha") + x("r") * x.sin("alpha"))
+    return x.slope("alpha") + sideways - across / (_moving(x("tas")) * x.cos("beta"))
+
+
+def _r_air(x: Motion) -> Any:
+    right = _G * (x("ny") + x.cos("theta") * x.sin("phi"))
+    across = right * x.cos("beta") - _along(x) * x.sin("beta")
+    return (x("p") * x.sin("alpha") + across / _moving(x("tas")) - x.slope("beta")) / x.cos("alpha")
+
+
+def _moving(speed: Any) -> Any:
+    return np.where(np.abs(speed) > 1.0, speed, np.nan)  # m/s: standing still, it says nothing
 
 
 def _q_from(yaw: str) -> Callable[[Motion], Any]:
@@ -151,6 +179,7 @@ def _rate(name: str, needs: str, formula: str, meaning: str, compute: Callable[[
 
 _EULER = "Euler kinematics of a yaw-pitch-roll attitude"
 _LATERAL = "lateral specific force, in coordinated flight: no heading needed"
+_WIND = "turning of the velocity through the air, by specific force and gravity (fx, fy, fz forward, right, down)"
 _TURN = "Euler kinematics without heading, yaw rate from its gyro"
 _Q = "(theta' + {0} sin phi) / cos phi"
 _P = "phi' - tan theta (q sin phi + {0} cos phi), q = (theta' + {0} sin phi) / cos phi"
@@ -170,6 +199,20 @@ PSEUDO_INPUTS: dict[str, PseudoInput] = {
         ),
         _rate("q_lat", "phi theta r_lat", _Q.format("r_lat"), _LATERAL, _q_from("r_lat")),
         _rate("p_lat", "phi theta r_lat", _P.format("r_lat"), _LATERAL, _p_from("r_lat")),
+        _rate(
+            "q_air",
+            "p r alpha beta phi theta nx nz tas",
+            "alpha' + tan beta (p cos alpha + r sin alpha) - (fz cos alpha - fx sin alpha) / (tas cos beta)",
+            _WIND,
+            _q_air,
+        ),
+        _rate(
+            "r_air",
+            "p alpha beta phi theta nx ny nz tas",
+            "(p sin alpha - beta' + (fy cos beta - (fx cos alpha + fz sin alpha) sin beta) / tas) / cos alpha",
+            _WIND,
+            _r_air,
+        ),
         _rate("q_turn", "phi theta r", _Q.format("r"), _TURN, _q_from("r")),
         _rate("p_turn", "phi theta r", _P.format("r"), _TURN, _p_from("r")),
         *(_slope_of(channel) for channel in ("phi", "theta", "psi", "alpha", "beta")),

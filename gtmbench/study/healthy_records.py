@@ -16,7 +16,7 @@ from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
-from gtmbench.checks import number, whole
+from gtmbench.checks import naming, number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
@@ -24,7 +24,7 @@ from gtmbench.processes import spread
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 from gtmbench.study.flights import check_flown
-from gtmbench.study.log.records import open_for
+from gtmbench.study.log.records import between_pauses, open_for
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
@@ -124,7 +124,7 @@ def logged_records(
     Parameters
     ----------
     paths : sequence of Path
-        As `open_log` takes them; each segment between gaps is a record.
+        As `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record.
     detector : Detector
     mapping : sequence of str
         As `open_log` takes it, for all of them.
@@ -158,8 +158,10 @@ def logged_records(
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
         logs.append({"name": path.name, "sha256": digest})
-        for segment in log.segments:
-            records.append(_with(segment.select(detector.channels or segment.channels), added, seed + len(records)))
+        with naming(path):
+            parts = between_pauses(log.segments, detector.channels)
+        for part in parts:
+            records.append(_with(part, added, seed + len(records)))
     return records, {"source": "logs", "logs": logs, **_common(added)}
 
 

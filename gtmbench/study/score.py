@@ -44,30 +44,45 @@ _JUDGED_S = 20.0
 _OF_NOISE = 3.0  # deviations
 
 
-def _always(*_: object) -> bool:
+def _always(*_: FloatArray) -> bool:
     """Whatever it reads."""
     return True
 
 
-def _is_beyond(value: float, before: FloatArray) -> bool:
+def _is_beyond(before: FloatArray, since: FloatArray) -> bool:
     """Whether a sensor that is stuck reads more than it ever read before."""
-    return len(before) > 0 and abs(value) > float(np.abs(before).max())
+    return len(before) > 0 and bool(abs(since[-1]) > np.abs(before).max())
 
 
-def _is_last(value: float, before: FloatArray) -> bool:
+def _is_last(before: FloatArray, since: FloatArray) -> bool:
     """Whether it reads what it read last, within the noise: what changes from one reading to the next."""
     if len(before) < 2:
         return False
     noise = float(np.sqrt(0.5 * np.mean(np.square(np.diff(before)))))
-    return abs(value - float(before[-1])) <= _OF_NOISE * noise
+    return bool(abs(since[-1] - before[-1]) <= _OF_NOISE * noise)
 
 
-# the kind injected, the kind told: when both are the same, by the value that a sensor sticks at and what it read before
-SAME_KINDS: Mapping[tuple[str, str], Callable[[float, FloatArray], bool]] = {
+def _is_constant(_: FloatArray, since: FloatArray) -> bool:
+    """Whether it has read one value ever since."""
+    return bool(np.ptp(since) == 0.0)
+
+
+def _is_one_sided(_: FloatArray, since: FloatArray) -> bool:
+    """Whether its readings have never reached zero since."""
+    return bool(np.all(since > 0.0) or np.all(since < 0.0))
+
+
+# the kind injected, the kind told: when both would have read the same, by the readings before, and since the fault
+SAME_KINDS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], bool]] = {
     ("jam", "stuck"): _always,  # a jam is stuck, at the last healthy value
     ("stuck", "jam"): _is_last,
     ("hardover", "stuck"): _always,  # at its stop it is stuck, and only the stop's place tells that it is one
     ("stuck", "hardover"): _is_beyond,
+    ("saturation", "stuck"): _is_constant,  # the signal never came back within the limit
+    ("deadzone", "stuck"): _is_constant,  # nor left the deadzone,
+    ("deadzone", "bias"): _is_one_sided,  # nor came into it, and has lost the half-width
+    ("hysteresis", "stuck"): _is_constant,  # nor left its play
+    ("hysteresis", "jam"): _is_constant,
 }
 
 
@@ -246,17 +261,21 @@ class _Truth:
         """Return the fault, begun by a time, that a judgement has the kind of, and the sensor."""
         likeliest = set(judged.candidates[:1])
         own = (fault for fault in self.begun(time_s) if likeliest & set(fault.changes))
-        return next((fault for fault in own if self._is_kind(fault, judged.kind)), None)
+        return next((fault for fault in own if self._is_kind(fault, judged.kind, time_s)), None)
 
-    def _is_kind(self, fault: Fault, kind: str | None) -> bool:
-        """Tell whether a fault is of a kind, by name or physically."""
+    def _is_kind(self, fault: Fault, kind: str | None, time_s: float) -> bool:
+        """Tell whether a fault is of a kind, by name or physically by what has been read up to a time."""
         if kind is None or kind == fault.kind:
             return kind is not None
-        holds, value = SAME_KINDS.get((fault.kind, kind)), self.stuck_at(fault)
-        if holds is None or value is None:
-            return False
-        before = self.broken[fault.channel][self.broken.time_s < fault.onset_s - _TIE]
-        return holds(value, before[np.isfinite(before)])
+        holds, read_s, reads = SAME_KINDS.get((fault.kind, kind)), self.broken.time_s, self.broken[fault.channel]
+        before = reads[(read_s < fault.onset_s - _TIE) & np.isfinite(reads)]
+        since = reads[self._there(fault) & (read_s <= time_s + _TIE) & np.isfinite(reads)]
+        return holds is not None and len(since) > 0 and holds(before, since)
+
+    def _there(self, fault: Fault) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Tell when a fault is active, and no longer coming on."""
+        read_s = self.broken.time_s
+        return np.asarray(fault.active(read_s) & (read_s >= fault.onset_s + fault.ramp_s - _TIE))
 
     def parameters(self, fault: Fault) -> dict[str, float]:
         """Return the true parameters by the names a diagnosis has: the class's, the onset, where a constant stands."""
@@ -272,8 +291,7 @@ class _Truth:
             return fault.severities["limit"]
         if fault.kind != "jam":
             return None
-        arrived = fault.active(self.broken.time_s) & (self.broken.time_s >= fault.onset_s + fault.ramp_s - _TIE)
-        reads = self.broken[fault.channel][arrived]
+        reads = self.broken[fault.channel][self._there(fault)]
         reads = reads[np.isfinite(reads)]
         return float(reads[0]) if len(reads) else None
 

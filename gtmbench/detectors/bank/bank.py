@@ -20,12 +20,12 @@ _MOST_RESIDUALS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualSpec:
-    """One residual of a bank: a sensor, and what predicts it.
+    """One residual of a bank: a sensor, and what predicts it; or a pseudo output, and sensors that predict it.
 
     Attributes
     ----------
     output : str
-        The sensor.
+        The sensor, or a pseudo input that reproduces one (`is_early`).
     inputs : tuple of str
         Channels and pseudo inputs.
     look_back_s, look_ahead_s : float
@@ -36,6 +36,21 @@ class ResidualSpec:
     inputs: tuple[str, ...]
     look_back_s: float
     look_ahead_s: float
+
+    @property
+    def is_early(self) -> bool:
+        """Whether it raises alarms only, and diagnoses stand on others: its output isn't a sensor."""
+        return self.output in PSEUDO_INPUTS
+
+    @property
+    def source(self) -> str:
+        """The sensor whose residual its alarms are put down to: the output, or what a pseudo output reproduces."""
+        return (PSEUDO_INPUTS[self.output].reproduces or self.output) if self.is_early else self.output
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """The measured channels that enter it."""
+        return frozenset(raw for name in (self.output, *self.inputs) for raw in raw_needs(name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,17 +82,22 @@ class Bank:
     @property
     def channels(self) -> tuple[str, ...]:
         """The measured channels it needs, outputs first."""
-        outputs = [spec.output for spec in self.residuals]
-        inputs = sorted({raw for spec in self.residuals for raw in self.sources(spec)} - set(outputs))
+        outputs = [spec.output for spec in self.diagnostic]
+        inputs = sorted({raw for spec in self.residuals for raw in spec.needs} - set(outputs))
         return (*outputs, *inputs)
+
+    @property
+    def diagnostic(self) -> tuple[ResidualSpec, ...]:
+        """The residuals that diagnoses stand on: all that aren't early."""
+        return tuple(spec for spec in self.residuals if not spec.is_early)
 
     def sources(self, spec: ResidualSpec) -> set[str]:
         """Return the measured channels that a residual's prediction stands on."""
         return {raw for name in spec.inputs for raw in raw_needs(name)}
 
     def affects(self, channel: str) -> tuple[str, ...]:
-        """Return the residuals (by output) that a fault of a channel enters."""
-        return tuple(spec.output for spec in self.residuals if channel == spec.output or channel in self.sources(spec))
+        """Return the residuals (by output, an early one by its source) that a fault of a channel enters."""
+        return tuple(dict.fromkeys(spec.source for spec in self.residuals if channel in spec.needs))
 
     def check_channels(self, channels: Iterable[str]) -> None:
         """Refuse a record that lacks a channel, and say what could be used instead."""
@@ -132,6 +152,7 @@ def bank_of(name: str, table: dict[str, Any]) -> Bank:
     specs: list[ResidualSpec] = []
     for i, block in enumerate(blocks, 1):
         specs.append(_residual_spec(f"residuals, table {i}", block, specs))
+    _check_early(specs)
     bank = Bank(
         name=name,
         title=text("title", table.get("title", name)),
@@ -183,17 +204,35 @@ def _residual_spec(where: str, block: Any, before: list[ResidualSpec]) -> Residu
     inputs = _names(f"{where}: inputs", block.get("inputs"))
     if any(spec.output == output for spec in before):
         raise InputError(f"{where}: output '{output}' has a residual already; name every sensor once")
-    if output in PSEUDO_INPUTS:
-        raise InputError(f"{where}: output '{output}' isn't a sensor; give a measured channel")
     for name in inputs:
-        if output in raw_needs(name):
-            raise InputError(f"{where}: '{name}' holds '{output}' itself; it would predict itself")
+        shared = sorted(raw_needs(output) & raw_needs(name))
+        if shared:
+            raise InputError(f"{where}: '{name}' holds '{shared[0]}' itself; it would predict itself")
     return ResidualSpec(
         output=output,
         inputs=inputs,
         look_back_s=number(f"{where}: look_back_s", block.get("look_back_s", 0.1), 0.0, 60.0),
         look_ahead_s=number(f"{where}: look_ahead_s", block.get("look_ahead_s", 0.1), 0.0, 60.0),
     )
+
+
+def _check_early(specs: list[ResidualSpec]) -> None:
+    """Refuse a pseudo output without a residual of its sensor that every fault enters: alarms couldn't be diagnosed."""
+    sensors = {spec.output: spec.needs for spec in specs if not spec.is_early}
+    for i, spec in enumerate(specs, 1):
+        if not spec.is_early:
+            continue
+        if spec.source not in sensors:
+            raise InputError(
+                f"residuals, table {i}: output '{spec.output}' isn't a sensor; give a measured channel, or beside it "
+                "the residual of the sensor that it reproduces, which its alarms are diagnosed by"
+            )
+        lacking = sorted(spec.needs - sensors[spec.source])
+        if lacking:
+            raise InputError(
+                f"residuals, table {i}: output '{spec.output}' alarms for faults of {', '.join(lacking)}, which don't "
+                f"enter the residual of {spec.source} that they are diagnosed by"
+            )
 
 
 def _statistic(given: Any) -> Statistic:

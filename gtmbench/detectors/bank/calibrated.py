@@ -49,8 +49,9 @@ class CalibratedBank:
     def look_ahead_of(self, output: str) -> float:
         """How long after a sample its residual is judged: d Ts, a sample for derivatives, what uncertainty looks at."""
         operator = self.operators[output]
-        more = any(name in PSEUDO_INPUTS for name in operator.inputs) + (HALF if output in self.uncertainties else 0)
-        return round(operator.look_ahead_s + more * self.sample_period_s, 9)
+        ahead = operator.noncausal_order + any(name in PSEUDO_INPUTS for name in operator.inputs)
+        ahead = max(ahead, int(output in PSEUDO_INPUTS)) + (HALF if output in self.uncertainties else 0)
+        return round(ahead * self.sample_period_s, 9)
 
     def corrected_look_ahead_of(self, output: str) -> float:
         """How long after a sample its residual exists with virtual sensors in place of channels that it stands on."""
@@ -119,11 +120,11 @@ def residuals_of(
     """Derive what the operators of a bank need, predict, subtract."""
     raw, predicted = {}, {}
     specs = [spec for spec in bank.residuals if outputs is None or spec.output in outputs]
-    inputs = tuple(dict.fromkeys(name for spec in specs for name in spec.inputs))
+    names = tuple(dict.fromkeys(name for spec in specs for name in (spec.output, *spec.inputs)))
     # once: the residuals of a bank share angles and slopes
-    columns = dict(zip(inputs, derived(record, inputs, among=bank.channels), strict=True))
+    columns = dict(zip(names, derived(record, names, among=bank.channels), strict=True))
     for spec in specs:
         operator = operators[spec.output]
         hat = operator.predicted([columns[name] for name in operator.inputs])[:, 0]
-        raw[spec.output], predicted[spec.output] = sealed(record[spec.output] - hat), sealed(hat)
+        raw[spec.output], predicted[spec.output] = sealed(columns[spec.output] - hat), sealed(hat)
     return BankResiduals(raw=MappingProxyType(raw), predicted=MappingProxyType(predicted))

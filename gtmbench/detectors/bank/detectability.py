@@ -95,11 +95,11 @@ def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> S
         raise InputError(f"a {type(source).__name__} has no signatures; give a Bank or a CalibratedBank")
     if record is not None and monitor is None:
         raise InputError("strengths are measured with a monitor; give one of `calibrate` or `load_monitor`")
-    pattern = {channel: tuple(_entry(bank, spec, channel) for spec in bank.residuals) for channel in bank.channels}
+    pattern = {channel: tuple(_entry(bank, spec, channel) for spec in bank.diagnostic) for channel in bank.channels}
     return Signatures(
         bank=bank,
         channels=bank.channels,
-        outputs=tuple(spec.output for spec in bank.residuals),
+        outputs=tuple(spec.output for spec in bank.diagnostic),
         pattern=pattern,
         strength=None if record is None or monitor is None else _strength(monitor, record),
         blind_spots=tuple(_blind_spots(bank, pattern, monitor)),
@@ -125,7 +125,7 @@ def _offset_enters(spec: ResidualSpec, channel: str) -> bool:
 
 def _strength(monitor: CalibratedBank, record: Record) -> FloatArray:
     check_record(record)
-    outputs = [spec.output for spec in monitor.bank.residuals]
+    outputs = [spec.output for spec in monitor.bank.diagnostic]
     healthy = _rms(monitor, record, outputs)
     short = [output for output, rms in healthy.items() if not rms > 0.0]
     if short:
@@ -211,7 +211,7 @@ def _contained(bank: Bank, pattern: Pattern) -> list[str]:
 
 
 def _unpredicted(bank: Bank) -> list[str]:
-    outputs = [spec.output for spec in bank.residuals]
+    outputs = [spec.output for spec in bank.diagnostic]
     lacking = [name for name in bank.channels if name not in outputs and not integrable(name, bank.channels)]
     suspects = [name for name in bank.suspects if name in lacking]
     others = [name for name in bank.channels if name not in bank.suspects]
@@ -256,7 +256,7 @@ def _tests(bank: Bank, monitor: CalibratedBank | None) -> list[str]:
             *sentences,
             f"A change much slower than these {test.baseline_s:g} s takes their mean along and isn't seen.",
         ]
-    slowest = {name: slowest_drift(monitor, name) for name in monitor.operators}
+    slowest = {spec.output: slowest_drift(monitor, spec.output) for spec in bank.diagnostic}
     told = [f"{name} {value:.2g} {unit_of(name)} per s" for name, value in slowest.items() if np.isfinite(value)]
     return [
         *sentences,

@@ -43,7 +43,7 @@ def identified(
     period_s = records[0].sample_period_s
     causal, noncausal = round(spec.look_back_s / period_s), round(spec.look_ahead_s / period_s)
     channels = [*spec.inputs, spec.output]
-    derived = [derive(record, spec.inputs).select(channels) for record in records]
+    derived = [derive(record, channels).select(channels) for record in records]
     if isinstance(estimator, Bayesian):
         problem = _posed(derived, spec, causal, noncausal, scale)
         return operator_of(problem, estimator.estimate(problem), estimator), problem.scale

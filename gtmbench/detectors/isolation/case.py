@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.channels import axis_of
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
+from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.record import FloatArray, Record
 
-WITNESSES = ("nx", "ny", "nz")  # what a hypothesis may read beside the bank's channels, where a record has them
+ACCELEROMETERS = ("nx", "ny", "nz")
+WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
-_SMOOTH_S = 0.2
+_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
+_FREQUENCIES = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +41,8 @@ class Case:
         Means of the residuals before the fault (biases), in the outputs' units.
     habits : dict
         How the suspects read before the fault.
+    referees : dict
+        Of gyros, where there are air data beside them.
     """
 
     monitor: CalibratedBank
@@ -47,6 +53,12 @@ class Case:
     sure: int
     shift: Mapping[str, float]
     habits: Mapping[str, Habit]
+    referees: Mapping[str, Referee] = field(default_factory=dict)
+
+    def with_record(self, record: Record) -> Case:
+        """Return the case had another record been read."""
+        residuals = residuals_of(self.monitor.bank, record, self.monitor.operators, self.residuals.raw)
+        return replace(self, record=record, residuals=replace(self.residuals, raw=residuals.raw))
 
     @property
     def period_s(self) -> float:
@@ -105,6 +117,25 @@ class Case:
             for channel, habit in self.habits.items()
         }
 
+    def objection(self, suspect: str) -> float:
+        """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""
+        axis = axis_of(suspect)
+        if axis not in self._objections:
+            self._objections[axis] = self._refereed(axis)
+        return self._objections[axis].get(suspect, 0.0)
+
+    def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
+        referee = self.referees.get(axis[0])
+        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
+        if referee is None or not set(axis) <= set(virtual):
+            return {}
+        return referee.objections(self.record, virtual, self.judged)
+
+    @cached_property
+    def _objections(self) -> dict[tuple[str, ...], dict[str, float]]:
+        """By axis; those that aren't asked for aren't worked out."""
+        return {}
+
     @property
     def deviance(self) -> float:
         """-2 log likelihood of the case were all sensors healthy."""
@@ -157,17 +188,34 @@ class Case:
         unknown = ~np.isfinite([self.virtual[name] for name in names])
         read = np.nan_to_num([self.record[name] for name in names])
         values = np.where(unknown, read, [self.virtual[name] for name in names])
-        window = 2 * int(0.5 * _SMOOTH_S / self.period_s) + 1
-        if 5 <= window <= len(self.record):
+        window = self._window
+        if window:
             near = [np.convolve(rows, np.ones(window), mode="same") > 0.5 for rows in unknown]
-            values = np.where(near, values, savgol_filter(values, window, 3))
+            values = np.where(near, values, savgol_filter(values, window, _SMOOTH_ORDER))
         return dict(zip(names, values, strict=True))
+
+    @cached_property
+    def smoothing(self) -> FloatArray:
+        """What of each frequency, evenly from 0 to half the sample rate, `expected` keeps."""
+        from scipy.signal import freqz, savgol_coeffs
+
+        if not self._window:
+            return np.ones(1)
+        frequency = np.linspace(0.0, np.pi, _FREQUENCIES)
+        _, response = freqz(savgol_coeffs(self._window, _SMOOTH_ORDER), worN=frequency)
+        return np.real(response * np.exp(1j * frequency * (self._window // 2)))
+
+    @property
+    def _window(self) -> int:
+        """Rows over which `expected` is smooth; 0 where there are too few."""
+        window = 2 * int(0.5 * _SMOOTH_S / self.period_s) + 1
+        return window if 5 <= window <= len(self.record) else 0
 
     @cached_property
     def _unbiased(self) -> Record:
         """The record, its gyros without the biases that they had before the fault."""
         record = self.record
-        for spec in self.monitor.bank.residuals:
+        for spec in self.monitor.bank.diagnostic:
             # kinematics alone: the mean of the residual is the gyro's bias
             is_kinematic = len(spec.inputs) == 1 and spec.inputs[0] in PSEUDO_INPUTS
             if is_kinematic and spec.output in self.residuals.raw:

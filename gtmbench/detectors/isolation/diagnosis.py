@@ -27,6 +27,7 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, greatest
+from gtmbench.detectors.isolation.readings import is_straighter
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
@@ -55,7 +56,7 @@ def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
     Where the attitude follows from the gyros, a fault of one enters them all.
     """
     if bank.attitude_from_gyros and candidates:
-        return {spec.output for spec in bank.residuals}
+        return {spec.output for spec in bank.diagnostic}
     return {output for name in candidates for output in bank.affects(name)}
 
 
@@ -256,8 +257,9 @@ def _untestable(case: Case) -> list[str]:
 def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
 
-    Since then the residuals as they are must look healthy, and explain the record decisively better than with the
-    fault undone to the end, and than `rival`, the BIC of the best fault that lasts: a saturation that isn't reached
+    Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
+    explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
+    is `rival`: a saturation that isn't reached
     ends nothing. For gyros only: where an angle should be, the gyros can't say for long.
     """
     fault = fault_of(best)
@@ -293,6 +295,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     ended = int(ends[np.argmin(deviances)])
     lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
     healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
+    healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
         return None
     return round(float(case.record.time_s[case.judged.start + ended]), 9)

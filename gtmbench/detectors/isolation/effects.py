@@ -60,13 +60,13 @@ def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: Flo
     middle = 0.5 * (record[channel] + np.where(np.isfinite(virtual), virtual, record[channel]))
     about = record.replace(channel, middle)
     paths = []
-    names = {name for spec in monitor.bank.residuals for name in monitor.operators[spec.output].inputs}
+    names = {name for spec in monitor.bank.diagnostic for name in monitor.operators[spec.output].inputs}
     slopes = {
         name: [np.nan_to_num(values) for values in sensitivities(about, name, channel)]
         for name in names
         if name in PSEUDO_INPUTS and channel in raw_needs(name)
     }
-    for spec in monitor.bank.residuals:
+    for spec in monitor.bank.diagnostic:
         whitener, operator = monitor.whiteners[spec.output], monitor.operators[spec.output]
         taps = whitener.coefficients / whitener.deviation
         if channel == spec.output:

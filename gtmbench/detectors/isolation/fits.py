@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
 from gtmbench.channels import axis_of
-from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
@@ -29,7 +29,12 @@ class FittedHypothesis(Fit):
 
 def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
     """Return those of some channels that have a virtual sensor."""
-    return [suspect for name in channels if (suspect := Suspect.of(case, name)) is not None]
+    return [suspect for name in channels if (suspect := _suspect(case, name)) is not None]
+
+
+@lru_cache(maxsize=12)  # one case is judged in several steps
+def _suspect(case: Case, channel: str) -> Suspect | None:
+    return Suspect.of(case, channel)
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:
@@ -42,15 +47,18 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     penalty = float(np.log(max(case.count, 2)))
     suspects = suspects_in(case, channels)
     fitters = [Fitter(suspect, without) for suspect in suspects]
-    bounds = {fitter.suspect.channel: _bound(fitter) for fitter in fitters}
-    of_axis = {name: min(bounds[other] for other in axis_of(name) if other in bounds) for name in bounds}
+    mates = {
+        fitter: [other for other in fitters if other.suspect.channel in axis_of(fitter.suspect.channel)]
+        for fitter in fitters
+    }
     ranking: list[FittedHypothesis] = []
-    for fitter in sorted(fitters, key=lambda fitter: of_axis[fitter.suspect.channel]):
-        least = min((fit.bic for fit in ranking), default=np.inf)
-        if of_axis[fitter.suspect.channel] > least + _HOPELESS:
+    for fitter in sorted(fitters, key=lambda fitter: min(_left_by_shapes(mate) for mate in mates[fitter])):
+        most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
+        if all(_leaves_more(mate, most) for mate in mates[fitter]):
             continue
+        objection = case.objection(fitter.suspect.channel)
         for fit in (*known(fitter), *unknown(fitter)):
-            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty
+            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty + objection
             if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
                 bic -= fitter.suspect.sick_elsewhere
             ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))
@@ -73,13 +81,17 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 
-def _bound(fitter: Fitter) -> float:
-    """Return about the least that a suspect can leave; one whose readings hold or clip can't be told by that."""
-    if fitter.is_straight:
-        return -np.inf
-    every = tuple(fitter.shapes)
-    lefts = [fitter.plain(*every), *(noise.left for noise in fitter.noises(*every))]
-    return min(each.deviance for each in lefts) + fitter.suspect.elsewhere
+def _left_by_shapes(fitter: Fitter) -> float:
+    """Return about the least that a suspect leaves without noise; of one that holds or clips shapes don't tell."""
+    return -np.inf if fitter.is_straight else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
+
+
+def _leaves_more(fitter: Fitter, most: float) -> bool:
+    """Tell whether a suspect leaves more than so much with whatever simple shape and noise."""
+    elsewhere = fitter.suspect.elsewhere
+    if _left_by_shapes(fitter) <= most or elsewhere > most:
+        return _left_by_shapes(fitter) > most
+    return all(noise.left.deviance + elsewhere > most for noise in fitter.noises(*fitter.shapes))
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:
@@ -105,7 +117,6 @@ def _swapped_back(case: Case, one: str, other: str) -> Left:
     since = np.arange(len(case.record)) >= case.onset
     ones, others = case.record[one], case.record[other]
     record = case.record.replace(one, np.where(since, others, ones)).replace(other, np.where(since, ones, others))
-    residuals = residuals_of(case.monitor.bank, record, case.monitor.operators, case.residuals.raw)
-    swapped = replace(case, record=record, residuals=replace(case.residuals, raw=residuals.raw))
+    swapped = case.with_record(record)
     white = np.array([values[case.judged] for values in swapped.white.values()])
     return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), white=white)

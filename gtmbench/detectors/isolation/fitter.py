@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from gtmbench.detectors.isolation.case import WITNESSES, own
+from gtmbench.channels import axis_of
+from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
-from gtmbench.detectors.isolation.readings import straight_rows
+from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
 from gtmbench.record import FloatArray
 
@@ -21,8 +23,9 @@ UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
 _HELD = ("jam", "stuck", "hardover", "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
+_FINER = 4  # lines of a spectrum than rows
+_MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
-_STRAIGHTER = 0.005  # of the rows judged, more than before
 WORTH = 10.0  # of -2 log likelihood, that a search is worth
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
@@ -44,6 +47,9 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("sin", "cos"),
     ("1", "sin", "cos"),
     ("1", "x", "x'"),
+    ("t", "x"),  # an offset of a rate is a slope of its angle: what one may have, the other may
+    ("t", "sin", "cos"),
+    ("t", "x", "x'"),
 )
 
 
@@ -126,19 +132,22 @@ class Fitter:
             "cos": np.cos(frequency * t),
         }
         for name, readings in self.peers.items():
-            shapes[f"of {name}"] = readings - (readings[0] if name == "psi" else 0.0)
+            shapes[f"of {name}"] = readings
         shapes |= {f"of {name}": readings for name, readings in self.felt.items()}
         return {name: shape * self.on for name, shape in shapes.items()}
 
     @cached_property
     def frequency_hz(self) -> float:
         """Where the spectrum of the residual that holds most of the fault peaks."""
+        from scipy.fft import next_fast_len, rfft, rfftfreq
+
         residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
         whites = np.nan_to_num(self.suspect.white[residuals])
         white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
         rows = len(white)
-        spectrum = np.abs(np.fft.rfft(white * np.hanning(rows), 8 * rows))
-        frequency = np.fft.rfftfreq(8 * rows, self.period_s).astype(np.float64)
+        size = next_fast_len(_FINER * rows, real=True)
+        spectrum = np.abs(rfft(white * np.hanning(rows), size))
+        frequency = rfftfreq(size, self.period_s).astype(np.float64)
         spectrum[frequency < 1.5 / (rows * self.period_s)] = 0.0
         peak = int(np.argmax(spectrum))
         at, around = float(frequency[peak]), slice(peak - 1, peak + 2)
@@ -168,24 +177,36 @@ class Fitter:
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""
         if names not in self._plain:
-            self._plain[names] = self.suspect.plain(self.columns.fit(names)[1])
+            self._plain[names] = self._dense(names, self.suspect.plain(self.columns.fit(names)[1]))
         return self._plain[names]
 
     def noises(self, *names: str) -> tuple[NoiseFit, NoiseFit]:
         """Return the best white noise and the best random walk beside some shapes."""
         if names not in self._noises:
-            self._noises[names] = self._noise.fits(self.columns.fit(names)[1])
+            white, walk = self._noise.fits(self.columns.fit(names)[1])
+            white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in (white, walk))
+            self._noises[names] = white, walk
         return self._noises[names]
+
+    def _dense(self, names: tuple[str, ...], left: Left) -> Left:
+        """Make a density of what an angle's gain leaves one of what was read.
+
+        What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
+        residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
+        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are.
+        """
+        channel, case = self.suspect.channel, self.suspect.case
+        gyro = axis_of(channel)[0]
+        if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
+            return left
+        weight = float(np.clip(self.weights(*names)[names.index("x")], -_MOST_GAIN, _MOST_GAIN))
+        rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
+        volume = rows * float(np.mean(np.log(np.square(1.0 + weight * case.smoothing))))
+        return replace(left, deviance=left.deviance - volume)
 
     def left_of(self, changes: FloatArray) -> FloatArray:
         """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
         return self.suspect.white - self.suspect.shown(changes)
-
-    @cached_property
-    def straight(self) -> float:
-        """The share of the rows judged that are dead straight."""
-        judged = self.suspect.measured[self.suspect.judged]
-        return float(straight_rows(judged).mean()) if len(judged) else 0.0
 
     @cached_property
     def is_constant(self) -> bool:
@@ -197,8 +218,8 @@ class Fitter:
     @cached_property
     def is_straight(self) -> bool:
         """Whether it is dead straight more often than it was."""
-        habit = self.suspect.case.habits.get(self.suspect.channel)
-        return self.straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
+        suspect = self.suspect
+        return is_straighter(suspect.measured[suspect.judged], suspect.case.habits.get(suspect.channel))
 
     @cached_property
     def straight_step(self) -> float:
@@ -278,9 +299,9 @@ def _peers(suspect: Suspect) -> dict[str, FloatArray]:
 
 
 def _felt(suspect: Suspect) -> dict[str, FloatArray]:
-    """Return what accelerometers read that may leak into a gyro, in g; their mean where a reading is missing."""
+    """Return what accelerometers read that may leak into a sensor, in g; their mean where a reading is missing."""
     record = suspect.case.record
-    names = [name for name in WITNESSES if suspect.channel in PEERS[0] and name in record.channels]
+    names = [name for name in ACCELEROMETERS if name in record.channels]
     felt = {name: record[name][suspect.case.start :] for name in names}
     there = {name: np.isfinite(readings) for name, readings in felt.items()}
     return {

@@ -20,8 +20,9 @@ from gtmbench.detectors.isolation.suspect import Left, Suspect
 
 _REPLACED = 0.1  # of the signal, may be left of it
 _SOON_S = 0.1
-_LOUDER = 1.05  # a gain that noise shows
-_ABOUT = 3.0
+_FLIPPED = 0.1  # a gain that near -1 is a wrong sign: what was expected is no better known
+_LEAST_GAIN = 0.1  # less is replaced
+_TURNED = 0.1  # a sensor that is turned keeps its gain, but for as much
 _BEYOND = 1.5  # times the greatest reading before: nothing healthy
 _EVENLY = 0.8  # of the readings are repeated equally often
 _REPEATED = 3  # samples and more are no chance
@@ -79,18 +80,20 @@ def _oscillation(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
-    """Give a wrong gain, which the sensor's own noise may have, too, and a wrong sign."""
+    """Give a wrong gain, of the signal or of all that is read, noise too, and a wrong sign."""
     (more,) = fitter.weights("x")
     factor = 1.0 + float(more)
+    is_flipped = abs(factor + 1.0) < _FLIPPED
     plain = fitter.shaped(
-        "scale_factor", "multiplicative", ("x",), {"factor": factor}, partial(_errors, fitter, "factor", "x")
+        "sign_flip" if is_flipped else "scale_factor",
+        "multiplicative",
+        ("x",),
+        {} if is_flipped else {"factor": factor},
+        dict if is_flipped else partial(_errors, fitter, "factor", "x"),
     )
     yield plain
-    noise, habit = fitter.noises("x")[0], fitter.suspect.case.habits.get(fitter.suspect.channel)
-    if habit is not None and factor > _LOUDER:
-        times = noise.variance / ((factor**2 - 1.0) * habit.variance)
-        if 1.0 / _ABOUT < times < _ABOUT:
-            yield replace(plain, left=noise.left, free=2)
+    if abs(factor) > _LEAST_GAIN:
+        yield replace(plain, left=fitter.suspect.rescaled(factor))
     yield fitter.fixed("sign_flip", "multiplicative", -2.0 * fitter.shapes["x"], {}, 0)
 
 
@@ -189,6 +192,8 @@ def _crossing(fitter: Fitter) -> Iterator[Fit]:
     for name in fitter.peers:
         names = ("x", f"of {name}")
         more, other = fitter.weights(*names)
+        if more < -1.0 or abs(np.hypot(1.0 + more, other) - 1.0) > _TURNED:
+            continue
         found = {"angle_deg": float(np.rad2deg(np.arctan2(other, 1.0 + more)))}
         errors = partial(_angle_error, fitter, names)
         yield fitter.shaped("misalignment", "cross-axis", names, found, errors, partner=name)
@@ -197,7 +202,7 @@ def _crossing(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _leaking(fitter: Fitter, axis: str) -> Iterator[Fit]:
-    """Give the fit of a gyro that feels acceleration; none while the accelerometer tells no more than a bias does."""
+    """Give the fit of a sensor that feels acceleration; none while the accelerometer tells no more than a bias does."""
     of_axis = f"of {axis}"
     if fitter.plain(of_axis).deviance <= fitter.plain("1").deviance - WORTH:
         found = {"coefficient": float(fitter.weights(of_axis)[0])}

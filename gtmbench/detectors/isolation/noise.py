@@ -13,9 +13,11 @@ from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.record import FloatArray
 
-_VARIANCES = np.geomspace(1e-3, 1e4, 24)  # of noise that a fault adds, over the noise that is there
+_VARIANCES = np.geomspace(1e-3, 1e5, 27)  # of noise that a fault adds, over the noise that is there
 _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
+_LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
+_TURNS = 4
 _SPIKE = 40.0  # of -2 log likelihood, that a spike explains
 
 Indices = np.ndarray[Any, np.dtype[np.int_]]
@@ -56,23 +58,24 @@ class _Spectra:
 
     Attributes
     ----------
-    unit : float
-        What the variances are multiples of.
+    variances : shape (variances,)
     logs : shape (variances,)
         Sums of log S.
     inverse : shape (variances, outputs * bins)
         1/S.
     """
 
-    unit: float
+    variances: FloatArray
     logs: FloatArray
     inverse: FloatArray
 
     @classmethod
-    def of(cls, power: FloatArray, counts: FloatArray) -> _Spectra:
-        unit = 1.0 / max(float(np.median(power[0])), 1e-12)
-        spectra = 1.0 + np.outer(_VARIANCES * unit, power)
-        return cls(unit=unit, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
+    def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:
+        variances = _VARIANCES / max(float(np.median(power, axis=1).max()), 1e-12)  # where it shows most
+        if least > 0.0:
+            variances = np.geomspace(least, max(variances[-1], 4.0 * least), len(variances))
+        spectra = 1.0 + np.outer(variances, power)
+        return cls(variances=variances, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
 
     def deviances(self, binned: FloatArray) -> FloatArray:
         """Return -2 log likelihood of a periodogram, shape (outputs, bins), of each variance."""
@@ -93,21 +96,24 @@ class Noise:
 
     def fits(self, left: FloatArray) -> tuple[NoiseFit, NoiseFit]:
         """Return the best white noise and the best random walk on the readings, of what is left otherwise."""
+        from scipy.fft import rfft
+
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
-        lines = np.fft.rfft(np.where(self._there, left, 0.0))
+        lines = rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
         binned = np.add.reduceat(weights * (np.square(lines.real) + np.square(lines.imag)) / counts, edges, axis=1)
         return self._best(left, binned, self._white), self._best(left, binned, self._walk)
 
     def _best(self, left: FloatArray, binned: FloatArray, spectra: _Spectra) -> NoiseFit:
         total = spectra.deviances(binned)
-        at, spread = _bottom(total)
+        at, spread = _bottom(np.log(spectra.variances), total)
         left_of = Left(deviance=float(total.min()), outputs=self._suspect.outputs, white=left)
-        return NoiseFit(left=left_of, variance=float(np.exp(at) * spectra.unit), spread=spread)
+        return NoiseFit(left=left_of, variance=float(np.exp(at)), spread=spread)
 
     @cached_property
     def _white(self) -> _Spectra:
-        return _Spectra.of(self._power, self._counts)
+        habit = self._suspect.case.habits.get(self._suspect.channel)
+        return _Spectra.of(self._power, self._counts, 0.0 if habit is None else _LEAST * habit.variance)
 
     @cached_property
     def _walk(self) -> _Spectra:
@@ -122,15 +128,24 @@ class Noise:
     @cached_property
     def _bins(self) -> tuple[FloatArray, FloatArray, Indices]:
         """Return weights and angular frequencies of a periodogram's lines, and where bins of them begin."""
-        rows = self._suspect.white.shape[1]
-        lines = rows // 2 + 1
-        weights = np.full(lines, 2.0)
-        weights[0] = 1.0
-        if rows % 2 == 0:
-            weights[-1] = 1.0
-        edges = np.concatenate([np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)])
+        rows, size = self._suspect.white.shape[1], self._size
+        lines = size // 2 + 1
+        weights = np.full(lines, 2.0 * rows / size)  # they count as many as there are samples
+        weights[0] = rows / size
+        if size % 2 == 0:
+            weights[-1] = rows / size
+        edges: Indices = np.concatenate(
+            [np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)]
+        )
         edges = np.unique(edges[edges < lines])
-        return weights, np.arange(lines) * (2.0 * np.pi / rows), edges
+        return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
+
+    @cached_property
+    def _size(self) -> int:
+        """Of a periodogram: at least the rows, and fast."""
+        from scipy.fft import next_fast_len
+
+        return int(next_fast_len(self._suspect.white.shape[1], real=True))
 
     @cached_property
     def _frequency(self) -> FloatArray:
@@ -156,34 +171,50 @@ def spikes_of(suspect: Suspect) -> SpikesFit | None:
     if habit is None:
         return None
     taps = habit.taps
-    white = np.nan_to_num(suspect.white[suspect.outputs.index(own(suspect.channel))])
-    power = float(taps @ taps)
-    sizes = np.correlate(white, taps, "full")[len(taps) - 1 :] / power
-    gain = np.square(sizes) * power
-    rows: list[int] = []
-    for row in np.argsort(gain)[::-1][: len(gain) // 10].tolist():
-        if gain[row] < _SPIKE:
-            break
-        if all(abs(row - other) > 2 for other in rows):
-            rows.append(row)
-    if not rows:
+    sizes = spikes_in(np.nan_to_num(suspect.white[suspect.outputs.index(own(suspect.channel))]), taps)
+    rows = np.flatnonzero(sizes)
+    if not len(rows):
         return None
     changes = np.zeros((1, len(suspect.measured)))
-    changes[0, np.array(rows) + suspect.judged.start] = sizes[rows]
+    changes[0, rows + suspect.judged.start] = sizes[rows]
     left = suspect.plain(suspect.white - suspect.shown(changes)[0])
-    cost = 2.0 * len(rows) * float(np.log(len(white)))
+    cost = 2.0 * len(rows) * float(np.log(len(sizes)))
     return SpikesFit(
         left=Left(deviance=left.deviance + cost, outputs=left.outputs, white=left.white),
         count=len(rows),
         size=float(np.median(np.abs(sizes[rows]))),
-        size_error=float(1.0 / np.sqrt(len(rows) * power)),
-        rate_hz=len(rows) / (len(white) * suspect.case.period_s),
+        size_error=float(1.0 / np.sqrt(len(rows) * (taps @ taps))),
+        rate_hz=len(rows) / (len(sizes) * suspect.case.period_s),
     )
 
 
-def _bottom(deviances: FloatArray) -> tuple[float, float]:
+def spikes_in(innovations: FloatArray, taps: FloatArray) -> FloatArray:
+    """Return the sizes of single samples that are off, row by row, the largest found and taken away first.
+
+    One shows in as many innovations as the filter has taps, and its neighbours' best sizes are echoes of it.
+    """
+    left, power = innovations.copy(), float(taps @ taps)
+    sizes = np.zeros_like(left)
+
+    def take(row: int) -> None:
+        after = slice(row, row + len(taps))
+        size = float(left[after] @ taps[: len(left) - row]) / power
+        sizes[row] += size
+        left[after] -= size * taps[: len(left) - row]
+
+    for _ in range(len(left) // 10):
+        gains = np.square(np.correlate(left, taps, "full")[len(taps) - 1 :]) / power
+        if gains.max() < _SPIKE:
+            break
+        take(int(np.argmax(gains)))
+    for row in _TURNS * np.flatnonzero(sizes).tolist():  # neighbours' echoes were in the first ones' sizes
+        take(row)
+    return sizes
+
+
+def _bottom(logs: FloatArray, deviances: FloatArray) -> tuple[float, float]:
     """Return the logarithm of the likeliest variance, by the parabola there, and the standard error of that."""
-    logs, best = np.log(_VARIANCES), int(np.argmin(deviances))
+    best = int(np.argmin(deviances))
     if not 0 < best < len(logs) - 1:
         return float(logs[best]), float("nan")
     at, bend = vertex(logs[best - 1 : best + 2], deviances[best - 1 : best + 2])

@@ -16,12 +16,13 @@ from gtmbench.method.autoregressive import innovations
 from gtmbench.record import FloatArray
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
-_ALIKE = 2.0  # its samples aren't independent: about half of them count
+ALIKE = 2.0  # its samples aren't independent: about half of them count
 _ROWS = 3000  # learnt from, at most
 _LEAST = 200
 _BLOCK = 100
 _UNSTEADY = 1.7  # times the variance: blocks of a steady noise stay below
 _STRAIGHT = 1e-9  # of the readings' size
+_STRAIGHTER = 0.005  # of the rows, more than before
 _AROUND = 25  # rows
 _DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good to a quarter
 _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
@@ -47,17 +48,20 @@ class Habit:
         Share of rows whose second difference is zero: it repeats itself, or runs dead straight.
     reach : float
         Its greatest magnitude.
+    is_steady : bool
+        Whether its noise is as loud at all times, so that a little more or less of it tells.
     """
 
     taps: FloatArray = field(repr=False)
     quietest: float
     straight: float
     reach: float
+    is_steady: bool = True
 
     @property
     def variance(self) -> float:
         """Of its noise, in the channel's unit squared, were that white."""
-        return 1.0 / (_ALIKE * float(np.sum(np.square(self.taps))))
+        return 1.0 / (ALIKE * float(np.sum(np.square(self.taps))))
 
     def innovations(self, readings: FloatArray) -> FloatArray:
         """Return its noise, in deviations; NaN where a reading that it needs is missing."""
@@ -75,7 +79,7 @@ class Habit:
         """Return -2 log likelihood of `count` samples of noise by their sum of squares, which may be less than ever."""
         if not self.quietest:
             return squares
-        samples = max(count, 1) / _ALIKE
+        samples = max(count, 1) / ALIKE
         level = np.clip(squares / samples * _STEADY / self.quietest, _QUIETEST, 1.0)
         return np.asarray(samples * np.log(level) + squares / level)
 
@@ -95,7 +99,8 @@ def habit_of(readings: FloatArray) -> Habit | None:
         return None
     blocks = np.square(left[: len(left) // _BLOCK * _BLOCK]).reshape(-1, _BLOCK).mean(axis=1)
     variance = float(np.mean(np.square(left)))
-    if blocks.max() > _UNSTEADY * variance:  # gusts, vibration: only what is more than all of that tells of the sensor
+    is_steady = bool(blocks.max() <= _UNSTEADY * variance)
+    if not is_steady:  # gusts, vibration: only what is more than all of that tells of the sensor
         variance = float(blocks.max())
     if not variance > (1e-9 * max(float(np.nanmax(np.abs(last))), 1e-12)) ** 2:
         return None
@@ -104,8 +109,15 @@ def habit_of(readings: FloatArray) -> Habit | None:
     if len(np.unique(there)) < _DISTINCT * len(there):  # counts of a converter repeat whenever little moves
         straight, quietest = 1.0, 0.0
     quietest = min(quietest, 1.0)
-    taps = _DIFFERENCE / np.sqrt(_ALIKE * variance)
-    return Habit(taps=taps, quietest=quietest, straight=straight, reach=float(np.nanmax(np.abs(last))))
+    taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
+    reach = float(np.nanmax(np.abs(last)))
+    return Habit(taps=taps, quietest=quietest, straight=straight, reach=reach, is_steady=is_steady)
+
+
+def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
+    """Tell whether readings are dead straight more often than is usual: they are held, clipped or rounded."""
+    straight = float(straight_rows(readings).mean()) if len(readings) else 0.0
+    return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
 
 
 def straight_rows(readings: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -11,9 +11,12 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.effects import Effects, Path, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
+from gtmbench.detectors.isolation.readings import ALIKE
+from gtmbench.detectors.virtual import ANGLES
 from gtmbench.record import FloatArray
 
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
+_FAR_DEG = 5.0
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
@@ -126,12 +129,34 @@ class Suspect:
 
         Its own innovations are missing where it isn't known what it should have read, too.
         """
-        white = np.array([self.case.white[output][self.case.judged] for output in self.outputs])
+        white = self._near if self._is_far else self._as_measured
         unknown = ~np.isfinite(self.virtual)
         if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
             reach = np.ones(len(self.case.habits[self.channel].taps))
             white[-1, np.convolve(unknown, reach)[self.judged] > 0.5] = np.nan
         return white
+
+    @property
+    def _as_measured(self) -> FloatArray:
+        return np.asarray([self.case.white[output][self.case.judged] for output in self.outputs], dtype=float)
+
+    @cached_property
+    def _is_far(self) -> bool:
+        """Whether an angle reads so far off that what it adds to the residuals is no longer linear."""
+        off = np.abs(self.measured - self.virtual)[self.sure :]
+        return self.channel in ANGLES and bool(np.nanmax(off, initial=0.0) > _FAR_DEG)
+
+    @property
+    def _near(self) -> FloatArray:
+        """The residuals had it read what it should have, and what its change adds as if that were linear."""
+        case = self.case
+        changes = np.where(np.arange(len(self.measured)) >= self.onset, self.measured - self.virtual, 0.0)
+        changes = np.nan_to_num(changes)
+        readings = case.record[self.channel].copy()
+        readings[case.start :] -= changes
+        near = case.with_record(case.record.replace(self.channel, readings))
+        white = np.array([near.white[output][case.judged] for output in self.outputs])
+        return np.asarray(white + self.shown(changes[np.newaxis])[0])
 
     @cached_property
     def there(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -166,14 +191,34 @@ class Suspect:
 
     def shown(self, changes: FloatArray) -> FloatArray:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
-        waves = self._effects.of(np.nan_to_num(changes), self.judged)
-        shown = np.empty((len(changes), *self.white.shape))
+        waves = self._effects.of(changes if np.isfinite(changes).all() else np.nan_to_num(changes), self.judged)
+        shown = np.empty((len(changes), len(self.outputs), self.judged.stop - self.judged.start))
         for i, output in enumerate(self.outputs):
             shown[:, i] = waves[output]
             spread = self.case.spread(output)
             if not isinstance(spread, float):
                 shown[:, i] /= spread[self.case.judged]
         return shown
+
+    def rescaled(self, factor: float) -> Left:
+        """Weigh a sensor whose readings have been multiplied by a factor, their noise too, or all but that.
+
+        Divided by it they are healthy; a density of what is divided is one of what was read over the factor.
+        """
+        begun = np.arange(len(self.measured)) >= self.onset
+        first = self.measured[self.onset] if self.channel == "psi" else 0.0  # a heading's zero is any
+        changes = np.where(begun, (1.0 - 1.0 / factor) * (self.measured - first), 0.0)
+        left = self.white - self.shown(changes[np.newaxis])[0]
+        deviance, louder = 0.0, float(np.log(factor**2))
+        for output, white in zip(self.outputs, left, strict=True):
+            count = float(np.isfinite(white).sum())
+            if output != own(self.channel):
+                deviance += energy(white) + (count * louder if output == self.channel else 0.0)
+            elif self.case.habits[self.channel].is_steady:
+                deviance += min(energy(white) + count / ALIKE * louder, self._as_read)
+            else:
+                deviance += self._as_read
+        return Left(deviance=deviance, outputs=self.outputs, white=left)
 
     def plain(self, left: FloatArray) -> Left:
         """Weigh residuals, shape (outputs, rows), that should be healthy noise."""

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
@@ -48,11 +48,12 @@ from gtmbench.detectors.isolation.diagnosis import (
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
+from gtmbench.detectors.isolation.referee import Referee, referees_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.record import FloatArray, Record
 
 HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
@@ -69,6 +70,8 @@ class Arming:
 
     Attributes
     ----------
+    source : str
+        Whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about.
     came_down : bool
         Whether it has been known at or below 1 since watching it began.
     low : bool
@@ -80,6 +83,7 @@ class Arming:
     """
 
     output: str
+    source: str
     track: Track
     came_down: bool = False
     low: bool = False
@@ -148,6 +152,7 @@ class OpenFault:
     start: int  # from where on the suspect isn't believed
     shift: dict[str, float]
     habits: dict[str, Habit]
+    referees: dict[str, Referee] = field(default_factory=dict)
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
@@ -188,10 +193,12 @@ class AlarmLogic:
         for family in self._without:
             if family not in FAMILIES:
                 raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
+        sources = {spec.output: spec.source for spec in self._bank.residuals}
         self.arming = [
-            Arming(output=output, track=track, changes=[] if keeps_changes else None)
+            Arming(output=output, source=sources[output], track=track, changes=[] if keeps_changes else None)
             for output, track in sorted(tracks.items())
         ]
+        self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
         self.alarms: list[Alarm] = []
@@ -224,8 +231,8 @@ class AlarmLogic:
         row = self.row
         risen = [arming for arming, score in zip(self.arming, scores, strict=True) if arming.take(score, row)]
         self.row += 1
-        for arming in risen:
-            self._raise(arming, row)
+        for source in dict.fromkeys(arming.source for arming in risen):
+            self._raise(next(arming for arming in risen if arming.source == source), row)
         return bool(risen)
 
     def _watch(self, stop: int) -> None:
@@ -242,17 +249,18 @@ class AlarmLogic:
 
     def _raise(self, arming: Arming, row: int) -> None:
         """Raise an alarm with a row."""
-        output, track = arming.output, arming.track
+        output, track = arming.source, arming.track
         scored_row = row - track.ahead
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         crossing = track.crossing(output, scored_row, time_s)
         start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
+        record, before = self._before(start)
         fault = OpenFault(
             alarm=Alarm(
                 number=len(self.alarms),
                 time_s=time_s,
                 onset_s=self._memory.time_s(crossing.onset_row),
-                source=output,
+                source=arming.output,
                 test=crossing.test,
             ),
             crossing=crossing,
@@ -260,7 +268,8 @@ class AlarmLogic:
             due=NEVER,
             horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
             start=start,
-            shift=self._shift(start),
+            # biases
+            shift={output: shift_of(self._monitor, output, raw) for output, raw in before.raw.items()},
             habits={},
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
@@ -276,10 +285,13 @@ class AlarmLogic:
             signature = by_signature(self._bank, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
+            fault.referees = referees_of(self._bank, record, before.predicted)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
-        arming.disarm(row + 1, row)
+        for each in self.arming:
+            if each.source == output:
+                each.disarm(row + 1, row)
         self.due = min(self.due, fault.due)
 
     def _may_diagnose(self, row: int) -> bool:
@@ -287,11 +299,10 @@ class AlarmLogic:
         self._diagnosed = [each for each in self._diagnosed if each > since]
         return len(self._diagnosed) < _MOST
 
-    def _shift(self, start: int) -> dict[str, float]:
-        """Return the residuals' means before a fault (biases), in the outputs' units."""
+    def _before(self, start: int) -> tuple[Record, BankResiduals]:
+        """Return the baseline before a fault, witnesses that are there among its channels."""
         rows = range(max(start - self._rows_of(self._bank.statistic.baseline_s), self._memory.first, 0), start)
-        raw = self._memory.residuals(rows, tuple(arming.output for arming in self.arming)).raw
-        return {output: shift_of(self._monitor, output, before) for output, before in raw.items()}
+        return self._memory.witnessed(rows), self._memory.residuals(rows, self._outputs)
 
     def _habits(self, start: int) -> dict[str, Habit]:
         """Return how the suspects read before a fault."""
@@ -321,7 +332,7 @@ class AlarmLogic:
             last = each.alarm.last
             if last is None or (fault.is_judged and last.sensor is None):
                 continue
-            if fault.alarm.source in entered(self._bank, last.candidates):
+            if fault.crossing.output in entered(self._bank, last.candidates):
                 return each
         return None
 
@@ -333,9 +344,7 @@ class AlarmLogic:
             if each.alarm.last is not None
             for output in entered(self._bank, each.alarm.last.candidates)
         }
-        return tuple(
-            output for output in self._monitor.operators if output == fault.alarm.source or output not in others
-        )
+        return tuple(output for output in self._outputs if output == fault.crossing.output or output not in others)
 
     def _unspoilt(self, fault: OpenFault, outputs: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of some residuals that no other fault enters which has been decided since."""
@@ -346,7 +355,7 @@ class AlarmLogic:
             if last is not None and last.sensor is not None
             for output in entered(self._bank, [last.sensor])
         }
-        return tuple(output for output in outputs if output == fault.alarm.source or output not in spoilt)
+        return tuple(output for output in outputs if output == fault.crossing.output or output not in spoilt)
 
     # ---- judgements ----
 
@@ -356,7 +365,7 @@ class AlarmLogic:
             if fault in self._open and fault.due <= self.row:
                 self._look_at(fault)
         for arming in self.arming:
-            if any(arming.output in self._disarmed_by(fault) for fault in self._open):
+            if any(arming.source in self._disarmed_by(fault) for fault in self._open):
                 arming.disarm(self.row, self.row)
             else:
                 arming.rearm(self.row)
@@ -365,7 +374,7 @@ class AlarmLogic:
     def _disarmed_by(self, fault: OpenFault) -> set[str]:
         if fault.is_judged and fault.alarm.is_first and fault.alarm.last is not None:
             return entered(self._bank, fault.alarm.last.candidates)
-        return {fault.alarm.source}
+        return {fault.crossing.output}
 
     def _look_at(self, fault: OpenFault) -> None:
         """Look at a fault anew."""
@@ -397,7 +406,7 @@ class AlarmLogic:
         if is_late:
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
-        first = by_signature(self._bank, trusted, fault.alarm.source, fault.alarm.time_s)
+        first = by_signature(self._bank, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
@@ -425,21 +434,22 @@ class AlarmLogic:
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
             habits=fault.habits,
+            referees=fault.referees,
         )
 
     def _close(self, fault: OpenFault, **end: float) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew."""
-        outputs = {fault.alarm.source} | entered(self._bank, fault.alarm.candidates)
+        outputs = {fault.crossing.output} | entered(self._bank, fault.alarm.candidates)
         if end:
             self._tell(fault, **end)
         for each in [each for each in self._open if each.alarm.fault == fault.alarm.number]:
-            outputs.add(each.alarm.source)
+            outputs.add(each.crossing.output)
             if end and each is not fault:
                 self._tell(each, **end)
             self._open.remove(each)
         rows = range(fault.crossing.onset_row, self.row + 1)
         for arming in self.arming:
-            if arming.output in outputs:
+            if arming.source in outputs:
                 arming.track.blot(rows, self.row - arming.track.ahead)
                 self._memory.blot(arming.output, rows)
                 arming.begin_anew(self.row)

@@ -92,11 +92,13 @@ class Memory:
         self._table[self.stop - self.first, : len(row)] = row
         self.stop += 1
 
-    def put_one(self, output: str, channel: int, row: int, predicted: float) -> float:
-        """Put what a prediction leaves of a channel beside a row, and return it."""
-        at = row - self.first
-        raw = float(self._table[at, channel]) - predicted
-        self._table[at, self._columns["raw", output]] = raw
+    def reading(self, row: int, channel: int) -> float:
+        """Return what a channel, by its number, read at a row."""
+        return float(self._table[row - self.first, channel])
+
+    def put_one(self, output: str, row: int, raw: float) -> float:
+        """Put a residual beside a row, and return it."""
+        self._table[row - self.first, self._columns["raw", output]] = raw
         return raw
 
     def raw_before(self, output: str, stop: int) -> FloatArray:
@@ -130,7 +132,7 @@ class Memory:
         """
         residuals = self.residuals(rows, outputs)
         known = {output: np.arange(len(rows)) < len(rows) - self._ahead[output] for output in outputs}
-        return self._record(rows, self._there(rows)), BankResiduals(
+        return self.witnessed(rows), BankResiduals(
             raw={output: np.where(known[output], residuals.raw[output], np.nan) for output in outputs},
             predicted={output: np.where(known[output], residuals.predicted[output], np.nan) for output in outputs},
             spread={
@@ -143,6 +145,10 @@ class Memory:
     def record(self, rows: range) -> Record:
         """Return rows of the channels."""
         return self._record(rows, self.channels)
+
+    def witnessed(self, rows: range) -> Record:
+        """Return rows of the channels, and of the witnesses that are there."""
+        return self._record(rows, self._there(rows))
 
     def _there(self, rows: range) -> tuple[str, ...]:
         """Return the channels, and the witnesses that read anything in some rows."""

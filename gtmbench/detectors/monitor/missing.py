@@ -10,7 +10,9 @@ As long a wait until it is back keeps those from being a finding each time, and 
 after as before.
 
 At a row at which every channel is missing nothing was recorded. Such a common gap says nothing of any sensor, so it is
-passed over: for this count no time goes by. A channel that hasn't been there yet is missing since the first row.
+passed over: for this count no time goes by. A channel that hasn't been there yet is missing since the first row. What
+is there and only isn't known (`Record.there`: beside a pause, a low-pass knows nothing; a log may leave single samples
+out) isn't missing.
 """
 
 from __future__ import annotations
@@ -26,7 +28,6 @@ from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.faults.kinds import Dropout
 from gtmbench.method.alarms import BoolArray
-from gtmbench.record import FloatArray
 
 NEVER = np.iinfo(np.int64).max
 _TOLERATED_S, _TOLERATED_ROWS = 0.5, 5
@@ -69,14 +70,14 @@ class MissingSamples:
     def take_one(self, row: list[float]) -> None:
         """Take the next row."""
         if len(self._rows) or not math.isfinite(sum(row)):
-            self.take(np.array([row]))
+            self.take(np.isfinite([row]))
         else:
             self._next += 1
 
-    def take(self, values: FloatArray) -> None:
-        """Take the next rows, shape (rows, channels)."""
-        first, lost = self._next, ~np.isfinite(values)
-        self._next += len(values)
+    def take(self, there: BoolArray) -> None:
+        """Take which samples of the next rows are there, shape (rows, channels)."""
+        first, lost = self._next, ~there
+        self._next += len(there)
         if not len(self._rows) and not lost.any():
             return
         live = np.flatnonzero(~lost.all(axis=1))

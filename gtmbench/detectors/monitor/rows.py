@@ -32,7 +32,8 @@ class RowByRow:
         self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
         self._lines = [_Line(monitor, memory, tracks[output], output) for output in self._names]
         self._ratios = _Ratios(monitor, self._names)
-        self._pseudo = tuple({name for line in self._lines for name in line.inputs if name in PSEUDO_INPUTS})
+        names = {name for line in self._lines for name in (line.output, *line.inputs)}
+        self._pseudo = tuple(name for name in names if name in PSEUDO_INPUTS)
         self._factors = {name: factor_of(name) for name in monitor.bank.channels}
         self._reach = max(line.taps for line in self._lines) + 2
         self._period_s = monitor.sample_period_s
@@ -60,6 +61,8 @@ class RowByRow:
         derived = self._derived() if self._pseudo else {}
         for line in self._lines:
             x = self._middle if line.is_late else row
+            if line.is_early:
+                line.read(derived[line.output])
             line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
         return self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
 
@@ -98,6 +101,8 @@ class RowByRow:
         for line in self._lines:
             inputs = wanted.matrix(line.inputs)
             line.load(inputs[: len(inputs) - line.is_late], self._memory.raw_before(line.output, at))
+            if line.is_early:
+                line.load_read(wanted[line.output][:-1])
         self._ratios.load([line.track.latest() for line in self._lines])
         self.is_stale = False
 
@@ -108,10 +113,12 @@ class _Line:
     def __init__(self, monitor: CalibratedBank, memory: Memory, track: Track, output: str) -> None:
         operator, whitener = monitor.operators[output], monitor.whiteners[output]
         self.output, self.track, self.inputs = output, track, operator.inputs
-        self.is_late = any(name in PSEUDO_INPUTS for name in operator.inputs)  # a derivative needs the next sample
+        self.is_early = output in PSEUDO_INPUTS
+        self.is_late = track.ahead > operator.noncausal_order  # a derivative needs the next sample
         self.taps = len(operator.markov)
         self.white, self.is_there = math.nan, False
-        self._memory, self._column = memory, monitor.bank.channels.index(output)
+        self._memory, self._column = memory, -1 if self.is_early else monitor.bank.channels.index(output)
+        self._y = _Window(max(track.ahead, 1), 1)  # of an early one, its output from the row that is judged on
         self._markov = np.ascontiguousarray(operator.markov[::-1, 0, :]).ravel()  # oldest row first
         self._offset = float(operator.output_means[0] - (operator.markov[:, 0, :] @ operator.input_means).sum())
         self._whitening = whitener.coefficients[::-1] / whitener.deviation
@@ -123,9 +130,18 @@ class _Line:
         """Take the inputs that sample `at` of the record makes known."""
         row = at - self.track.ahead
         hat = float(self._markov.dot(self._x.push(x))) + self._offset
-        e = self._memory.put_one(self.output, self._column, row, hat if math.isfinite(hat) else math.nan)
+        read = float(self._y.latest()[0]) if self.is_early else self._memory.reading(row, self._column)
+        e = self._memory.put_one(self.output, row, read - hat if math.isfinite(hat) else math.nan)
         self.white = float(self._whitening.dot(self._e.push(e))) - self._mean
         self.is_there = self.track.take(row, self.white)
+
+    def read(self, output: float) -> None:
+        """Take an early one's output at the sample before the last."""
+        self._y.push(output)
+
+    def load_read(self, outputs: FloatArray) -> None:
+        """Begin with an early one's outputs before."""
+        self._y.load(outputs[:, np.newaxis])
 
     def load(self, inputs: FloatArray, raw: FloatArray) -> None:
         """Begin with the inputs and the residuals before."""
@@ -147,6 +163,10 @@ class _Window:
             self.load(self._table)
         self._table[self._at] = row
         self._at += 1
+        return self.latest()
+
+    def latest(self) -> FloatArray:
+        """Return the window that the last row ended."""
         return self._flat[(self._at - self._rows) * self._columns : self._at * self._columns]
 
     def load(self, table: FloatArray) -> None:

@@ -80,10 +80,10 @@ class BankStream:
             return ()
         if not self._memory.stop:
             self._memory.start_s = chunk.start_s
-        if self._rows is None or count > _FEW:
+        if self._rows is None or count > _FEW or chunk.is_in_part_unknown:
             wider = np.column_stack([values, np.full(count, np.nan)]) if -1 in columns else values
             taken = wider[:, columns]
-            self._logic.missing.take(taken[:, :own])
+            self._logic.missing.take(chunk.there[:, columns[:own]])
             return self._take(taken)
         told: dict[int, Alarm] = {}
         for row in values.tolist():

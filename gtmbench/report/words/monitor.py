@@ -11,6 +11,7 @@ from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.plain import exact, finite_or_none
 from gtmbench.report.words.units import counted, duration_text, or_dash
@@ -141,7 +142,7 @@ def _residual(monitor: BankMonitor, output: str) -> dict[str, Any]:
     operator, tolerance = monitor.operators[output], monitor.tolerances[output]
     return {
         "inputs": list(operator.inputs),
-        "unit": unit_of(output),
+        "unit": PSEUDO_INPUTS[output].unit if output in PSEUDO_INPUTS else unit_of(output),
         "rms_residual": float(operator.rms_residual[0]),
         "look_ahead_s": monitor.look_ahead_of(output),
         "tolerated_shift": finite_or_none(tolerated_shift(monitor, output)),

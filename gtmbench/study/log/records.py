@@ -6,13 +6,18 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from gtmbench.detectors.bank.bank import check_channels
+from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.segments import FEWEST, SHORTEST_S
 from gtmbench.record import Record, Span
 
+_LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
 
 
@@ -21,13 +26,16 @@ def open_for(
 ) -> FlightLog:
     """Open a log with the channels that a detector needs; with all of its channels for one that doesn't say.
 
+    For a bank with the witnesses beside them that its diagnoses may read, where the log has any.
+
     Raises
     ------
     InputError
         Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
     """
+    witnesses = WITNESSES if hasattr(watcher, "bank") else ()
     try:
-        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None)
+        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):
@@ -86,6 +94,41 @@ def within(log: FlightLog, spans: Iterable[Span]) -> list[Record]:
     """Return the parts of a log that lie in some spans."""
     parts = [_cut(segment, *span) for span in spans for segment in log.segments]
     return [part for part in parts if part is not None]
+
+
+def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[Record]:
+    """Return some channels of records, cut where one of them misses more than a sample or two: to identify on.
+
+    What is left between pauses is as long as a log's segments are, and begins and ends with values that are known.
+
+    Raises
+    ------
+    InputError
+        Where nothing is left.
+    """
+    parts = [part for record in records for part in _complete(record.select(channels) if channels else record)]
+    if not parts:
+        raise InputError(
+            f"nothing that is healthy lasts {SHORTEST_S:g} s and {FEWEST} samples with every channel there; give a "
+            "longer stretch, or leave out a channel"
+        )
+    return parts
+
+
+def _complete(record: Record) -> list[Record]:
+    lost = ~record.there.all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+    long = np.diff(edges)[::2] > _LOST
+    if not long.any():
+        return [record]
+    bounds = [0, *edges.reshape(-1, 2)[long].ravel().tolist(), len(record)]
+    known = np.flatnonzero(np.isfinite(record.values).all(axis=1))
+    parts = []
+    for first, stop in zip(bounds[::2], bounds[1::2], strict=True):
+        rows = known[(known >= first) & (known < stop)]
+        if len(rows) and rows[-1] - rows[0] >= max(FEWEST, SHORTEST_S / record.sample_period_s):
+            parts.append(record.between(record.time_s[rows[0]], record.time_s[rows[-1]]))
+    return parts
 
 
 def without(log: FlightLog, spans: Sequence[Span]) -> list[Record]:

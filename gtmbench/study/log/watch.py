@@ -28,7 +28,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.records import first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
 from gtmbench.study.log.self_check.check import (
     ALL,
     IDENTIFIED,
@@ -212,6 +212,7 @@ def watch_log(
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
     others = [open_for(other, watcher, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
     records = [record for other in others for record in other.segments] + within(log, spans)
+    records = between_pauses(records, watcher.channels)
     shortest = _LONG_ENOUGH * max(map(len, records))
     kept = [record for record in records if len(record) >= shortest]
     if len(kept) < len(records):
