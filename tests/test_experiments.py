@@ -12,6 +12,7 @@ import pytest
 import scipy.stats
 from scripts import EXPERIMENTS
 
+import gtmbench as gb
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
@@ -64,7 +65,13 @@ def hold(values, committed, where):
 
 
 def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
-    assert {path.stem for path in EXPERIMENTS.glob("*.py")} == {*PARTS, *BEYOND, "fault_gallery", "__main__"}
+    assert {path.stem for path in EXPERIMENTS.glob("*.py")} == {
+        *PARTS,
+        *BEYOND,
+        "fault_gallery",
+        "real_logs",
+        "__main__",
+    }
 
 
 @pytest.mark.parametrize("script", PARTS)
@@ -102,6 +109,19 @@ def test_a_study_beyond_the_dissertation_runs(script, tmp_path):
     for line in BEYOND[script]:
         assert re.search(line, done.stdout)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
+    (tmp_path / "logs").mkdir()
+    flown = gb.fly(excitation="multisine", duration_s=41.0, seed=90005).select(["p", "q", "r", "phi", "theta", "psi"])
+    gb.write_log(gb.decimate(flown, 4), tmp_path / "logs/flight.csv")
+    (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
+    done = run("real_logs", "logs", "--quick", "--out", "report", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = (tmp_path / "report/report.md").read_text()
+    assert re.search(r"1 flights, 4 wrong readings of them: 4 refused, 0 end with exit code 0; causes: 4 right", said)
+    assert re.search(r"\| flight.csv +\| 25 +\|", said)
+    assert said.partition("## logs")[2].strip() in done.stdout
 
 
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():

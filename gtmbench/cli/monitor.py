@@ -12,6 +12,7 @@ from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.protocol import is_ready
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file, is_file
@@ -74,7 +75,8 @@ def monitor_command(
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
     With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. Without either, it
-    lists what the log allows. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    lists what the log allows. First comes a self-check: a log that isn't what the monitor expects isn't watched, and
+    why, and what to type, is said. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
     """
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:
@@ -198,7 +200,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         from gtmbench.report.recording.write import write_log_recording
 
         write_log_recording(watched, record)
-    if save is not None:
+    if save is not None and is_ready(watched.monitor):
         from gtmbench.detectors.files import save_monitor
 
         save_monitor(watched.monitor, save)
@@ -211,6 +213,7 @@ def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         echo(line)
     for what, path in (("figure", figure), ("monitor", save)):
         if path is not None:
-            echo(f"{what}: {path}")
+            was_made = path is figure or is_ready(watched.monitor)
+            echo(f"{what}: {path}" if was_made else f"{what}: none was calibrated, {path} isn't written")
     if record is not None:
         echo(f"recording: {record}    look at it: gtmbench view {record}")

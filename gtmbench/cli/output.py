@@ -32,7 +32,7 @@ def map_option(command: F) -> F:
         multiple=True,
         metavar="CHANNEL=COLUMN:UNIT",
         help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
-        "time=stamp:us.",
+        "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late).",
     )(command)
 
 

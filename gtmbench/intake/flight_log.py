@@ -37,6 +37,23 @@ class Remark:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Which column of a log a channel is, and how it is read; of the channel ``time``, which column tells it.
+
+    Attributes
+    ----------
+    channel, column, unit : str
+    sign : float
+        -1 where it is read with its sign turned.
+    """
+
+    channel: str
+    column: str
+    unit: str
+    sign: float = 1.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightLog:
     """A recorded flight, ready to be watched.
@@ -51,12 +68,15 @@ class FlightLog:
         In time.
     method : tuple of str
         What was done to it, line by line: which column became which channel, how it was resampled.
+    sources : tuple of Source
+        The columns that the channels are read from.
     """
 
     path: Path
     segments: tuple[Record, ...] = field(repr=False)
     remarks: tuple[Remark, ...]
     method: tuple[str, ...]
+    sources: tuple[Source, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -10,22 +10,36 @@ import numpy as np
 from gtmbench.channels import CHANNELS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 
 AS_IT_IS = "as it is"
 _MOST_NAMED = 40  # columns in a message
+_LATEST_S = 60.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """A channel: a column of the log, and what its values are multiplied by."""
+    """A channel: a column of the log, what its values are multiplied by, and how late its stamps are."""
 
     channel: str
     series: RawSeries
     factor: float = 1.0
     how: str = ""
+    meaning: Meaning | None = None
+
+    @property
+    def late_s(self) -> float:
+        """By how many seconds its stamps are late."""
+        return 0.0 if self.meaning is None else self.meaning.late_s
+
+    @property
+    def source(self) -> Source:
+        """Which column it is, and how it is read."""
+        meaning = self.meaning or Meaning(channel=self.channel, unit="")
+        return Source(channel=self.channel, column=self.series.name, unit=meaning.unit, sign=meaning.sign)
 
     def values(self) -> FloatArray:
         """Return the channel in its unit; psi runs through 360 deg and on."""
@@ -65,8 +79,12 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     clocks, since = in_seconds({series.clock: series.load()}, known.factor)
+    if meaning.late_s:
+        raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
     rest = tuple(other for other in raw.series if other is not series)
-    return replace(raw, series=rest).with_clocks(clocks, f"time: column '{series.name}' in {meaning.unit}", *since)
+    return replace(raw, series=rest, time=(series.name, meaning.unit)).with_clocks(
+        clocks, f"time: column '{series.name}' in {meaning.unit}", *since
+    )
 
 
 def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
@@ -165,6 +183,7 @@ def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> Chosen:
         series=series,
         factor=meaning.sign * (known.factor if known else 1.0),
         how=f"{turned}'{series.name}' in {meaning.unit}{why}{rather}",
+        meaning=meaning,
     )
 
 
@@ -174,8 +193,10 @@ def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
     turned = "-" if meaning.sign < 0 else ""
     own = stated_unit(series.name, series.unit)[1]
     but = f", though the column states '{own}'" if own and own != meaning.unit else ""
-    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}, as mapped{but}"
-    return Chosen(channel=channel, series=series, factor=meaning.sign * (known.factor if known else 1.0), how=how)
+    late = f", stamped {meaning.late_s:g} s late" if meaning.late_s else ""
+    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}{late}, as mapped{but}"
+    factor = meaning.sign * (known.factor if known else 1.0)
+    return Chosen(channel=channel, series=series, factor=factor, how=how, meaning=meaning)
 
 
 def _mapped(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
@@ -200,15 +221,30 @@ def _stated(channel: str, series: RawSeries, given: str, sign: float) -> Meaning
     documented = series.meaning
     if documented is not None and documented.channel == channel and not given and sign > 0:
         return documented
+    given, late_s = _late(channel, given)
     stated = given or (documented.unit if documented else stated_unit(series.name, series.unit)[1])
     if channel not in CHANNELS and channel != "time":
-        return Meaning(channel=channel, unit=stated, sign=sign)
+        return Meaning(channel=channel, unit=stated, sign=sign, late_s=late_s)
     known: Unit | None = unit(stated) if stated else None
     if known is None or known.dimension != dimension_of(channel):
         first, second = hint(channel)
         what = f"'{stated}' isn't a unit of {dimension_of(channel)}" if stated else "the column states no unit"
         raise InputError(f"--map {channel}={series.name}: {what}; give one behind a colon, as :{first} or :{second}")
-    return Meaning(channel=channel, unit=stated, sign=sign)
+    return Meaning(channel=channel, unit=stated, sign=sign, late_s=late_s)
+
+
+def _late(channel: str, given: str) -> tuple[str, float]:
+    """Return a unit, and how many seconds late a column is stamped: ``deg@0.3``."""
+    stated, at, late = given.partition("@")
+    if not at:
+        return given, 0.0
+    try:
+        seconds = float(late.removesuffix("s"))
+    except ValueError:
+        seconds = float("nan")
+    if not abs(seconds) <= _LATEST_S:
+        raise InputError(f"--map {channel}=...:{given}: behind @ stands how many seconds late it is, as {stated}@0.3")
+    return stated, seconds
 
 
 def judged(series: RawSeries, raw: RawLog) -> Guess:

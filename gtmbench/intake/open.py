@@ -13,7 +13,7 @@ from gtmbench.channels import SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
-from gtmbench.intake.flight_log import FlightLog, summed_up
+from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.formats.registry import read_raw
@@ -74,7 +74,8 @@ def open_log(
     path : str or Path
     mapping : sequence of str
         ``CHANNEL=COLUMN:UNIT`` for what names don't say: ``p=gyro_x:rad/s``, ``nz=-az:m/s2`` (a minus turns the sign),
-        ``time=stamp:us``. The unit may be left out where the column states it.
+        ``time=stamp:us``. The unit may be left out where the column states it. Behind it may stand how many seconds
+        late the column is stamped: ``psi=yaw:deg@0.3`` is taken 0.3 s earlier.
     rate_hz : float, optional
         Of the records; without it, the slowest channel's.
     needs : sequence of str, optional
@@ -153,7 +154,12 @@ def _opened(
         segments=tuple(segments),
         remarks=summed_up(remarks + made.remarks),
         method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method))),
+        sources=(*(choice.source for choice in chosen), *_time_source(raw)),
     )
+
+
+def _time_source(raw: RawLog) -> list[Source]:
+    return [] if raw.time is None else [Source(channel="time", column=raw.time[0], unit=raw.time[1])]
 
 
 def _laid(
@@ -185,7 +191,7 @@ def _beside(record: Record, values: FloatArray, channel: str) -> Record:
 
 def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track]:
     """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
-    groups: dict[bytes | str, list[tuple[str, FloatArray, FloatArray]]] = {}
+    groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
     for choice in chosen:
         clock = clocks[choice.series.clock]
         values = choice.values()[clock.rows]
@@ -193,7 +199,8 @@ def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track
         sparse = len(filled) > 2 and np.median(np.diff(filled)) >= 2
         key = filled.tobytes() if sparse else choice.series.clock
         kept = filled if sparse else slice(None)
-        groups.setdefault(key, []).append((choice.channel, clock.time_s[kept], values[kept]))
+        at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
+        groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
     return [
         Track(
             channels=tuple(channel for channel, _, _ in group),

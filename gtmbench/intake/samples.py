@@ -84,9 +84,9 @@ def _samples(chosen: Chosen, clock: Clock) -> Samples:
     return Samples(
         chosen=chosen,
         rows=clock.rows[there],
-        time_s=clock.time_s[there],
+        time_s=clock.time_s[there] - chosen.late_s,
         values=values[there],
-        span_s=(float(clock.time_s[0]), float(clock.time_s[-1])),
+        span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),
     )
 
 

@@ -12,6 +12,7 @@ _DEG = math.degrees(1.0)
 _G = 9.80665
 _KT = 1852.0 / 3600.0
 _FT = 0.3048
+_ALIKE = 0.1  # of factors that were measured
 
 # dimension: the table's unit, and spelling: how many of the table's unit one is
 _UNITS: dict[str, tuple[str, dict[str, float]]] = {
@@ -89,6 +90,21 @@ def unit(text: str) -> Unit | None:
 def dimension_of(channel: str) -> str:
     """Return what a channel of the table, or the time, measures."""
     return "time" if channel == "time" else _DIMENSION_OF[CHANNELS[channel].unit]
+
+
+def alike_unit(text: str, factor: float) -> str | None:
+    """Return the unit that values are in which read in another one are so many times too small; None for no usual one.
+
+    >>> alike_unit("deg/s", 57.3), alike_unit("rad", 1 / 57.3), alike_unit("s", 1000.0), alike_unit("deg", 3.0)
+    ('rad/s', 'deg', 'ms', None)
+    """
+    known = unit(text)
+    if known is None:
+        return None
+    for spelling, of in _UNITS[known.dimension][1].items():
+        if abs(of / (known.factor * factor) - 1.0) < _ALIKE:
+            return spelling
+    return None
 
 
 def hint(channel: str) -> tuple[str, str]:

@@ -25,11 +25,12 @@ ANGLES = ("roll", "pitch", "yaw")  # that a quaternion becomes
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """Which channel a column is, by a format's documentation: its unit there, and -1 where its axis points away."""
+    """Which channel a column is: its unit, -1 where its axis points away, and how many seconds late it was stamped."""
 
     channel: str
     unit: str
     sign: float = 1.0
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,6 +81,8 @@ class RawLog:
         What a reader of this log should know about how it was read.
     by_name : bool
         Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
+    time : tuple of str or None
+        The column that tells the time, and its unit; None where the container does.
     """
 
     kind: str
@@ -88,6 +91,7 @@ class RawLog:
     ignored: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     by_name: bool = True
+    time: tuple[str, str] | None = None
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
         """Return the log with these clocks beside its own, and with notes on them."""

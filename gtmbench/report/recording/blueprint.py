@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.detectors.protocol import Score, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
 from gtmbench.record import Record, Span
@@ -261,7 +261,11 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
     """
     above = ["/threshold", "/levels/**"] if scores_of(watched) or not watched.watches else []
     scores = plot("levels" if above else "alarms", [*above, "/began", "/alarm", "/named"], span, top=SHOWN_LEVELS)
-    what = "measured and virtual" if watched.monitor.suspects or residuals_of(watched) else "measured"
+    what = (
+        "measured and virtual"
+        if residuals_of(watched) or (is_ready(watched.monitor) and watched.monitor.suspects)
+        else "measured"
+    )
     plots = [
         plot(in_unit(f"{signal}: {what}", signal), [sensor_entity(signal), entity("/virtual", signal)], span)
         for signal in signals[:_MOST_SIGNALS]

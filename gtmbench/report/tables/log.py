@@ -19,6 +19,7 @@ from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.study.log.self_check.check import SelfCheck
 from gtmbench.study.log.watch import WatchedLog
 
 
@@ -41,6 +42,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "log": _log(watched.log),
+        "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
         "stretches": [vars(stretch) for stretch in stretches(watched)],
@@ -48,6 +50,18 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "versions": versions(),
     }
     return dict(plain(table))
+
+
+def _check(check: SelfCheck) -> Mapping[str, Any]:
+    """Return the self-check; two causes of one log are either-or."""
+    return {
+        "passed": check.passed,
+        "causes": [asdict(cause) for cause in check.causes],
+        "explained": [asdict(each) for each in check.explained],
+        "stops": check.stops,
+        "doubts": check.doubts,
+        "notes": check.notes,
+    }
 
 
 def _log(log: FlightLog) -> Mapping[str, Any]:

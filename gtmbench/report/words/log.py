@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import Span
 from gtmbench.report.watched import (
@@ -28,6 +28,7 @@ from gtmbench.report.watched import (
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
+from gtmbench.study.log.self_check.explained import Explained
 from gtmbench.study.log.watch import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms
@@ -45,6 +46,7 @@ def log_report(watched: WatchedLog) -> list[str]:
         *_alarms_lines(watched),
         *_unwatched_lines(watched),
         *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
+        *(f"note: {note}" for note in watched.check.notes),
         outcome_text(watched),
         *_worth_lines(watched),
     ]
@@ -130,9 +132,24 @@ def _spans(spans: Sequence[Span]) -> str:
 def _monitor_lines(watched: WatchedLog) -> list[str]:
     monitor, on = watched.monitor, watched.identified_s
     known = facts(monitor)
+    if not is_ready(monitor):
+        return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
-    return [title, *origin, *_score_lines(watched, known)]
+    return [title, *origin, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
+
+
+def _explained_lines(explained: Sequence[Explained]) -> list[str]:
+    """Say how much of the slow motion is explained, a line a place."""
+    lines = []
+    for where in dict.fromkeys(each.where for each in explained):
+        shares = ", ".join(f"{each.output} {_share_text(each.share)}" for each in explained if each.where == where)
+        lines.append(f"slow motion that is explained where {where}: {shares}")
+    return lines
+
+
+def _share_text(share: float) -> str:
+    return f"{100.0 * max(share, 0.0):.0f} %" if np.isfinite(share) else "none"
 
 
 def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:
@@ -220,13 +237,15 @@ def _unwatched_lines(watched: WatchedLog) -> list[str]:
 def _worth_lines(watched: WatchedLog) -> list[str]:
     """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
     if watched.outcome is Outcome.UNKNOWN:
-        return ["no false-alarm rate is bounded: at no time was an alarm possible"]
+        silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
+        return [silence if watched.armed_hours else "no false-alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
-    if not watched.monitor.suspects:
+    suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
+    if not suspects:
         return ["that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
     slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
     return [
-        f"that is: no fault of {', '.join(watched.monitor.suspects)} above the thresholds began while watched;",
+        f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",
         f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]

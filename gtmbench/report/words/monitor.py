@@ -8,8 +8,8 @@ from typing import Any
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
-from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.method.transmissibility import Transmissibility
@@ -34,8 +34,13 @@ _OPERATOR = (
 )
 
 
-def facts(monitor: Monitor) -> dict[str, Any]:
-    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside."""
+def facts(monitor: Monitor | Detector) -> dict[str, Any]:
+    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside.
+
+    Of a detector that wasn't calibrated its name and its channels.
+    """
+    if not is_ready(monitor):
+        return {"name": monitor.name, "channels": list(monitor.channels)}
     known = {
         "name": monitor.name,
         "channels": list(monitor.channels),
@@ -91,7 +96,7 @@ def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
     }
 
 
-def rms_identified(monitor: Monitor) -> dict[str, float]:
+def rms_identified(monitor: Monitor | Detector) -> dict[str, float]:
     """Return the RMS of every residual where its operator was identified, by output; empty where that isn't known."""
     if isinstance(monitor, NormMonitor):
         return dict(zip(monitor.operator.outputs, monitor.operator.rms_residual.tolist(), strict=True))
@@ -100,9 +105,9 @@ def rms_identified(monitor: Monitor) -> dict[str, float]:
     return {}
 
 
-def title_text(monitor: Monitor) -> str:
-    """Name a monitor: a bank as one, others by their names."""
-    return f"bank {monitor.bank.name}" if isinstance(monitor, BankMonitor) else monitor.name
+def title_text(monitor: Monitor | Detector) -> str:
+    """Name a monitor, or a detector: a bank as one, others by their names."""
+    return f"bank {monitor.name}" if isinstance(monitor, (BankMonitor, BankDetector)) else monitor.name
 
 
 def monitor_lines(monitor: Monitor, watch: Watch) -> list[str]:

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
 
@@ -20,13 +21,26 @@ from gtmbench.detectors.bank_detector import BankDetector, calibrate
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, within, without
+from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.self_check.check import (
+    ALL,
+    IDENTIFIED,
+    WATCHED,
+    Part,
+    SelfCheck,
+    check_identified,
+    check_watched,
+    check_wiring,
+    rests_on_motion,
+)
+from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _LONG_ENOUGH = 0.2  # of the longest healthy stretch
@@ -36,7 +50,10 @@ _MUCH = 0.1  # of the time
 
 
 class Outcome(IntEnum):
-    """What a log comes to; the value is the command's exit code."""
+    """What a log comes to; the value is the command's exit code.
+
+    Unknown: nothing could have alarmed, or a score couldn't, or the log isn't what the monitor expects.
+    """
 
     HEALTHY = 0
     FAILED = 1
@@ -50,20 +67,24 @@ class WatchedLog:
     Attributes
     ----------
     log : FlightLog
-    monitor : Monitor
+    monitor : Monitor or Detector
+        The detector as it came where the self-check stopped it before it was calibrated.
     identified_s : tuple of (start, end)
         The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
     watches : tuple of Watch
         One a stretch that was watched, in time.
     reasons : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
+    check : SelfCheck
+        Whether the log is what the monitor expects.
     """
 
     log: FlightLog
-    monitor: Monitor
+    monitor: Monitor | Detector
     identified_s: tuple[Span, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
+    check: SelfCheck = field(default=SelfCheck(), repr=False)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -83,10 +104,14 @@ class WatchedLog:
 
     @property
     def outcome(self) -> Outcome:
-        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't."""
+        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
+
+        Unknown, too, where the self-check has found that silence says nothing.
+        """
         if any(not alarm.has_passed for alarm in self.alarms):
             return Outcome.FAILED
-        return Outcome.HEALTHY if self.armed_hours > 0.0 and not self.stuck_above else Outcome.UNKNOWN
+        could_tell = self.armed_hours > 0.0 and not self.stuck_above and self.check.passed
+        return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
 
     findings = renamed("WatchedLog.findings", "alarms")
 
@@ -132,7 +157,8 @@ def watch_log(
     """Open a recorded flight and watch it.
 
     A monitor (or a plain function) watches all of it. A detector is first calibrated on what is `healthy`, a bank with
-    caution, as a short record wants it, and watches the rest.
+    caution, as a short record wants it, and watches the rest. A log that isn't what it expects isn't watched: `check`
+    says why.
 
     Parameters
     ----------
@@ -199,8 +225,26 @@ def watch_log(
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
     }
-    ready = _calibrated(watcher, kept, rate, origin, progress)
-    return _watched(log, ready, identified_s=spans, reasons=reasons, progress=progress)
+    parts = [_part(watcher, other, [whole_s(other)], mapping) for other in others]
+    if spans:
+        parts.append(_part(watcher, log, spans, mapping))
+    check = check_wiring(watcher, parts, IDENTIFIED)
+    if not check.stops:
+        ready = _calibrated(watcher, kept, rate, origin, progress)
+        check = check_identified(check, ready, kept)
+    if spans and not check.causes and (check.stops or any(not each.is_shown for each in check.explained)):
+        whole = check_wiring(watcher, [_part(watcher, log, [whole_s(log)], mapping)], ALL)
+        check = replace(whole, explained=check.explained) if whole.causes else check
+    if check.stops:
+        return WatchedLog(
+            log=log,
+            monitor=watcher if not check.explained else ready,
+            identified_s=spans if check.explained else (),
+            watches=(),
+            reasons=(*check.stops, *reasons),
+            check=check,
+        )
+    return _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
 
 
 def _by_monitor(
@@ -221,7 +265,7 @@ def _by_monitor(
             "give a bank"
         )
     log = open_for(path, monitor, mapping=mapping, rate_hz=rate_hz or own_hz)
-    return _watched(log, monitor, identified_s=(), reasons=(), progress=progress)
+    return _watched(log, monitor, mapping, identified_s=(), reasons=(), check=SelfCheck(), progress=progress)
 
 
 def _rate(detector: Detector, wanted: float | None) -> float | None:
@@ -269,26 +313,63 @@ def _other(path: str | Path, log: FlightLog) -> Path:
 
 
 def _watched(
-    log: FlightLog, monitor: Monitor, *, identified_s: Sequence[Span], reasons: Sequence[str], progress: Progress
+    log: FlightLog,
+    monitor: Monitor,
+    mapping: Sequence[str],
+    *,
+    identified_s: Sequence[Span],
+    reasons: Sequence[str],
+    check: SelfCheck,
+    progress: Progress,
 ) -> WatchedLog:
-    """Watch every segment of a log but the spans that the monitor was identified on."""
+    """Watch every segment of a log but the spans that the monitor was identified on.
+
+    Of a log that the monitor wasn't identified on, wiring is checked first.
+    """
     parts = without(log, identified_s)
-    watches = []
+    left = [(each.start_s, each.end_s) for each in parts]
+    if not identified_s:
+        wired = check_wiring(monitor, [_part(monitor, log, left, mapping)], WATCHED)
+        check = replace(wired, explained=check.explained)
+    watches: list[Watch] = []
+    if check.stops:
+        parts = []
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
         watches.append(monitor.watch(part))
     progress("watched", len(parts), len(parts))
+    if not check.stops:
+        check = check_watched(check, monitor, watches, log, left)
     return WatchedLog(
         log=log,
         monitor=monitor,
         identified_s=tuple(identified_s),
         watches=tuple(watches),
-        reasons=(*_limits(watches), *reasons),
+        reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
+        check=check,
     )
 
 
-def _limits(watches: Sequence[Watch]) -> list[str]:
+def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
+    """Return the part of a log in some spans, with its gyros and its whole attitude, read again if they weren't."""
+    moving: FlightLog | None = log
+    if not rests_on_motion(watcher):
+        moving = None
+    elif not {*GYROS, *ANGLES} <= set(log.channels):
+        moving = None
+        with contextlib.suppress(InputError):
+            moving = open_log(log.path, mapping=mapping, rate_hz=1.0 / log.sample_period_s, needs=(*GYROS, *ANGLES))
+    records = within(log, spans)
+    if moving is None:
+        return Part(log=log, records=records, spans=spans)
+    motion = records if moving is log else within(moving, spans)
+    return Part(log=log, records=records, spans=spans, motion=motion, sources=moving.sources)
+
+
+def _limits(watches: Sequence[Watch], check: SelfCheck) -> list[str]:
     """Say why nothing was seen, or what limits what was."""
+    if check.stops:
+        return []
     if not watches:
         return ["nothing of the log is left to watch"]
     reasons = [
