@@ -143,11 +143,14 @@ def _opened(
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
+    beyond = []
     for choice in choose_of([name for name in witnesses if name not in segments[0]], raw, columns):
         beside = _laid(choice, raw, clocks, breaks_s, made)
         if any(np.isfinite(values).any() for values in beside):
             segments = [_beside(*each, choice.channel) for each in zip(segments, beside, strict=True)]
-            taken.append(f"{choice.channel} = {choice.how}, a witness: diagnoses read it, no alarm stands on it")
+            beyond.append(f"{choice.channel} = {choice.how}")
+    if beyond:
+        taken.append(f"witnesses, which diagnoses read and no alarm stands on: {'; '.join(beyond)}")
     left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
     return FlightLog(
         path=path,
