@@ -12,10 +12,7 @@ with code 1 where a target of `TARGETS` is missed (never with --quick, whose fig
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -29,9 +26,10 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
-from gtmbench.progress import Progress, progress_bar
+from gtmbench.progress import Progress
+from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held
+from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import first_after
 
@@ -268,36 +266,24 @@ False alarms before the onset: {int(faults["false_alarms"].sum())} in {len(fault
 SAID_QUICK = "**Quick: one short flight and jams only. It shows that the script runs, and bounds nothing.**\n\n"
 
 
-def main() -> int:
+def conduct(campaign: Campaign) -> Findings:
     """Fly, time, report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="one short flight: shows that it runs")
-    parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
-    parser.add_argument("--jobs", type=int, help="processes (default: all cores; one with --quick)")
-    asked = parser.parse_args()
-    began, size = time.monotonic(), QUICK if asked.quick else Size()
-    jobs = asked.jobs or (1 if asked.quick else os.cpu_count() or 1)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
-    with progress_bar() as tell:
-        planned = flights(size, calibrated(size, jobs, tell))
-        rows = spread(Flight.rows, planned, processes=jobs, step="flights", progress=tell)
+    size = QUICK if campaign.quick else Size()
+    planned = flights(size, calibrated(size, campaign.jobs, campaign.tell))
+    rows = spread(Flight.rows, planned, processes=campaign.jobs, step="flights", progress=campaign.tell)
     parts = {True: [], False: []}
     for flight, own in zip(planned, rows, strict=True):
         parts[flight.is_healthy].extend(own)
     healthy, faults = pd.DataFrame(parts[True]), pd.DataFrame(parts[False])
     ranks = {name: rank for rank, name in enumerate(FAULTS)}
     faults = faults.sort_values("fault", key=lambda kinds: kinds.map(ranks), kind="stable")
-    text = report(healthy, faults, size)
-    print(text)
-    if asked.out:
-        asked.out.mkdir(parents=True, exist_ok=True)
-        (asked.out / "report.md").write_text(text)
-        healthy.to_csv(asked.out / "healthy.csv", index=False)
-        faults.to_csv(asked.out / "faults.csv", index=False)
-    print(f"{time.monotonic() - began:.0f} s" + (f"; report and rows in {asked.out}" if asked.out else ""))
-    missed = (held(TARGETS, figures_of(healthy, faults))["reached"] != "yes").any()
-    return int(missed and not asked.quick)
+
+    def write(out: Path) -> None:
+        healthy.to_csv(out / "healthy.csv", index=False)
+        faults.to_csv(out / "faults.csv", index=False)
+
+    return Findings(report(healthy, faults, size), is_missed(TARGETS, figures_of(healthy, faults)), write)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(conducted(conduct, __doc__, quick="one short flight"))

@@ -12,9 +12,7 @@ with --quick, whose figures bound nothing).
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import sys
 import time
 from collections import defaultdict
@@ -40,9 +38,10 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.processes import spread
-from gtmbench.progress import Progress, progress_bar
+from gtmbench.progress import Progress
+from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held
+from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.score import first_after, score
 
@@ -548,32 +547,19 @@ def misses(rows: pd.DataFrame) -> str:
     return "\n".join(lines) or "None."
 
 
-def main() -> int:
+def conduct(campaign: Campaign) -> Findings:
     """Fly, judge, report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="one short flight, two kinds: shows that it runs")
-    parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
-    parser.add_argument("--jobs", type=int, help="processes (default: all cores; one with --quick)")
-    asked = parser.parse_args()
-    began, size = time.monotonic(), QUICK if asked.quick else Size()
-    jobs = asked.jobs or (1 if asked.quick else os.cpu_count() or 1)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
-    with progress_bar() as tell:
-        flown = spread(
-            Flight.rows, flights(size, calibrated(size, jobs, tell)), processes=jobs, step="flights", progress=tell
-        )
+    size = QUICK if campaign.quick else Size()
+    planned = flights(size, calibrated(size, campaign.jobs, campaign.tell))
+    flown = spread(Flight.rows, planned, processes=campaign.jobs, step="flights", progress=campaign.tell)
     rows = arranged([row for rows in flown for row in rows])
     figures = {part: merits(rows[rows["part"] == part]) for part in ("catalogue", "outside")}
-    text = report(rows, figures, size)
-    print(text)
-    if asked.out:
-        asked.out.mkdir(parents=True, exist_ok=True)
-        (asked.out / "report.md").write_text(text)
-        (asked.out / "figures.json").write_text(json.dumps(figures, indent=2) + "\n")
-        rows.to_csv(asked.out / "trials.csv", index=False)
-    print(f"{time.monotonic() - began:.0f} s" + (f"; report and trials in {asked.out}" if asked.out else ""))
-    missed = (held(TARGETS, figures)["reached"] != "yes").any()
-    return int(missed and not asked.quick)
+
+    def write(out: Path) -> None:
+        (out / "figures.json").write_text(json.dumps(figures, indent=2) + "\n")
+        rows.to_csv(out / "trials.csv", index=False)
+
+    return Findings(report(rows, figures, size), is_missed(TARGETS, figures), write)
 
 
 def arranged(rows: Sequence[Row]) -> pd.DataFrame:
@@ -596,4 +582,4 @@ def arranged(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(conducted(conduct, __doc__, quick="one short flight, two kinds", beside="trials"))

@@ -12,11 +12,8 @@ sensors. Writes report.md, figures and every trial into DIR; prints the tables, 
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,11 +29,12 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
-from gtmbench.progress import Progress, progress_bar
+from gtmbench.progress import Progress
+from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held
+from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
 
@@ -568,41 +566,27 @@ def filter_figure(faults: pd.DataFrame) -> Figure:
     return figure
 
 
-def write(out: Path, text: str, parts: Mapping[str, pd.DataFrame], figures: Mapping[str, object]) -> None:
-    """Write the report with its figures, and every row."""
-    out.mkdir(parents=True, exist_ok=True)
+def write(out: Path, parts: Mapping[str, pd.DataFrame], figures: Mapping[str, object]) -> None:
+    """Write the report's figures, and every row."""
     delays = {
         str(name): own["delay_s"].where(own["clean"]) for name, own in parts["faults"].groupby("monitor", sort=False)
     }
     delay_figure(delays).savefig(out / "delays.png", dpi=130)
     filter_figure(parts["filters"]).savefig(out / "filter.png", dpi=130)
-    (out / "report.md").write_text(text)
     (out / "figures.json").write_text(json.dumps(figures, indent=2) + "\n")
     for name, rows in parts.items():
         rows.to_csv(out / f"{name}.csv", index=False)
 
 
-def main() -> int:
+def conduct(campaign: Campaign) -> Findings:
     """Fly, judge, report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="one short flight a part: shows that it runs")
-    parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
-    parser.add_argument("--jobs", type=int, help="processes (default: all cores; one with --quick)")
-    given = parser.parse_args()
-    began, size = time.monotonic(), QUICK if given.quick else Size()
-    jobs = given.jobs or (1 if given.quick else os.cpu_count() or 1)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
-    with progress_bar() as tell:
-        parts = flown(tasks(size, calibrated(size, jobs, tell)), jobs, tell)
+    size = QUICK if campaign.quick else Size()
+    parts = flown(tasks(size, calibrated(size, campaign.jobs, campaign.tell)), campaign.jobs, campaign.tell)
     figures = figures_of(parts)
-    text = report(parts, figures, size)
-    print(text)
-    if given.out:
-        write(given.out, text, parts, figures)
-    print(f"{time.monotonic() - began:.0f} s" + (f"; report and figures in {given.out}" if given.out else ""))
-    missed = (held(TARGETS, figures)["reached"] != "yes").any()
-    return int(missed and not given.quick)
+    return Findings(
+        report(parts, figures, size), is_missed(TARGETS, figures), partial(write, parts=parts, figures=figures)
+    )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(conducted(conduct, __doc__, quick="one short flight a part", beside="figures"))

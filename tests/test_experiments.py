@@ -16,6 +16,7 @@ import gtmbench as gb
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.report.campaign import Findings, conducted
 from gtmbench.report.dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
@@ -240,3 +241,19 @@ def test_what_fails_leaves_nothing_behind(tmp_path, monkeypatch, capsys):
     assert called(steps, "--out", tmp_path / "file" / "deep", monkeypatch=monkeypatch) == 2
     assert capsys.readouterr().err.count("\n") == 2
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(("options", "missed", "code"), [((), True, 1), ((), False, 0), (("--quick",), True, 0)])
+def test_a_study_ends_with_1_where_it_misses_a_target_but_a_quick_one(
+    options, missed, code, tmp_path, monkeypatch, capsys
+):
+    def conduct(campaign):
+        assert campaign.jobs == 3
+        return Findings("# Found", missed, lambda out: (out / "rows.csv").write_text("1\n"))
+
+    out = tmp_path / "deep" / "out"
+    monkeypatch.setattr(sys, "argv", ["study.py", *options, "--jobs", "3", "--out", str(out)])
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    assert conducted(conduct, "A study.", quick="one flight") == code
+    assert capsys.readouterr().out.startswith("# Found\n")
+    assert {path.name: path.read_text() for path in out.iterdir()} == {"report.md": "# Found", "rows.csv": "1\n"}

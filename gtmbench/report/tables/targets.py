@@ -53,3 +53,12 @@ def held(targets: Sequence[Target], figures: Mapping[str, Mapping[str, float]]) 
         reached = "yes" if target.is_reached(value) else "MISSED"
         rows.append({"target": target.text, "measured": f"{value:.4g}", "reached": reached})
     return pd.DataFrame(rows)
+
+
+def is_missed(targets: Sequence[Target], figures: Mapping[str, Mapping[str, float]]) -> bool:
+    """Tell whether figures miss one of some targets.
+
+    >>> is_missed([Target("C: no false alarm", "C", "false_alarms", "<=", 0)], {"C": {"false_alarms": 2}})
+    True
+    """
+    return not all(target.is_reached(figures[target.whose][target.which]) for target in targets)

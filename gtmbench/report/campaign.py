@@ -1,0 +1,74 @@
+"""What studies with targets do alike: fly, tell, write a report, and end with an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+from gtmbench.progress import Progress, progress_bar
+
+
+class Findings(NamedTuple):
+    """What a study found.
+
+    Attributes
+    ----------
+    text : str
+        The report, as Markdown.
+    missed : bool
+        Whether it misses a target.
+    write : callable
+        Writes what stands beside the report into a folder.
+    """
+
+    text: str
+    missed: bool
+    write: Callable[[Path], None]
+
+
+class Campaign(NamedTuple):
+    """How much is to be done: seconds' worth, by how many processes, and whom to tell of progress."""
+
+    quick: bool
+    jobs: int
+    tell: Progress
+
+
+def conducted(
+    conduct: Callable[[Campaign], Findings], description: str | None, *, quick: str, beside: str = "rows"
+) -> int:
+    """Conduct a study with ``--quick``, ``--out`` and ``--jobs``; return 1 where it misses a target, else 0.
+
+    What ``--quick`` gives bounds nothing, so it misses none.
+
+    Parameters
+    ----------
+    conduct : callable
+    description : str
+    quick : str
+        What ``--quick`` does.
+    beside : str
+        What is written beside the report.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help=f"{quick}: shows that it runs")
+    parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
+    parser.add_argument("--jobs", type=int, help="processes (default: all cores; one with --quick)")
+    given, began = parser.parse_args(), time.monotonic()
+    jobs = given.jobs or (1 if given.quick else os.cpu_count() or 1)
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
+    with progress_bar() as tell:
+        findings = conduct(Campaign(quick=given.quick, jobs=jobs, tell=tell))
+    click.echo(findings.text)
+    if given.out:
+        given.out.mkdir(parents=True, exist_ok=True)
+        (given.out / "report.md").write_text(findings.text)
+        findings.write(given.out)
+    click.echo(f"{time.monotonic() - began:.0f} s" + (f"; report and {beside} in {given.out}" if given.out else ""))
+    return int(findings.missed and not given.quick)
