@@ -192,9 +192,8 @@ def _would_heal(suspect: Suspect, output: str) -> bool:
     case = suspect.case
     if output not in suspect.outputs:
         return False
-    changes = np.where(np.arange(len(suspect.measured)) >= suspect.onset, suspect.measured - suspect.virtual, 0.0)
     row = suspect.outputs.index(output)
-    left = suspect.white[row] - suspect.shown(changes[np.newaxis])[0, row]
+    left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
     return greatest(case.monitor, output, left) < max(0.5 * case.sickness[output], 1.0)
 
 
@@ -273,7 +272,8 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     virtual = suspect.expected
     before = np.array([virtual[0]])
     reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
-    shown = suspect.shown(np.where(begun, reads - virtual, 0.0)[np.newaxis])[0]
+    added = np.where(begun, reads - virtual, 0.0)
+    shown = suspect.shown(added[np.newaxis])[0]
     rows = case.judged.stop - case.judged.start
     gain, over = np.zeros(rows), np.zeros(rows)  # of leaving the record as it is; what it has over what is tolerated
     for i, output in enumerate(suspect.outputs):
@@ -289,7 +289,6 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
         return None
     # whitening smears the end: of the rows before, the one that explains most
     ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
-    added = np.where(begun, reads - virtual, 0.0)
     trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
     deviances = suspect.deviances(suspect.white - suspect.shown(trials))
     ended = int(ends[np.argmin(deviances)])

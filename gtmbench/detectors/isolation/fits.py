@@ -89,9 +89,9 @@ def _left_by_shapes(fitter: Fitter) -> float:
 def _leaves_more(fitter: Fitter, most: float) -> bool:
     """Tell whether a suspect leaves more than so much with whatever simple shape and noise."""
     elsewhere = fitter.suspect.elsewhere
-    if _left_by_shapes(fitter) <= most or elsewhere > most:
-        return _left_by_shapes(fitter) > most
-    return all(noise.left.deviance + elsewhere > most for noise in fitter.noises(*fitter.shapes))
+    if _left_by_shapes(fitter) <= most:
+        return False
+    return elsewhere > most or all(noise.left.deviance + elsewhere > most for noise in fitter.noises(*fitter.shapes))
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:

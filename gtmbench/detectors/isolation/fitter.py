@@ -106,7 +106,7 @@ class Fitter:
         self.period_s = case.period_s
         self.virtual = suspect.expected
         self.after_s = suspect.time_s - suspect.time_s[suspect.sure]
-        self.on = (np.arange(len(self.after_s)) >= suspect.onset).astype(float)
+        self.on = suspect.begun.astype(float)
         self.peers = _peers(suspect)
         self.felt = _felt(suspect)
         self.measured = np.where(np.isfinite(suspect.measured), suspect.measured, self.virtual)

@@ -13,6 +13,7 @@ from gtmbench.detectors.isolation.effects import Effects, Path, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
+from gtmbench.method.alarms import BoolArray
 from gtmbench.record import FloatArray
 
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
@@ -112,6 +113,16 @@ class Suspect:
         return slice(judged.start - self.case.start, judged.stop - self.case.start)
 
     @cached_property
+    def begun(self) -> BoolArray:
+        """At which rows the fault may have begun."""
+        return np.arange(len(self.measured)) >= self.onset
+
+    @cached_property
+    def off(self) -> FloatArray:
+        """What it has read beside what it should have, since the onset; 0 where either is missing."""
+        return np.nan_to_num(np.where(self.begun, self.measured - self.virtual, 0.0))
+
+    @cached_property
     def expected(self) -> FloatArray:
         """What it should have read, without the virtual sensor's noise; what it read, where that isn't known."""
         if self.channel in self.case.expected:
@@ -143,23 +154,20 @@ class Suspect:
     @cached_property
     def _is_far(self) -> bool:
         """Whether an angle reads so far off that what it adds to the residuals is no longer linear."""
-        off = np.abs(self.measured - self.virtual)[self.sure :]
-        return self.channel in ANGLES and bool(np.nanmax(off, initial=0.0) > _FAR_DEG)
+        return self.channel in ANGLES and bool(np.abs(self.off[self.sure :]).max(initial=0.0) > _FAR_DEG)
 
     @property
     def _near(self) -> FloatArray:
         """The residuals had it read what it should have, and what its change adds as if that were linear."""
         case = self.case
-        changes = np.where(np.arange(len(self.measured)) >= self.onset, self.measured - self.virtual, 0.0)
-        changes = np.nan_to_num(changes)
         readings = case.record[self.channel].copy()
-        readings[case.start :] -= changes
+        readings[case.start :] -= self.off
         near = case.with_record(case.record.replace(self.channel, readings))
         white = np.array([near.white[output][case.judged] for output in self.outputs])
-        return np.asarray(white + self.shown(changes[np.newaxis])[0])
+        return np.asarray(white + self.shown(self.off[np.newaxis])[0])
 
     @cached_property
-    def there(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def there(self) -> BoolArray:
         """Which of these samples are there."""
         return np.isfinite(self.white)
 
@@ -205,9 +213,8 @@ class Suspect:
 
         Divided by it they are healthy; a density of what is divided is one of what was read over the factor.
         """
-        begun = np.arange(len(self.measured)) >= self.onset
         first = self.measured[self.onset] if self.channel == "psi" else 0.0  # a heading's zero is any
-        changes = np.where(begun, (1.0 - 1.0 / factor) * (self.measured - first), 0.0)
+        changes = np.where(self.begun, (1.0 - 1.0 / factor) * (self.measured - first), 0.0)
         left = self.white - self.shown(changes[np.newaxis])[0]
         deviance, louder = 0.0, float(np.log(factor**2))
         for output, white in zip(self.outputs, left, strict=True):

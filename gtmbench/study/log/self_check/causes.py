@@ -45,6 +45,7 @@ _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a
 _SAME_FACTOR = 1.2
 _MOST_PHI, _MOST_THETA, _USUALLY = 181.0, 91.0, 0.99  # deg: an attitude, but for so many rows
 _REFINED = 6  # guesses that are tried with lags of single sensors
+_ORDER = ("held", "sign", "unit", "late", "clock", "swap")  # of undoing: a swap last, the others name what was read
 _GAINS = np.array([1.0, -1.0, _DEG, -_DEG, 1.0 / _DEG, -1.0 / _DEG])
 
 
@@ -311,15 +312,7 @@ def undone(record: Record, changes: Iterable[Change]) -> Record:
     >>> undone(record, [Change(kind="swap", channels=("p", "q")), Change(kind="sign", channels=("p",))])["q"]
     array([-1., -2., -3.])
     """
-    order = {
-        "held": 0,
-        "sign": 1,
-        "unit": 1,
-        "late": 2,
-        "clock": 3,
-        "swap": 4,
-    }  # a swap last: the others name what was read
-    for change in sorted(changes, key=lambda change: order[change.kind]):
+    for change in sorted(changes, key=lambda change: _ORDER.index(change.kind)):
         record = _without(record, change)
     return record
 
@@ -407,7 +400,7 @@ def _gyros_late(wiring: _Wiring) -> list[Guess]:
 def _clocks(wiring: _Wiring) -> list[Guess]:
     """Return the guess that the time base is wrong, where all gyros say by the same factor, and no unit's."""
     table, order = wiring.table, wiring.order
-    if len(wiring.live) < 2 or any(set(factors) != {1.0} for factors in [wiring.reading.factors]):
+    if len(wiring.live) < 2 or set(wiring.reading.factors) != {1.0}:
         return []
     rates = np.array([table.rates[order[i]] for i in wiring.live])
     covariances = np.abs([table.covariance[i, order[i], table.now] for i in wiring.live])
