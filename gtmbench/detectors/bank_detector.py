@@ -19,10 +19,9 @@ from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import BoolArray
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.progress import Progress, silent
-from gtmbench.record import Record
+from gtmbench.record import BoolArray, Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
 

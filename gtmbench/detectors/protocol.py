@@ -16,9 +16,8 @@ import numpy as np
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.method.alarms import BoolArray
 from gtmbench.progress import Progress, silent
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record
 
 Signals = Mapping[str, FloatArray]  # by sensor, shape (samples,)
 _NONE: Mapping[str, Any] = MappingProxyType({})

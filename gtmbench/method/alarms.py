@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.residual import WindowedNorm
-from gtmbench.record import FloatArray, frozen
-
-BoolArray = NDArray[np.bool_]
+from gtmbench.record import BoolArray, FloatArray, frozen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

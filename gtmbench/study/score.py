@@ -36,7 +36,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
@@ -272,7 +272,7 @@ class _Truth:
         since = reads[self._there(fault) & (read_s <= time_s + _TIE) & np.isfinite(reads)]
         return holds is not None and len(since) > 0 and holds(before, since)
 
-    def _there(self, fault: Fault) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def _there(self, fault: Fault) -> BoolArray:
         """Tell when a fault is active, and no longer coming on."""
         read_s = self.broken.time_s
         return np.asarray(fault.active(read_s) & (read_s >= fault.onset_s + fault.ramp_s - _TIE))

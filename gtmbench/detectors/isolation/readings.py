@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.method.autoregressive import innovations
-from gtmbench.record import FloatArray
+from gtmbench.record import BoolArray, FloatArray
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count
@@ -120,7 +120,7 @@ def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
     return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
 
 
-def straight_rows(readings: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def straight_rows(readings: FloatArray) -> BoolArray:
     """Tell which rows continue the two before them dead straight.
 
     >>> straight_rows(np.array([1.0, 2.0, 3.0, 3.0, 3.0, 2.5]))

@@ -13,8 +13,7 @@ from gtmbench.detectors.isolation.effects import Effects, Path, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.method.alarms import BoolArray
-from gtmbench.record import FloatArray
+from gtmbench.record import BoolArray, FloatArray
 
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
 _FAR_DEG = 5.0

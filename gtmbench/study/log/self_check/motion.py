@@ -13,9 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.method.alarms import BoolArray
 from gtmbench.method.regression.slow import interpolated, slow
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 LONGEST_LAG_S = 1.0
