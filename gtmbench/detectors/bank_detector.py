@@ -88,7 +88,9 @@ class BankMonitor(CalibratedBank):
             scores=MappingProxyType({output: _score(self, record, arming[output]) for output in tracks}),
             alarms=tuple(logic.alarms),
             residuals=residuals.raw,
-            predictions=residuals.predicted,
+            predictions=MappingProxyType(
+                {spec.output: residuals.predicted[spec.output] for spec in self.bank.diagnostic}
+            ),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 

@@ -188,8 +188,10 @@ def _sizes_text(output: str, identified: float, unit: str, watches: Sequence[Wat
     if not watches:
         return said
     residual = rms([watch.residuals[output] for watch in watches])
-    signal = deviation([watch.record[output] for watch in watches])
-    return f"{said}, {residual:.3g} here, of a signal of {signal:.3g}"
+    said += f", {residual:.3g} here"
+    if output not in watches[0].record:  # no sensor's
+        return said
+    return f"{said}, of a signal of {deviation([watch.record[output] for watch in watches]):.3g}"
 
 
 def _watched_text(name: str, watches: Sequence[Watch]) -> str:

@@ -60,9 +60,9 @@ class Explained:
 
 
 def explained_where_identified(bank: CalibratedBank, records: Sequence[Record]) -> list[Explained]:
-    """Return what every residual of a bank explains of the records that it stands on."""
+    """Return what every residual of a sensor explains of the records that a bank stands on."""
     found = []
-    for spec in bank.bank.residuals:
+    for spec in bank.bank.diagnostic:
         residuals = [
             residuals_of(bank.bank, record, bank.operators, [spec.output]).raw[spec.output] for record in records
         ]
@@ -72,12 +72,12 @@ def explained_where_identified(bank: CalibratedBank, records: Sequence[Record]) 
 
 
 def explained_where_watched(bank: CalibratedBank, watches: Sequence[Watch]) -> list[Explained]:
-    """Return what every residual of a bank explains of what it watched."""
+    """Return what every residual of a sensor explains of what a bank watched."""
     found = []
-    for output in bank.operators if watches else ():
-        residuals = [watch.residuals[output] for watch in watches]
-        signals = [watch.record[output] for watch in watches]
-        found.append(_explained(bank, output, "watched", residuals, signals))
+    for spec in bank.bank.diagnostic if watches else ():
+        residuals = [watch.residuals[spec.output] for watch in watches]
+        signals = [watch.record[spec.output] for watch in watches]
+        found.append(_explained(bank, spec.output, "watched", residuals, signals))
     return found
 
 
