@@ -282,7 +282,7 @@ class AlarmLogic:
         self.alarms.append(fault.alarm)
         leader = self._leader(fault)
         if leader is None:
-            signature = by_signature(self._bank, self._trusted(fault), output, time_s)
+            signature = by_signature(self._monitor, self._trusted(fault), output, time_s)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
             fault.referees = referees_of(self._bank, record, before.predicted)
@@ -406,7 +406,7 @@ class AlarmLogic:
         if is_late:
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
-        first = by_signature(self._bank, trusted, fault.crossing.output, fault.alarm.time_s)
+        first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))

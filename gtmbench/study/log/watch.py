@@ -106,11 +106,12 @@ class WatchedLog:
     def outcome(self) -> Outcome:
         """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
 
-        Unknown, too, where the self-check has found that silence says nothing.
+        Unknown, too, where an alarm may be no fault's, or the self-check has found that silence says nothing.
         """
-        if any(not alarm.has_passed for alarm in self.alarms):
+        left = [alarm for alarm in self.alarms if not alarm.has_passed]
+        if any(not alarm.doubt for alarm in left):
             return Outcome.FAILED
-        could_tell = self.armed_hours > 0.0 and not self.stuck_above and self.check.passed
+        could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
 
     findings = renamed("WatchedLog.findings", "alarms")
