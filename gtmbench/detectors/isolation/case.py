@@ -33,6 +33,8 @@ class Case:
     ----------
     record : Record
         From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
+    source : str
+        Whose residual alarmed.
     onset, sure : int
         Rows of it: where the fault may have begun as far as the test tells, and from where on it is surely there.
     start : int
@@ -48,6 +50,7 @@ class Case:
     monitor: CalibratedBank
     record: Record
     residuals: BankResiduals = field(repr=False)
+    source: str
     start: int
     onset: int
     sure: int

@@ -49,8 +49,8 @@ _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak faul
 # of a cautious monitor's alarm:
 _EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
 _LASTING_S = 5.0  # of the case, until a sensor is named
-_LEFT = 0.1  # of what was wrong
-_EVEN = 0.5  # of the mean power, in every quarter of noise that came to stay
+_LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
+_EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay")  # attitude filters and mounts err like this
 EARLY = "it is too early to tell"
 DOUBT = "motion or model"
@@ -124,11 +124,12 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
 
 
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
-    """Tell whether a kind of fault explains all that is wrong, and no motion or model's error would look like it."""
-    sick = [output for output, far in case.sickness.items() if far > 1.0]
-    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or not sick or not set(sick) <= set(fit.left.outputs):
+    """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
+    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED):
         return False
-    if not set(sick) & set(axis_of(fit.channel)):
+    worst = max(case.sickness.values())
+    sick = {case.source} | {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
+    if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
     if fit.kind == "noise":
         return _is_steady(case, fit.channel)
@@ -138,17 +139,18 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
 def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
     """Tell whether a residual is healthy once a fault is undone, or nearly all that was wrong with it has gone."""
     white = fit.left.white[fit.left.outputs.index(output)]
-    return greatest(case.monitor, output, white, is_corrected=True) <= max(1.0, _LEFT * case.sickness[output])
+    left = greatest(case.monitor, output, white, is_corrected=True)
+    return left <= max(1.0, min(_LEFT * case.sickness[output], _MOST_LEFT))
 
 
 def _is_steady(case: Case, channel: str) -> bool:
     """Tell whether a sensor's residual is stronger than it was, all through the case: noise that came to stay."""
     if channel not in case.residuals.raw:
         return False
-    quarters = np.array_split(np.square(np.clip(case.white[channel][case.judged], -MOST, MOST)), 4)
-    least = min(float(np.nanmean(quarter)) if np.isfinite(quarter).any() else 0.0 for quarter in quarters)
-    whole = float(np.nanmean(np.concatenate(quarters)))
-    return least > max(_EVEN * whole, case.monitor.tolerances[channel].high)
+    squares = np.square(np.clip(case.white[channel][case.judged], -MOST, MOST))
+    quarters = [float(np.nanmean(part)) for part in np.array_split(squares, 4) if np.isfinite(part).any()]
+    whole = float(np.nanmean(squares)) if quarters else 0.0
+    return len(quarters) > 2 and whole > case.monitor.tolerances[channel].high and min(quarters) > _EVEN * whole
 
 
 def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:

@@ -17,6 +17,7 @@ from gtmbench.record import FloatArray
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
 _TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
+_FEWEST = 5.0  # of the tail's values, independent ones: with fewer a window isn't judged, for it has hardly been seen
 _SHAPES = (0.0, 0.3)  # from exponential, the theory for likelihood ratios, to heavy
 
 Residual = tuple[FloatArray, FloatArray, Spread | None]  # raw and whitened
@@ -50,7 +51,7 @@ def thresholds_of(
                 # also of blocks that aren't complete
                 greatest[key] = float(np.fmax.reduce(score.values, initial=greatest.get(key, -np.inf)))
                 least[key] = score.least_threshold
-                fresh[key] = min(rows / score.reach, 1.0) if isinstance(score.reach, int) and score.reach else 1.0
+                fresh[key] = min(rows / max(float(np.median(score.reach)), 1.0), 1.0)
     share = rate / len(maxima) * rows * sample_period_s / 3600.0
     thresholds: dict[str, dict[str, float]] = {output: {} for output in healthy}
     for key, parts in maxima.items():
@@ -97,7 +98,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independen
     crossings_per_block : float
         For rare crossings, their rate times the length of a block.
     independent : float
-        What share of the maxima counts for k: those of a window longer than a block tell of the same samples.
+        What share of the maxima counts for k: those of a window longer than a block tell of the same samples. Infinite
+        is returned where too few are left.
 
     Examples
     --------
@@ -112,6 +114,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independen
         return float(ordered[-1])
     scale, shape = _pareto(np.asarray(above) - u)
     count = independent * len(above)
+    if independent < 1.0 and count < _FEWEST:
+        return float("inf")
     with np.errstate(over="ignore"):
         far = count * np.expm1(np.log(share) / count)
         beyond = scale * far if shape < 1e-6 else scale * np.expm1(shape * far) / shape

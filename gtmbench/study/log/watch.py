@@ -17,7 +17,9 @@ from gtmbench.checks import number
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import Bank, bank_of
-from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -29,6 +31,7 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
     ALL,
     IDENTIFIED,
@@ -77,6 +80,8 @@ class WatchedLog:
         Why it can't be told, where it can't; what limits what was said, where it can.
     check : SelfCheck
         Whether the log is what the monitor expects.
+    excursions : tuple of Excursion
+        The stretches in which nothing can be told: the motion is beyond what was identified.
     """
 
     log: FlightLog
@@ -85,6 +90,7 @@ class WatchedLog:
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
     check: SelfCheck = field(default=SelfCheck(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -229,6 +235,7 @@ def watch_log(
     parts = [_part(watcher, other, [whole_s(other)], mapping) for other in others]
     if spans:
         parts.append(_part(watcher, log, spans, mapping))
+    origin["regime"] = dict(Regime.of(record for part in parts for record in part.motion).limits)
     check = check_wiring(watcher, parts, IDENTIFIED)
     if not check.stops:
         ready = _calibrated(watcher, kept, rate, origin, progress)
@@ -335,9 +342,12 @@ def _watched(
     watches: list[Watch] = []
     if check.stops:
         parts = []
+    excursions = _excursions(monitor, _part(monitor, log, left, mapping))
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
-        watches.append(monitor.watch(part))
+        watches.append(
+            monitor.watch(part, outside=excursions) if isinstance(monitor, BankMonitor) else monitor.watch(part)
+        )
     progress("watched", len(parts), len(parts))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)
@@ -346,9 +356,18 @@ def _watched(
         monitor=monitor,
         identified_s=tuple(identified_s),
         watches=tuple(watches),
+        excursions=excursions,
         reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
         check=check,
     )
+
+
+def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
+    """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
+    if not isinstance(monitor, BankMonitor):
+        return ()
+    regime = Regime.told(monitor.provenance)
+    return tuple(excursion for record in left.motion for excursion in regime.excursions(record))
 
 
 def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
@@ -359,7 +378,9 @@ def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], ma
     elif not {*GYROS, *ANGLES} <= set(log.channels):
         moving = None
         with contextlib.suppress(InputError):
-            moving = open_log(log.path, mapping=mapping, rate_hz=1.0 / log.sample_period_s, needs=(*GYROS, *ANGLES))
+            rate_hz = 1.0 / log.sample_period_s
+            needs = (*GYROS, *ANGLES)
+            moving = open_log(log.path, mapping=mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)
     records = within(log, spans)
     if moving is None:
         return Part(log=log, records=records, spans=spans)
