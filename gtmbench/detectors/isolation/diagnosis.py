@@ -106,6 +106,8 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
     best, order = explained[0], _rivals(explained)
+    if best.kind == "scale_factor" and best.channel in ANGLES:  # what an attitude hardly does, and its gyro may
+        order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
     if (case.judged.stop - case.judged.start) * case.period_s < _LASTING_S:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
     sensor = best.channel if set(order) == {best.channel} else None
