@@ -48,7 +48,7 @@ _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak faul
 
 # of a cautious monitor's alarm:
 _EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
-_LASTING_S = 5.0  # of the case, until a sensor is named
+_LASTING_S = 4.0  # of the case, until a sensor is named whose readings don't show it
 _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay")  # attitude filters and mounts err like this
@@ -108,7 +108,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
     best, order = explained[0], _rivals(explained)
     if best.kind == "scale_factor" and best.channel in ANGLES:  # what an attitude hardly does, and its gyro may
         order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
-    if (case.judged.stop - case.judged.start) * case.period_s < _LASTING_S:
+    if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < _LASTING_S:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
     sensor = best.channel if set(order) == {best.channel} else None
     others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
@@ -130,7 +130,8 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED):
         return False
     worst = max(case.sickness.values())
-    sick = {case.source} | {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
+    sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
+    sick = (sick - case.others) | {case.source}
     if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
     if fit.kind == "noise":

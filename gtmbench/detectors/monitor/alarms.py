@@ -60,6 +60,7 @@ from gtmbench.record import FloatArray, Record
 HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
 _WINDOW_S = 60.0  # on so much
+_APART_S = 3.0  # what shakes the aircraft shakes all of it within that
 _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
@@ -454,6 +455,17 @@ class AlarmLogic:
             shift=fault.shift,
             habits=fault.habits,
             referees=fault.referees,
+            others=self._apart(fault),
+        )
+
+    def _apart(self, fault: OpenFault) -> frozenset[str]:
+        """Return the residuals whose own alarm is another matter, for it began at another time."""
+        rows = self._rows_of(_APART_S)
+        return frozenset(
+            each.crossing.output
+            for each in self._open
+            if each.crossing.output != fault.crossing.output
+            and abs(each.crossing.onset_row - fault.crossing.onset_row) > rows
         )
 
     def _has_calmed(self, case: Case) -> bool:
