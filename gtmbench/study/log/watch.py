@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
+from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
 from gtmbench.study.log.self_check.check import (
     ALL,
@@ -112,6 +114,11 @@ class WatchedLog:
             return Outcome.FAILED
         could_tell = self.armed_hours > 0.0 and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What would have been seen: the smallest faults that would have alarmed, and been named."""
+        return certificate_of(self.monitor, self.watches)
 
     findings = renamed("WatchedLog.findings", "alarms")
 
