@@ -29,6 +29,7 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import rms_identified, title_text
@@ -61,7 +62,7 @@ def _figure(watched: WatchedLog) -> Figure:
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
-    figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
+    figure, axes = panels(len(heights), len(spans), (sum(widths), 3.2 + sum(heights)), heights, widths)
     for column, span in enumerate(spans):
         _column([row[column] for row in axes], watched, parts, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
@@ -166,3 +167,6 @@ def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None
     title = title_text(watched.monitor)
     said = textwrap.wrap(f"{printable(watched.log.path.name)}, {title}: {outcome_text(watched)}", _TITLE)
     figure.suptitle("\n".join(said), fontweight="bold")
+    seen = certificate_lines(watched.certificate)
+    if seen:
+        figure.supxlabel("\n".join(seen), x=0.01, ha="left", family="monospace", fontsize="small")

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from heapq import heappush, heappushpop
+from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
@@ -22,11 +24,12 @@ from gtmbench.faults.shaping import Deadzone, ScaleFactor
 
 SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
-_FINE = 1.1  # sizes this near are one
+_FINE = 1.15  # sizes this near are one
 _STEP = 4.0  # from a size that isn't seen to the next
 _LEAST = 1e-3  # of the largest: no smaller one is looked for
 _RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
 _TURNED = 2.0  # a scale error that turns the sign
+_HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
 _NAMED_OF = 3  # onsets that are watched anew
 _TIMES = (1.0, 1.5, 2.0, 3.0, 5.0)  # the size that is seen
 _ARMING_S = 5.0  # before what statistics look back at, where a record is watched anew
@@ -54,7 +57,8 @@ class Kind:
         """Return the fault of a size, upwards or, where it has two directions and is turned, downwards."""
         value = -size if is_turned and self.parameter in _DIRECTED else size
         value += self.fault is ScaleFactor
-        return self.fault(channel=sensor, onset_s=onset_s, **{self.parameter: value})
+        parameters: dict[str, Any] = {self.parameter: value}
+        return self.fault(channel=sensor, onset_s=onset_s, **parameters)
 
 
 _DIRECTED = ("size", "slope", "factor")
@@ -82,7 +86,8 @@ class Smallest:
     within_s : float
         How long after its onset.
     named_from : float or None
-        From which size on it would have been named, too, and no other sensor; None where not up to five times `size`.
+        From which size on it would have been named, too, and no other sensor; None where not up to five times `size`,
+        or not asked for.
     """
 
     sensor: str
@@ -103,12 +108,15 @@ class Certificate:
         One a sensor and kind.
     watched_s : float
         How long an alarm was possible, of any residual: what shares are of.
+    is_named : bool
+        Whether it was asked what would have been named.
     missing : str
         Why there is none, where there are no rows.
     """
 
     rows: tuple[Smallest, ...] = field(default=(), repr=False)
     watched_s: float = 0.0
+    is_named: bool = False
     missing: str = ""
 
     def of(self, sensor: str, kind: str) -> Smallest | None:
@@ -117,32 +125,57 @@ class Certificate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Trial:
-    """A fault of a kind at one time, of whatever size."""
+class _Place:
+    """Where a fault is put on a sensor: a time of a record that was watched, and by when it has to alarm."""
 
-    kind: Kind
     on: Superposition
     onset_s: float
     within_s: float
+
+    def is_seen(self, fault: Fault) -> bool:
+        """Tell whether a fault raises an alarm in time."""
+        return self.on.alarm_row(fault, self.within_s) is not None
+
+    @cached_property
+    def is_telling(self) -> bool:
+        """Whether there is no alarm without a fault."""
+        return not self.is_seen(Bias(channel=self.on.sensor, onset_s=self.onset_s, size=0.0))
+
+    def names(self, fault: Fault) -> bool:
+        """Tell whether the fault's sensor is named, and no other, when the record about it is watched anew."""
+        record, monitor, sensor = self.on.record, self.on.monitor, self.on.sensor
+        row = self.on.alarm_row(fault, self.within_s)
+        if row is None or not isinstance(monitor, BankMonitor):
+            return False
+        before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
+        until_s = float(record.time_s[row]) + monitor.look_ahead_of(sensor) + _JUDGED_S
+        about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
+        said = monitor.watch(inject(about, fault)).faults
+        return {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s} == {sensor}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """A fault of a kind at a place, of whatever size up to the largest that makes sense."""
+
+    kind: Kind
+    place: _Place
     is_turned: bool
     most: float
-    is_telling: bool
 
     def fault(self, size: float) -> Fault:
         """Return it with a size."""
-        return self.kind.at(self.on.sensor, self.onset_s, size, is_turned=self.is_turned)
+        return self.kind.at(self.place.on.sensor, self.place.onset_s, size, is_turned=self.is_turned)
 
     def is_seen(self, size: float) -> bool:
-        """Tell whether it raises an alarm in time, and wouldn't without it."""
-        return self.is_telling and self.on.alarm_row(self.fault(size), self.within_s) is not None
+        """Tell whether it raises an alarm in time that wouldn't be there without it."""
+        return self.place.is_telling and self.place.is_seen(self.fault(size))
 
     def smallest(self, low: float) -> float:
-        """Return about the smallest size above one that isn't seen that is; inf where not even the largest is."""
-        if not self.is_telling:
-            return np.inf
+        """Return about the smallest size above `low` that is seen; inf where not even the largest is."""
         high = min(_STEP * low, self.most)
         while not self.is_seen(high):
-            if high >= self.most:
+            if high >= self.most or not self.place.is_telling:
                 return np.inf
             low, high = high, min(_STEP * high, self.most)
         while high > _FINE * low:
@@ -150,83 +183,84 @@ class _Trial:
             low, high = (low, middle) if self.is_seen(middle) else (middle, high)
         return high
 
-    def is_named(self, size: float) -> bool:
-        """Tell whether its sensor is named, and no other, when the record about it is watched anew."""
-        fault, record, monitor = self.fault(size), self.on.record, self.on.monitor
-        row = self.on.alarm_row(fault, self.within_s)
-        if row is None:
-            return False
-        before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
-        until_s = record.time_s[row] + monitor.look_ahead_of(self.on.sensor) + _JUDGED_S
-        about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
-        said = monitor.watch(inject(about, fault)).faults
-        named = {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s}
-        return named == {self.on.sensor}
 
-
-def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch]) -> Certificate:
+def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
     Parameters
     ----------
     monitor : Monitor or Detector
+        Of a bank, or there is no certificate.
     watches : sequence of Watch
+    named : bool
+        Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
+        named: seconds.
+
+    Examples
+    --------
+    >>> from gtmbench.detectors.bank.bank import bank_of
+    >>> from gtmbench.detectors.bank_detector import calibrate
+    >>> from gtmbench.record import Record
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> bank = bank_of("own", {"residuals": [{"output": "q", "inputs": ["p"]}]})
+    >>> monitor = calibrate([record.between(0.0, 60.0)], bank=bank)
+    >>> certificate = certificate_of(monitor, [monitor.watch(record.between(60.04, 119.0))])
+    >>> bias = certificate.of("q", "bias")
+    >>> bias.within_s, bias.share >= 0.9, 0.01 < bias.size < 0.2
+    (10.0, True, True)
     """
     if not isinstance(monitor, BankMonitor):
-        return Certificate(missing=f"{monitor.name} is no bank")
+        return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
     sensors = [spec.output for spec in monitor.bank.diagnostic if spec.output in monitor.bank.suspects]
     if not sensors:
-        return Certificate(missing="no sensor that it suspects has a residual of its own")
-    watched_s = sum(np.count_nonzero(watch.armed) for watch in watches) * monitor.sample_period_s
+        return Certificate(missing="no sensor that may be suspected has a residual of its own")
+    seconds = [float(np.count_nonzero(watch.armed)) * monitor.sample_period_s for watch in watches]
+    if not any(seconds):
+        return Certificate(missing="at no time was an alarm possible")
+    longest_s = round(_HALF * max(seconds), 1)
+    within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
+    onsets = {of: _onsets(watches, of) for of in within_s.values()}
     residuals = [bank_residuals(monitor, watch.record, sensors) for watch in watches]
     rows = []
     for sensor in sensors:
-        on = [
-            Superposition(
-                monitor=monitor,
-                sensor=sensor,
-                record=watch.record,
-                raw=residual.raw[sensor],
-                spread=residual.spread.get(sensor),
-                armed=watch.scores[sensor].armed,
-            )
-            for watch, residual in zip(watches, residuals, strict=True)
-        ]
-        for kind in KINDS:
-            trials = _trials(kind, on, watches)
+        on = [_superposition(monitor, watch, of, sensor) for watch, of in zip(watches, residuals, strict=True)]
+        places = {
+            of: [_Place(on=on[i], onset_s=onset_s, within_s=of) for i, onset_s in pairs] for of, pairs in onsets.items()
+        }
+        for kind, of in within_s.items():
+            most = _most(kind, on, of)
+            trials = [
+                _Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(places[of])
+            ]
             if trials:
-                rows.append(_smallest(trials))
-    return Certificate(rows=tuple(rows), watched_s=watched_s, missing="" if rows else "too little was watched")
+                rows.append(_smallest(trials, named=named))
+    missing = "" if rows else "too little of it was watched"
+    return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
 
 
-def _trials(kind: Kind, on: Sequence[Superposition], watches: Sequence[Watch]) -> list[_Trial]:
-    """Return a kind's trials, their onsets spread evenly over the time watched that leaves time to alarm."""
-    longest_s = max((np.count_nonzero(watch.armed) * watch.record.sample_period_s for watch in watches), default=0.0)
-    within_s = min(kind.within_s, round(0.5 * longest_s, 1))
-    begins: list[tuple[Superposition, float]] = []
-    for each, watch in zip(on, watches, strict=True):
-        enough = len(watch.record) - round(within_s / watch.record.sample_period_s)
-        begins += [
-            (each, time_s) for time_s in watch.record.time_s[: max(enough, 0)][watch.armed[: max(enough, 0)]].tolist()
-        ]
-    count = min(_ONSETS, len(begins))
-    most = _most(kind, on, within_s) if begins else 0.0
-    trials = []
-    for i in range(count):
-        each, onset_s = begins[(2 * i + 1) * len(begins) // (2 * count)]
-        nothing = Bias(channel=each.sensor, onset_s=onset_s, size=0.0)
-        trials.append(
-            _Trial(
-                kind=kind,
-                on=each,
-                onset_s=onset_s,
-                within_s=within_s,
-                is_turned=bool(i % 2),
-                most=most,
-                is_telling=each.alarm_row(nothing, within_s) is None,
-            )
-        )
-    return trials
+def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:
+    """Return times spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
+    rows = [
+        np.flatnonzero(watch.armed[: max(len(watch.record) - round(within_s / watch.record.sample_period_s), 0)])
+        for watch in watches
+    ]
+    of = np.repeat(np.arange(len(rows)), [len(each) for each in rows])
+    row = np.concatenate(rows)
+    count = min(_ONSETS, len(row))
+    chosen = [(2 * i + 1) * len(row) // (2 * count) for i in range(count)]
+    return [(int(of[at]), float(watches[of[at]].record.time_s[row[at]])) for at in chosen]
+
+
+def _superposition(monitor: BankMonitor, watch: Watch, residuals: BankResiduals, sensor: str) -> Superposition:
+    return Superposition(
+        monitor=monitor,
+        sensor=sensor,
+        record=watch.record,
+        raw=residuals.raw[sensor],
+        spread=residuals.spread.get(sensor),
+        armed=watch.scores[sensor].armed,
+    )
 
 
 def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
@@ -240,34 +274,36 @@ def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
     return large / within_s if kind.fault is Drift else large
 
 
-def _smallest(trials: Sequence[_Trial]) -> Smallest:
-    """Return the size that is seen in so many of some trials, by the few that are hardest."""
+def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
+    """Return the size that is seen in so many of some trials: that of the hardest but a few."""
     spare = int((1.0 - SHARE) * len(trials) + 1e-9)
-    hardest: list[float] = []  # sizes of these, the smallest first
+    hardest: list[float] = []  # so many and one, the smallest first
+    most = trials[0].most
+    low = _LEAST * most
     for trial in trials:
         if len(hardest) <= spare:
-            heappush(hardest, trial.smallest(trial.most * _LEAST))
-        elif not (np.isinf(hardest[0]) or trial.is_seen(hardest[0])):
+            heappush(hardest, trial.smallest(low))
+        elif np.isfinite(hardest[0]) and not trial.is_seen(hardest[0]):
             heappushpop(hardest, trial.smallest(hardest[0]))
-    size = hardest[0]
-    kind, sensor = trials[0].kind, trials[0].on.sensor
-    tried = min(size, trials[0].most)
+        if np.isfinite(hardest[0]):
+            low = max(hardest[0] / _STEP**2, _LEAST * most)
+    size = hardest[0] if np.isfinite(hardest[0]) else None
+    seen = [trial for trial in trials if trial.is_seen(most if size is None else size)]
     return Smallest(
-        sensor=sensor,
-        kind=kind.fault.kind,
-        size=None if np.isinf(size) else size,
-        share=float(np.mean([trial.is_seen(tried) for trial in trials])),
-        within_s=trials[0].within_s,
-        named_from=None if np.isinf(size) else _named_from(trials, size),
+        sensor=trials[0].place.on.sensor,
+        kind=trials[0].kind.fault.kind,
+        size=size,
+        share=len(seen) / len(trials),
+        within_s=trials[0].place.within_s,
+        named_from=_named_from(seen, size) if named and size is not None else None,
     )
 
 
-def _named_from(trials: Sequence[_Trial], size: float) -> float | None:
+def _named_from(seen: Sequence[_Trial], size: float) -> float | None:
     """Return from which size on some of the trials that are seen are named; None where not up to a few times theirs."""
-    seen = [trial for trial in trials if trial.is_seen(size)]
-    times = list(_TIMES)
-    for i in range(min(_NAMED_OF, len(seen))):
+    times = [each for each in _TIMES if each * size <= seen[0].most]
+    for i in range(_NAMED_OF):
         trial = seen[(2 * i + 1) * len(seen) // (2 * _NAMED_OF)]
-        while times and (times[0] * size > trial.most or not trial.is_named(times[0] * size)):
+        while times and not trial.place.names(trial.fault(times[0] * size)):
             times.pop(0)
     return times[0] * size if times else None

@@ -79,6 +79,8 @@ class WatchedLog:
         Why it can't be told, where it can't; what limits what was said, where it can.
     check : SelfCheck
         Whether the log is what the monitor expects.
+    asks_names : bool
+        Whether its certificate says what would have been named, too.
     """
 
     log: FlightLog
@@ -87,6 +89,7 @@ class WatchedLog:
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
     check: SelfCheck = field(default=SelfCheck(), repr=False)
+    asks_names: bool = field(default=False, repr=False)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -117,8 +120,12 @@ class WatchedLog:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What would have been seen: the smallest faults that would have alarmed, and been named."""
-        return certificate_of(self.monitor, self.watches)
+        """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
+        return certificate_of(self.monitor, self.watches, named=self.asks_names)
+
+    def with_names(self) -> WatchedLog:
+        """Return the same with a certificate that says what would have been named, too: that takes seconds."""
+        return replace(self, asks_names=True)
 
     findings = renamed("WatchedLog.findings", "alarms")
 
