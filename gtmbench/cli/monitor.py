@@ -99,8 +99,9 @@ def monitor_command(
             progress=tell,
         )
         if named:
-            tell("certificate", None, None)
+            tell("names", None, None)
             watched = watched.with_names()
+            _ = watched.certificate  # kept: what is written and printed holds it
         tell("writing", None, None)
         _write(watched, record, figure, save)
     if as_json:

@@ -6,15 +6,14 @@ Whitening passes that on from the onset, and the scores after it follow from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.scores import IntArray, over
-from gtmbench.detectors.statistics.statistic import Spread, Statistic
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.faults.fault import Fault
 from gtmbench.record import BoolArray, FloatArray, Record
@@ -69,7 +68,7 @@ class Superposition:
 
     def _above(self, row: int, stop: int, changed: FloatArray) -> int | None:
         """Return an armed row whose score is above 1 once some rows of the residual are changed by so much."""
-        whitener, thresholds = self._whitener, self.monitor.thresholds[self.sensor]
+        test, whitener, thresholds = self.monitor.bank.statistic, self._whitener, self.monitor.thresholds[self.sensor]
         first = self._looked_back_from(row)
         raw = self.raw[first:stop].copy()
         raw[row - first :] += changed
@@ -77,13 +76,12 @@ class Superposition:
         seen = max(row - whitener.order, first)  # by the whitening filter
         white[row - first :] = whitener.whiten(raw[seen - first :])[row - seen :]
         spread = None if self.spread is None else self.spread.between(slice(first, stop))
-        there, given = self.monitor.bank.statistic.given(raw, white, spread)
+        there, given = test.given(raw, white, spread)
         at = range(int(np.searchsorted(there, row - first)), len(there))
         rows = there[at.start :] + first
         armed = self.armed[rows]
         tolerance = self.monitor.tolerances[self.sensor]
-        scores = (test.of(given, self.record.sample_period_s, tolerance, at=at) for test in self._tests)
-        for score in chain.from_iterable(scores):
+        for score in test.of(given, self.record.sample_period_s, tolerance, at=at):
             above = np.flatnonzero((over(score.values, thresholds[score.label]) > 1.0) & armed)
             if len(above):
                 return int(rows[above[0]])
@@ -94,17 +92,6 @@ class Superposition:
         looks_back = self.monitor.bank.statistic.looks_back(self.record.sample_period_s)
         before = int(np.searchsorted(self._there, row)) - looks_back
         return int(self._there[before]) if before > 0 else 0
-
-    @cached_property
-    def _tests(self) -> list[Statistic]:
-        """The statistic, a window after the other, the longest first: it mostly sees what is just seen."""
-        test = self.monitor.bank.statistic
-        if test.name == "cusum":
-            return [test]
-        windows = {test.rows(self.record.sample_period_s)[0]: min(test.windows_s)}
-        windows |= {round(window_s / self.record.sample_period_s): window_s for window_s in test.windows_s}
-        kept = [windows[rows] for rows in test.rows(self.record.sample_period_s)]
-        return [replace(test, windows_s=(window_s,)) for window_s in reversed(kept)]
 
     @property
     def _ahead(self) -> int:

@@ -275,20 +275,24 @@ def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
 
 
 def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
-    """Return the size that is seen in so many of some trials: that of the hardest but a few."""
+    """Return the size that is seen in so many of some trials: that of the hardest but a few.
+
+    What is seen at a smaller size is taken to be seen at a larger one.
+    """
     spare = int((1.0 - SHARE) * len(trials) + 1e-9)
-    hardest: list[float] = []  # so many and one, the smallest first
+    hardest: list[tuple[float, int]] = []  # sizes of so many trials and one, with their numbers; the smallest first
     most = trials[0].most
     low = _LEAST * most
-    for trial in trials:
+    for i, trial in enumerate(trials):
         if len(hardest) <= spare:
-            heappush(hardest, trial.smallest(low))
-        elif np.isfinite(hardest[0]) and not trial.is_seen(hardest[0]):
-            heappushpop(hardest, trial.smallest(hardest[0]))
-        if np.isfinite(hardest[0]):
-            low = max(hardest[0] / _STEP**2, _LEAST * most)
-    size = hardest[0] if np.isfinite(hardest[0]) else None
-    seen = [trial for trial in trials if trial.is_seen(most if size is None else size)]
+            heappush(hardest, (trial.smallest(low), i))
+        elif np.isfinite(hardest[0][0]) and not trial.is_seen(hardest[0][0]):
+            heappushpop(hardest, (trial.smallest(hardest[0][0]), i))
+        if np.isfinite(hardest[0][0]):
+            low = max(hardest[0][0] / _STEP**2, _LEAST * most)
+    size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
+    harder = {i for each, i in hardest if size is not None and each > size}
+    seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
     return Smallest(
         sensor=trials[0].place.on.sensor,
         kind=trials[0].kind.fault.kind,
