@@ -8,13 +8,11 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
-from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.monitor.scores import bank_alarms
-from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report, outcome_text
-from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
+from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, superposition
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched, watched_log
 from tests.monitors import monitor, record
 
@@ -31,18 +29,6 @@ def flight():
 @cache
 def certificate():
     return certificate_of(monitor(), [flight()])
-
-
-def superposition(watch, sensor):
-    residuals = bank_residuals(watch.monitor, watch.record, [sensor])
-    return Superposition(
-        monitor=watch.monitor,
-        sensor=sensor,
-        record=watch.record,
-        raw=residuals.raw[sensor],
-        spread=residuals.spread.get(sensor),
-        armed=watch.scores[sensor].armed,
-    )
 
 
 def alarmed(watch, fault, within_s):

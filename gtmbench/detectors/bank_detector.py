@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -18,12 +18,26 @@ from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BankWatch(Watch):
+    """Everything that a bank said of a record.
+
+    Attributes
+    ----------
+    spread : mapping of output to Spread
+        How far residuals may be off, as the statistics take it; empty where nothing is uncertain.
+    """
+
+    spread: Mapping[str, Spread] = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +73,7 @@ class BankMonitor(CalibratedBank):
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
         return BankStream(self)
 
-    def watch(self, record: Record, *, without: Iterable[str] = ()) -> Watch:
+    def watch(self, record: Record, *, without: Iterable[str] = ()) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
         A stream does the same with rows as they come in; here they are all there.
@@ -82,7 +96,7 @@ class BankMonitor(CalibratedBank):
         logic.missing.take(record.there[:, record.columns(self.bank.channels)])
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}
-        return Watch(
+        return BankWatch(
             monitor=self,
             record=record,
             scores=MappingProxyType({output: _score(self, record, arming[output]) for output in tracks}),
@@ -91,6 +105,7 @@ class BankMonitor(CalibratedBank):
             predictions=MappingProxyType(
                 {spec.output: residuals.predicted[spec.output] for spec in self.bank.diagnostic}
             ),
+            spread=residuals.spread,
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 

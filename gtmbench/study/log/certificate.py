@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
-from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
@@ -210,21 +209,21 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     >>> bias.within_s, bias.share >= 0.9, 0.01 < bias.size < 0.2
     (10.0, True, True)
     """
-    if not isinstance(monitor, BankMonitor):
+    told = [watch for watch in watches if isinstance(watch, BankWatch)]
+    if not isinstance(monitor, BankMonitor) or len(told) < len(watches):
         return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
     sensors = [spec.output for spec in monitor.bank.diagnostic if spec.output in monitor.bank.suspects]
     if not sensors:
         return Certificate(missing="no sensor that may be suspected has a residual of its own")
-    seconds = [float(np.count_nonzero(watch.armed)) * monitor.sample_period_s for watch in watches]
+    seconds = [float(np.count_nonzero(watch.armed)) * monitor.sample_period_s for watch in told]
     if not any(seconds):
         return Certificate(missing="at no time was an alarm possible")
     longest_s = round(_HALF * max(seconds), 1)
     within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
-    onsets = {of: _onsets(watches, of) for of in within_s.values()}
-    residuals = [bank_residuals(monitor, watch.record, sensors) for watch in watches]
+    onsets = {of: _onsets(told, of) for of in within_s.values()}
     rows = []
     for sensor in sensors:
-        on = [_superposition(monitor, watch, of, sensor) for watch, of in zip(watches, residuals, strict=True)]
+        on = [superposition(watch, sensor) for watch in told]
         places = {
             of: [_Place(on=on[i], onset_s=onset_s, within_s=of) for i, onset_s in pairs] for of, pairs in onsets.items()
         }
@@ -252,13 +251,15 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]
     return [(int(of[at]), float(watches[of[at]].record.time_s[row[at]])) for at in chosen]
 
 
-def _superposition(monitor: BankMonitor, watch: Watch, residuals: BankResiduals, sensor: str) -> Superposition:
+def superposition(watch: BankWatch, sensor: str) -> Superposition:
+    """Return a sensor's own residual on a record that a bank watched."""
+    assert isinstance(watch.monitor, BankMonitor)
     return Superposition(
-        monitor=monitor,
+        monitor=watch.monitor,
         sensor=sensor,
         record=watch.record,
-        raw=residuals.raw[sensor],
-        spread=residuals.spread.get(sensor),
+        raw=watch.residuals[sensor],
+        spread=watch.spread.get(sensor),
         armed=watch.scores[sensor].armed,
     )
 
