@@ -196,6 +196,12 @@ def test_the_headline_says_which_sensors_are_blind(rows, said):
     assert certificate_text(Certificate(rows=tuple(rows), watched_s=60.0)) == said
 
 
+def test_a_gyro_whose_end_would_go_unseen_is_told():
+    rows = (row("p", None, "deadzone"), row("q", 0.5, "deadzone"), row("r", None, "deadzone"))
+    told = certificate_lines(Certificate(rows=rows, watched_s=60.0))[-1]
+    assert told == "  p, r going dead would not have been seen in 90 % of it"
+
+
 def test_the_table_says_how_often_the_largest_would_have_been_seen_and_what_is_named():
     rows = (row("p", 0.532, named_from=1.6), row("p", None, "scale_factor"))
     assert certificate_lines(Certificate(rows=rows, watched_s=60.0, is_named=True)) == [

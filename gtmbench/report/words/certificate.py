@@ -52,6 +52,9 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     lines = [f"seen {within} in {_share(SHARE)} of the {_watched(certificate)}, from this size on:", *_aligned(table)]
     if any(row.size is None for row in rows):
         lines.append("  in ... %: not even the largest that was tried would have been seen more often")
+    dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
+    if dead:
+        lines.append(f"  {', '.join(dead)} going dead would not have been seen in {_share(SHARE)} of it")
     return lines
 
 
