@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     type=float,
     help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
 )
+@click.option("--named", is_flag=True, help="Say from which size on faults would have been named, too: seconds.")
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
@@ -65,6 +66,7 @@ def monitor_command(
     look: float,
     rate: float | None,
     wanted: float | None,
+    named: bool,
     record: Path | None,
     figure: Path | None,
     save: Path | None,
@@ -96,6 +98,10 @@ def monitor_command(
             false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
             progress=tell,
         )
+        if named:
+            tell("names", None, None)
+            watched = watched.with_names()
+            _ = watched.certificate  # kept: what is written and printed holds it
         tell("writing", None, None)
         _write(watched, record, figure, save)
     if as_json:

@@ -17,7 +17,7 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.scores import ResidualScore, residual_scores
 from gtmbench.method.alarms import rising
-from gtmbench.record import Record
+from gtmbench.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +54,13 @@ def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursio
     ]
 
 
-def blotted(residuals: BankResiduals, out: Iterable[tuple[str, range]]) -> BankResiduals:
+def blotted(raw: Mapping[str, FloatArray], out: Iterable[tuple[str, range]]) -> dict[str, FloatArray]:
     """Return residuals without some rows."""
-    raw = {output: np.array(values) for output, values in residuals.raw.items()}
+    left = dict(raw)
     for output, rows in out:
-        raw[output][rows.start : rows.stop] = np.nan
-    return replace(residuals, raw=raw)
+        left[output] = left[output].copy() if left[output] is raw[output] else left[output]
+        left[output][rows.start : rows.stop] = np.nan
+    return left
 
 
 class Excursions:

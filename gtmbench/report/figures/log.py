@@ -29,6 +29,7 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import rms_identified, title_text
@@ -43,6 +44,7 @@ _DPI = 130
 _POINTS = 2500  # of a line: more than a panel has pixels
 _MOST_FAULTS = 2
 _TITLE = 105  # letters in a line
+_LINE = 0.15  # inches, of the certificate
 
 
 def write_log_figure(watched: WatchedLog, path: Path) -> None:
@@ -60,14 +62,27 @@ def _figure(watched: WatchedLog) -> Figure:
     heights = [0.35, 2.4] if scores_of(watched) else [0.35]
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
+    seen = certificate_lines(watched.certificate)
+    heights += [_LINE * (len(seen) + 1)] if seen else []
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
+    if seen:
+        _seen(axes.pop(), seen)
     for column, span in enumerate(spans):
         _column([row[column] for row in axes], watched, parts, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
         axis.set_title(textwrap.fill(alarm_text(fault), 45), fontsize="medium")
     _finished(figure, [axis for row in axes for axis in row], watched)
     return figure
+
+
+def _seen(axes: Sequence[Axes], lines: Sequence[str]) -> None:
+    """Write the certificate, below everything."""
+    for axis in axes:
+        axis.set_axis_off()
+    axes[0].text(
+        0.0, 1.0, "\n".join(lines), transform=axes[0].transAxes, va="top", family="monospace", fontsize="small"
+    )
 
 
 def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch], span: Span) -> None:

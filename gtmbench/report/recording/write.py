@@ -117,6 +117,7 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import outcome_text, remark_text
 from gtmbench.report.words.monitor import title_text
@@ -349,4 +350,6 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
     events += watch_events(watched.watches)
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
-    return [*events, (whole_of(watched)[1], severity, f"outcome: {outcome_text(watched)}")]
+    end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
+    events += [(end_s, "INFO", "\n".join(seen))] if seen else []
+    return [*events, (end_s, severity, f"outcome: {outcome_text(watched)}")]

@@ -16,9 +16,11 @@ from gtmbench.plain import plain
 from gtmbench.report.scores import level
 from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
+from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
 from gtmbench.study.log.watch import WatchedLog
 
@@ -37,6 +39,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "exit_code": int(watched.outcome),
         "verdict": outcome_text(watched),
         "reasons": watched.reasons,
+        "certificate": _certificate(watched.certificate),
         "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
@@ -50,6 +53,17 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "versions": versions(),
     }
     return dict(plain(table))
+
+
+def _certificate(certificate: Certificate) -> Mapping[str, Any]:
+    """Return what would have been seen; a scale error's size is a share, 1 for a gyro that is dead or reads double."""
+    return {
+        "share_of_time": SHARE,
+        "watched_s": certificate.watched_s,
+        "missing": certificate.missing,
+        "is_named": certificate.is_named,
+        "rows": [asdict(row) | {"unit": unit_text(row)} for row in certificate.rows],
+    }
 
 
 def _check(check: SelfCheck) -> Mapping[str, Any]:

@@ -25,6 +25,7 @@ from gtmbench.report.watched import (
     rms,
     stretches,
 )
+from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
@@ -48,6 +49,7 @@ def log_report(watched: WatchedLog) -> list[str]:
         *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
         *(f"note: {note}" for note in watched.check.notes),
         outcome_text(watched),
+        *certificate_lines(watched.certificate),
         *_worth_lines(watched),
     ]
 
@@ -55,13 +57,15 @@ def log_report(watched: WatchedLog) -> list[str]:
 def outcome_text(watched: WatchedLog) -> str:
     """Say in a line what the log comes to.
 
-    Every fault with the time of its alarm; or that nothing was found, and how little that bounds; or why it can't be
-    told.
+    Every fault with the time of its alarm; or that none was found, and from which size on one would have been seen; or
+    why it can't be told.
     """
     if watched.outcome is Outcome.UNKNOWN:
         return f"could not tell: {'; '.join(watched.reasons) or 'no stretch is long enough to be watched'}"
     faults = faults_of(watched).values()
-    return "; ".join(map(_fault_text, faults)) or f"nothing found{_alarms_text(watched)}"
+    passed = passed_alarms(watched)
+    alarms = f" ({counted(passed, 'alarm')} that nothing explains)" if passed else ""
+    return "; ".join(map(_fault_text, faults)) or f"no fault found{alarms}; {certificate_text(watched.certificate)}"
 
 
 def _fault_text(same: Sequence[Alarm]) -> str:
@@ -244,10 +248,12 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
     suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
+    bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
-        return ["that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
+        return [bound, "that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
     slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
     return [
+        bound,
         f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",
         f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]

@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
+from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
 from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
@@ -82,6 +84,8 @@ class WatchedLog:
         Whether the log is what the monitor expects.
     excursions : tuple of Excursion
         The stretches in which nothing can be told: the motion is beyond what was identified.
+    asks_names : bool
+        Whether its certificate says what would have been named, too.
     """
 
     log: FlightLog
@@ -91,6 +95,7 @@ class WatchedLog:
     reasons: tuple[str, ...]
     check: SelfCheck = field(default=SelfCheck(), repr=False)
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
+    asks_names: bool = field(default=False, repr=False)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -119,6 +124,15 @@ class WatchedLog:
             return Outcome.FAILED
         could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
+        return certificate_of(self.monitor, self.watches, named=self.asks_names)
+
+    def with_names(self) -> WatchedLog:
+        """Return the same with a certificate that says what would have been named, too: that takes seconds."""
+        return replace(self, asks_names=True)
 
     findings = renamed("WatchedLog.findings", "alarms")
 
