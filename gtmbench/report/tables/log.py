@@ -72,6 +72,7 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
         "remarks": [asdict(remark) for remark in log.remarks],
+        "events": [asdict(event) for event in log.events],
     }
 
 
