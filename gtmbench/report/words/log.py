@@ -121,21 +121,22 @@ def events_lines(events: Sequence[Event]) -> list[str]:
     if not events:
         return []
     if len(events) <= _MOST_EVENTS:
-        return [f"the log tells of: {', '.join(map(_event_text, events))}"]
+        return [f"the log tells of: {', '.join(map(event_text, events))}"]
     by_kind: dict[str, list[Event]] = {}
     for event in events:
         by_kind.setdefault(event.kind, []).append(event)
     return [f"the log tells of: {', '.join(map(_events_text, by_kind.values()))}"]
 
 
-def _event_text(event: Event) -> str:
+def event_text(event: Event) -> str:
+    """Write an event: what, when, and in the log's words where they say more."""
     told = f" ({event.text})" if event.kind in _TOLD else ""
     return f"{event.kind} at {event.time_s:.2f} s{told}"
 
 
 def _events_text(same: Sequence[Event]) -> str:
     if len(same) == 1:
-        return _event_text(same[0])
+        return event_text(same[0])
     return f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
 
 
