@@ -14,7 +14,7 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.watched import State, stretches
 from gtmbench.report.words.log import log_report
 from gtmbench.study.healthy_records import logged_records
-from gtmbench.study.log.identified import GROUND, RESET, RESIDUAL, Stretches, ratios, undisturbed
+from gtmbench.study.log.identified import GROUND, RESET, RESIDUAL, Stretches, healthy_stretches, ratios, undisturbed
 from gtmbench.study.log.watch import Outcome, watch_log
 from gtmbench.testing.flights import fly_once
 
@@ -155,7 +155,7 @@ def test_what_was_left_out_is_said_shown_and_written(watched):
     assert sum(end_s - start_s for start_s, end_s in left) <= 4.5
     assert any(start_s <= 20.0 <= end_s for start_s, end_s in left)
     table = json.loads(json.dumps(log_results(reset)))
-    assert [row["log"] for row in table["left_out_of_identification"]] == ["reset.csv"] * len(reset.left_out)
+    assert {row["log"] for row in table["left_out_of_identification"]} == {str(reset.log.path)}
     assert not watched["whole"].left_out
 
 
@@ -168,3 +168,20 @@ def test_calibrate_does_alike_and_says_so(log, tmp_path):
     records, origin = logged_records([tmp_path / "whole.csv"], C)
     assert "left_out" not in origin
     assert len(records) == 1
+
+
+def test_a_log_of_the_same_name_elsewhere_keeps_its_samples(log, tmp_path):
+    (tmp_path / "other").mkdir()
+    gb.write_log(log.segments[0], tmp_path / "other" / log.path.name)
+    other = gb.open_log(tmp_path / "other" / log.path.name, needs=NEEDED)
+    told = replace(log, events=(happened(EventKind.RESET, 40.0),))
+    found = undisturbed(C, Stretches(records=(*told.segments, *other.segments), logs=(told, other)))
+    assert [bool(there(record, 37.6, 42.4).any()) for record in found.records] == [False, True]
+
+
+def test_a_log_without_anything_to_identify_on_leaves_it_to_the_others(log):
+    short = log.segments[0].between(10.0, 11.0)
+    found, _ = healthy_stretches([(log, [short]), (log, log.segments)], NEEDED)
+    assert [len(record) for record in found.records] == [len(log.segments[0])]
+    with pytest.raises(gb.InputError, match="nothing that is healthy"):
+        healthy_stretches([(log, [])], NEEDED)

@@ -6,8 +6,10 @@ it makes a residual ten times as large, and faults pass beneath. What is left ou
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
+from gtmbench.errors import InputError
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian, reproduces
@@ -44,13 +47,12 @@ class LeftOut:
 
     Attributes
     ----------
-    log : str
-        Its name.
+    log : Path
     span : Span
     why : str
     """
 
-    log: str
+    log: Path
     span: Span
     why: str
 
@@ -85,10 +87,10 @@ class Stretches:
     def reasons(self) -> list[str]:
         """What was left out, a line a log and a reason."""
         lines = []
-        for name, why in dict.fromkeys((each.log, each.why) for each in self.left_out):
-            spans = _joined([each.span for each in self.left_out if (each.log, each.why) == (name, why)])
+        for path, why in dict.fromkeys((each.log, each.why) for each in self.left_out):
+            spans = _joined([each.span for each in self.left_out if (each.log, each.why) == (path, why)])
             said = ", ".join(f"{start_s:.1f}..{end_s:.1f} s" for start_s, end_s in spans)
-            lines.append(f"{name}: {said} left out of identification: {why}")
+            lines.append(f"{path.name}: {said} left out of identification: {why}")
         return lines
 
     def without(self, doubt: LeftOut) -> Stretches:
@@ -96,7 +98,7 @@ class Stretches:
         pairs = [
             (piece, log)
             for record, log in zip(self.records, self.logs, strict=True)
-            for piece in (_without(record, doubt.span) if log.path.name == doubt.log else [record])
+            for piece in (_without(record, doubt.span) if log.path == doubt.log else [record])
         ]
         return replace(
             self,
@@ -116,7 +118,12 @@ def healthy_stretches(
     InputError
         Where nothing is left between pauses.
     """
-    found = [(piece, log) for log, records in parts for piece in between_pauses(records, channels)]
+    found: list[tuple[Record, FlightLog]] = []
+    for log, records in parts:
+        with contextlib.suppress(InputError):  # nothing of this log
+            found += [(piece, log) for piece in between_pauses(records, channels)]
+    if not found:
+        between_pauses([], channels)
     shortest = _LONG_ENOUGH * max(len(piece) for piece, _ in found)
     kept = [(piece, log) for piece, log in found if len(piece) >= shortest]
     stretches = Stretches(records=tuple(piece for piece, _ in kept), logs=tuple(log for _, log in kept))
@@ -211,7 +218,7 @@ def _told(stretches: Stretches) -> list[LeftOut]:
             for span in found:
                 start_s, end_s = max(span[0], own[0].start_s), min(span[1], own[-1].end_s)
                 if start_s < end_s:
-                    told[why].append(LeftOut(log=log.path.name, span=(start_s, end_s), why=why))
+                    told[why].append(LeftOut(log=log.path, span=(start_s, end_s), why=why))
     return [*told[RESET], *told[GROUND]]
 
 
@@ -243,7 +250,7 @@ def _beyond(stretches: Stretches, bank: Bank, specs: Sequence[ResidualSpec]) -> 
                 motion = min(predicted[there].sum(axis=1).mean(), read[there].sum(axis=1).mean())
                 squares.append([*left[there].mean(axis=0), motion])
                 spans.append((float(record.time_s[rows[0]]), float(record.time_s[rows[-1]])))
-                logs.append(log.path.name)
+                logs.append(log.path)
     if len(squares) < _FEWEST:
         return []
     blocks = np.sqrt(np.array(squares))
