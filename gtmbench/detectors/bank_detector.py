@@ -14,6 +14,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
+from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
@@ -59,7 +60,7 @@ class BankMonitor(CalibratedBank):
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
         return BankStream(self)
 
-    def watch(self, record: Record, *, without: Iterable[str] = ()) -> Watch:
+    def watch(self, record: Record, *, without: Iterable[str] = (), outside: Sequence[Excursion] = ()) -> Watch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
         A stream does the same with rows as they come in; here they are all there.
@@ -70,6 +71,8 @@ class BankMonitor(CalibratedBank):
         without : iterable of str
             Families of hypotheses that diagnoses don't try (`isolation.hypotheses.FAMILIES`): what is said of faults
             that nobody wrote a hypothesis for.
+        outside : sequence of Excursion
+            Stretches that say nothing: an alarm in one can't be told.
 
         Raises
         ------
@@ -77,8 +80,13 @@ class BankMonitor(CalibratedBank):
             Where the record lacks a channel of the bank or has another sample period.
         """
         residuals = bank_residuals(self, record)
-        tracks = tracks_of(self, residuals)
-        logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True, without=without)
+        out = blots(self, record, outside)
+        told = blotted(residuals, out) if out else residuals
+        tracks, memory = tracks_of(self, told), Memory.of(self, record, told)
+        for output, rows in out:
+            memory.blot(output, rows)
+        excursions = Excursions(self, record, residuals, outside)
+        logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
         logic.missing.take(record.there[:, record.columns(self.bank.channels)])
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}

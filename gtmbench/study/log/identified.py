@@ -93,6 +93,10 @@ class Stretches:
             lines.append(f"{path.name}: {said} left out of identification: {why}")
         return lines
 
+    def left_out_of(self, log: FlightLog) -> list[Span]:
+        """Return the spans of a log that are left out."""
+        return [each.span for each in self.left_out if each.log == log.path]
+
     def without(self, doubt: LeftOut) -> Stretches:
         """Return them without a span; too short a rest goes, too."""
         pairs = [

@@ -17,7 +17,9 @@ from gtmbench.checks import number
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import Bank, bank_of
-from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -29,7 +31,8 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
-from gtmbench.study.log.records import first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
+from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
     ALL,
     IDENTIFIED,
@@ -77,6 +80,8 @@ class WatchedLog:
         Why it can't be told, where it can't; what limits what was said, where it can.
     check : SelfCheck
         Whether the log is what the monitor expects.
+    excursions : tuple of Excursion
+        The stretches in which nothing can be told: the motion is beyond what was identified.
     left_out : tuple of LeftOut
         What of the healthy spans, and of other logs, wasn't identified on.
     """
@@ -87,6 +92,7 @@ class WatchedLog:
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
     check: SelfCheck = field(default=SelfCheck(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
 
     @property
@@ -109,11 +115,12 @@ class WatchedLog:
     def outcome(self) -> Outcome:
         """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
 
-        Unknown, too, where the self-check has found that silence says nothing.
+        Unknown, too, where an alarm may be no fault's, or the self-check has found that silence says nothing.
         """
-        if any(not alarm.has_passed for alarm in self.alarms):
+        left = [alarm for alarm in self.alarms if not alarm.has_passed]
+        if any(not alarm.doubt for alarm in left):
             return Outcome.FAILED
-        could_tell = self.armed_hours > 0.0 and not self.stuck_above and self.check.passed
+        could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
 
     findings = renamed("WatchedLog.findings", "alarms")
@@ -217,7 +224,7 @@ def watch_log(
     healthy_of = [(other, other.segments) for other in others] + ([(log, within(log, spans))] if spans else [])
     stretches, too_short = healthy_stretches(healthy_of, watcher.channels)
     reasons += too_short
-    origin = {
+    origin: dict[str, object] = {
         "source": "logs",
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
@@ -229,6 +236,8 @@ def watch_log(
     if not check.stops:
         stretches = undisturbed(watcher, stretches)
         reasons += stretches.reasons
+        moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
+        origin["regime"] = dict(Regime.of(moved).limits)
         ready = _calibrated(watcher, stretches.records, rate, origin, progress)
         check = check_identified(check, ready, stretches.records)
     if spans and not check.causes and (check.stops or any(not each.is_shown for each in check.explained)):
@@ -335,9 +344,12 @@ def _watched(
     watches: list[Watch] = []
     if check.stops:
         parts = []
+    excursions = _excursions(monitor, _part(monitor, log, left, mapping))
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
-        watches.append(monitor.watch(part))
+        watches.append(
+            monitor.watch(part, outside=excursions) if isinstance(monitor, BankMonitor) else monitor.watch(part)
+        )
     progress("watched", len(parts), len(parts))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)
@@ -346,9 +358,18 @@ def _watched(
         monitor=monitor,
         identified_s=tuple(identified_s),
         watches=tuple(watches),
+        excursions=excursions,
         reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
         check=check,
     )
+
+
+def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
+    """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
+    if not isinstance(monitor, BankMonitor):
+        return ()
+    regime = Regime.told(monitor.provenance)
+    return tuple(excursion for record in left.motion for excursion in regime.excursions(record))
 
 
 def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
@@ -359,7 +380,9 @@ def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], ma
     elif not {*GYROS, *ANGLES} <= set(log.channels):
         moving = None
         with contextlib.suppress(InputError):
-            moving = open_log(log.path, mapping=mapping, rate_hz=1.0 / log.sample_period_s, needs=(*GYROS, *ANGLES))
+            rate_hz = 1.0 / log.sample_period_s
+            needs = (*GYROS, *ANGLES)
+            moving = open_log(log.path, mapping=mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)
     records = within(log, spans)
     if moving is None:
         return Part(log=log, records=records, spans=spans)

@@ -1,0 +1,127 @@
+"""Excursions: stretches in which residuals say nothing, for the motion is beyond what the monitor knows.
+
+Their rows are taken out of the residuals, so that what comes after is held against what was before. A score that would
+have risen in one is told, as an alarm that can't be: a fault there looks the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.clock import even_times_s
+from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.monitor.missing import NEVER
+from gtmbench.detectors.monitor.scores import ResidualScore, residual_scores
+from gtmbench.method.alarms import rising
+from gtmbench.record import Record
+
+
+@dataclass(frozen=True, kw_only=True)
+class Excursion:
+    """A stretch in which residuals say nothing.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+    reason : str
+        What it is: ``touchdown``, ``reset``, ``motion beyond what was identified``.
+    """
+
+    start_s: float
+    end_s: float
+    reason: str
+
+
+def rows_of(excursion: Excursion, record: Record) -> range:
+    """Return the rows of a record that an excursion covers."""
+    last = len(record) - 1
+    first, stop = (
+        (time_s - record.start_s) / record.sample_period_s for time_s in (excursion.start_s, excursion.end_s)
+    )
+    return range(
+        min(max(int(np.ceil(first - 1e-6)), 0), last + 1), min(max(int(np.floor(stop + 1e-6)) + 1, 0), last + 1)
+    )
+
+
+def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursion]) -> list[tuple[str, range]]:
+    """Return which rows of which residual stand on samples of an excursion."""
+    reach = {output: round(monitor.history_of(output) / record.sample_period_s) for output in monitor.operators}
+    spans = [rows for excursion in excursions if (rows := rows_of(excursion, record))]
+    return [
+        (output, range(max(rows.start - reach[output], 0), min(rows.stop + reach[output], len(record))))
+        for output in reach
+        for rows in spans
+    ]
+
+
+def blotted(residuals: BankResiduals, out: Iterable[tuple[str, range]]) -> BankResiduals:
+    """Return residuals without some rows."""
+    raw = {output: np.array(values) for output, values in residuals.raw.items()}
+    for output, rows in out:
+        raw[output][rows.start : rows.stop] = np.nan
+    return replace(residuals, raw=raw)
+
+
+class Excursions:
+    """The alarms of excursions, by the row with which each is known.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    record : Record
+    residuals : BankResiduals
+        As they are.
+    excursions : sequence of Excursion
+    """
+
+    def __init__(
+        self,
+        monitor: CalibratedBank,
+        record: Record,
+        residuals: BankResiduals,
+        excursions: Sequence[Excursion],
+    ) -> None:
+        scores = residual_scores(monitor, record, residuals) if excursions else {}
+        told = [alarm for excursion in excursions for alarm in _first(monitor, record, scores, excursion)]
+        self._alarms = sorted(told, key=lambda each: each[0])
+
+    @property
+    def due(self) -> int:
+        """The row with which the next is known."""
+        return self._alarms[0][0] if self._alarms else NEVER
+
+    def tell(self, row: int, number: int) -> Iterator[Alarm]:
+        """Give the alarms up to a row, numbered from `number` on."""
+        while self.due <= row:
+            _, alarm = self._alarms.pop(0)
+            yield replace(alarm, number=number, fault=number)
+            number += 1
+
+
+def _first(
+    monitor: CalibratedBank, record: Record, scores: Mapping[str, ResidualScore], excursion: Excursion
+) -> Iterator[tuple[int, Alarm]]:
+    """Give the first alarm that an excursion would have raised, if any, and the row with which it is known."""
+    rows = rows_of(excursion, record)
+    if not rows:
+        return
+    rises = []
+    for output, score in scores.items():
+        ahead = round(monitor.look_ahead_of(output) / record.sample_period_s)
+        row = next((row for row in rising(score.values, 1.0).tolist() if row - rows.start in range(len(rows))), None)
+        if row is not None:
+            rises.append((row + ahead, output, score.origins[row][1]))
+    if not rises:
+        return
+    known, output, onset = min(rises)
+    time_s, onset_s = (
+        float(even_times_s(record.start_s, record.sample_period_s, range(k, k + 1))[0]) for k in (known, onset)
+    )
+    suspects = tuple(name for name in monitor.bank.suspects if output in monitor.bank.affects(name))
+    judged = Judgement(time_s=time_s, sensor=None, candidates=suspects, doubt=excursion.reason)
+    alarm = Alarm(number=0, time_s=time_s, onset_s=onset_s, source=output, test=OUTSIDE, judgements=(judged,))
+    yield known, replace(alarm, ended_s=excursion.end_s, end_known_s=max(excursion.end_s, time_s))
