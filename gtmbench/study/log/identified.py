@@ -23,12 +23,14 @@ from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian, reproduces
 from gtmbench.record import BoolArray, FloatArray, Record, Span
-from gtmbench.study.log.records import between_pauses, outside
+from gtmbench.study.log.records import between_pauses
 
 _AROUND_S = 2.5  # a reset, and before a touchdown is told
 _LEAST_LEFT, _LEAST_MOTION = 2.0 / 3.0, 0.5  # of the samples, of the motion's energy
 _LEAST_S = 15.0
-_LONGEST_GAP_S = 6.0  # that may be missing within a stretch: what is longer parts it
+_ENOUGH_S = (
+    60.0  # of flight: with less, what stood on the ground stays; it is calm, and thresholds stand on every second
+)
 _LEAST_THERE = 2.0 / 3.0  # of a stretch
 _LONG_ENOUGH = 0.2  # of the longest stretch
 _SHORTEST_S = 5.0  # that a bank is calibrated on
@@ -117,6 +119,8 @@ def healthy_stretches(
 ) -> tuple[Stretches, list[str]]:
     """Return the stretches of some logs between pauses, and a word on those that are too short beside the longest.
 
+    Too short is a fifth of it, or what a bank isn't calibrated on, 5 s.
+
     Raises
     ------
     InputError
@@ -128,23 +132,24 @@ def healthy_stretches(
             found += [(piece, log) for piece in between_pauses(records, channels)]
     if not found:
         between_pauses([], channels)
-    shortest = _LONG_ENOUGH * max(len(piece) for piece, _ in found)
-    kept = [(piece, log) for piece, log in found if len(piece) >= shortest]
+    longest_s = max(_length_s(piece) for piece, _ in found)
+    shortest_s = max(_LONG_ENOUGH * longest_s, min(_SHORTEST_S, longest_s))
+    kept = [(piece, log) for piece, log in found if _length_s(piece) >= shortest_s - 1e-9]
     stretches = Stretches(records=tuple(piece for piece, _ in kept), logs=tuple(log for _, log in kept))
     if len(kept) == len(found):
         return stretches, []
     return stretches, [
-        f"{len(found) - len(kept)} of {len(found)} healthy stretches weren't identified on: shorter than a fifth of "
-        "the longest"
+        f"{len(found) - len(kept)} of {len(found)} healthy stretches weren't identified on: shorter than "
+        + ("a fifth of the longest" if shortest_s > _SHORTEST_S else f"{_SHORTEST_S:g} s")
     ]
 
 
 def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     """Return healthy stretches without what isn't flight with a settled attitude; of a bank that compares with one.
 
-    First goes what logs tell by events: what is about an estimator's reset, and on the ground. Then the bank is
-    identified, and blocks go whose residual is large beside what the same motion leaves elsewhere. At most a third of
-    the samples goes, and no more than half of the motion.
+    First goes what logs tell by events: what is about an estimator's reset, and on the ground where a minute of flight
+    is left. Then the bank is identified, and blocks go whose residual is large beside what the same motion leaves
+    elsewhere. At most a third of the samples goes, and no more than half of the motion.
 
     Parameters
     ----------
@@ -155,14 +160,17 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     specs = [] if bank is None else [spec for spec in bank.residuals if _is_kinematic(spec)]
     if bank is None or not specs:
         return stretches
-    least = max(_LEAST_LEFT * stretches.samples, _LEAST_S / stretches.records[0].sample_period_s)
+    period_s = stretches.records[0].sample_period_s
+    least = max(_LEAST_LEFT * stretches.samples, _LEAST_S / period_s)
     for doubt in _told(stretches):
         left = stretches.without(doubt)
-        stretches = left if left.dense and least <= left.samples < stretches.samples else stretches
+        enough = max(least, _ENOUGH_S / period_s) if doubt.why == GROUND else least
+        stretches = left if left.dense and enough <= left.samples < stretches.samples else stretches
     motion_left = 1.0
     for doubt, share in _beyond(stretches, bank, specs):
         left = stretches.without(doubt)
-        if left.dense and left.samples >= least and motion_left - share >= _LEAST_MOTION:
+        kept = left.dense and left.samples >= least and len(left.records) == len(stretches.records)
+        if kept and motion_left - share >= _LEAST_MOTION:
             stretches, motion_left = left, motion_left - share
     return stretches
 
@@ -172,12 +180,10 @@ def _is_kinematic(spec: ResidualSpec) -> bool:
 
 
 def _without(record: Record, span: Span) -> list[Record]:
-    """Return a record of which a span is missing, so that its length stays; of a long span, what lies beside it."""
+    """Return a record of which a span is missing, so that its length, which thresholds go by, stays."""
     inside = (record.time_s >= span[0]) & (record.time_s <= span[1])
     if not inside.any():
         return [record]
-    if span[1] - span[0] > _LONGEST_GAP_S:
-        return [piece for each in outside([record], [span]) for piece in _trimmed(each)]
     left = Record(
         np.where(inside[:, np.newaxis], np.nan, record.values),
         channels=record.channels,
