@@ -162,17 +162,20 @@ def _healthy(text: str) -> Span | Path:
 def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) -> InputError:
     """List what a log holds and allows; return the error that ends the command."""
     from gtmbench.intake.open import log_columns, open_log
+    from gtmbench.report.words.log import events_lines
 
     columns = log_columns(log)
     channels: tuple[str, ...] = ()
+    told: list[str] = []
     no_use = ""
     try:
-        channels = open_log(log, mapping=mapping).channels
+        opened = open_log(log, mapping=mapping)
+        channels, told = opened.channels, events_lines(opened.events)
     except InputError as error:
         no_use = str(error)
     if shown:
         print_columns(log, columns)
-        for line in _possible(channels):
+        for line in [*_possible(channels), *told]:
             echo(line)
     if no_use:
         return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")

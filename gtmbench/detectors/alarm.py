@@ -57,7 +57,7 @@ class Judgement:
 
     @property
     def verdict(self) -> str:
-        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell: ...``."""
+        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.sensor is not None:

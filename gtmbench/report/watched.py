@@ -157,6 +157,9 @@ def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
     states = np.full(len(segment), _STATES.index(State.LEFT_OUT), dtype=np.int8)
     for span in watched.identified_s:
         states[_rows(segment, span)] = _STATES.index(State.IDENTIFIED)
+    for each in watched.left_out:
+        if each.log == watched.log.path:
+            states[_rows(segment, each.span)] = _STATES.index(State.LEFT_OUT)
     for watch in watched.watches:
         rows = _rows(segment, (watch.record.start_s, watch.record.end_s))
         if rows.start < rows.stop:

@@ -23,6 +23,7 @@ import numpy as np
 from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN

@@ -39,8 +39,12 @@ class Excursion:
 def rows_of(excursion: Excursion, record: Record) -> range:
     """Return the rows of a record that an excursion covers."""
     last = len(record) - 1
-    first, stop = ((time_s - record.start_s) / record.sample_period_s for time_s in (excursion.start_s, excursion.end_s))
-    return range(min(max(int(np.ceil(first - 1e-6)), 0), last + 1), min(max(int(np.floor(stop + 1e-6)) + 1, 0), last + 1))
+    first, stop = (
+        (time_s - record.start_s) / record.sample_period_s for time_s in (excursion.start_s, excursion.end_s)
+    )
+    return range(
+        min(max(int(np.ceil(first - 1e-6)), 0), last + 1), min(max(int(np.floor(stop + 1e-6)) + 1, 0), last + 1)
+    )
 
 
 def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursion]) -> list[tuple[str, range]]:
@@ -115,7 +119,9 @@ def _first(
     if not rises:
         return
     known, output, onset = min(rises)
-    time_s, onset_s = (float(even_times_s(record.start_s, record.sample_period_s, range(k, k + 1))[0]) for k in (known, onset))
+    time_s, onset_s = (
+        float(even_times_s(record.start_s, record.sample_period_s, range(k, k + 1))[0]) for k in (known, onset)
+    )
     suspects = tuple(name for name in monitor.bank.suspects if output in monitor.bank.affects(name))
     judged = Judgement(time_s=time_s, sensor=None, candidates=suspects, doubt=excursion.reason)
     alarm = Alarm(number=0, time_s=time_s, onset_s=onset_s, source=output, test=OUTSIDE, judgements=(judged,))

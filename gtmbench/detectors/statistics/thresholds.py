@@ -56,9 +56,7 @@ def thresholds_of(
     thresholds: dict[str, dict[str, float]] = {output: {} for output in healthy}
     for key, parts in maxima.items():
         output, label = key
-        thresholds[output][label] = max(
-            _threshold(parts, share, fresh[key]), greatest[key], least[key](share / rows)
-        )
+        thresholds[output][label] = max(_threshold(parts, share, fresh[key]), greatest[key], least[key](share / rows))
     return thresholds, rows * sample_period_s
 
 
@@ -89,8 +87,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independen
     Above u, the upper quartile of the maxima, P(M > u + y) = 1/4 (1 + xi y / sigma)^(-1/xi), the generalised Pareto
     distribution (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), xi held to 0..0.3.
     Never below the greatest of them. Its scale is an estimate that stands on k values above u: of an exponential tail
-    the next maximum passes u + sigma s with the probability 1/4 (1 + s/k)^-k, which is what is asked for here. With many
-    values that is exp(-s); few can't bound what is rare, and the threshold grows beyond all measure.
+    the next maximum passes u + sigma s with the probability 1/4 (1 + s/k)^-k, which is what is asked for here. With
+    many values that is exp(-s); few can't bound what is rare, and the threshold grows beyond all measure.
 
     Parameters
     ----------

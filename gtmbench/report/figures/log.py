@@ -11,10 +11,11 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
+from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.scores import LOWEST, level, part
-from gtmbench.report.style import COLOURS
+from gtmbench.report.style import COLOURS, EVENTS
 from gtmbench.report.watched import (
     TINTS,
     State,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 _DPI = 130
 _POINTS = 2500  # of a line: more than a panel has pixels
 _MOST_FAULTS = 2
+_MOST_EVENTS = 60
 _TITLE = 105  # letters in a line
 _LINE = 0.15  # inches, of the certificate
 
@@ -127,8 +129,10 @@ def _bands(axis: Axes, parts: Sequence[Stretch], alpha: float) -> None:
 
 
 def _marked(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
-    """Draw what wasn't watched, when faults began, and alarms."""
+    """Draw what wasn't watched, what the log says happened, when faults began, and alarms."""
     _bands(axis, [stretch for stretch in parts if stretch.state is not State.WATCHED], alpha=0.35)
+    for event in of_kind(watched.log.events, *map(EventKind, EVENTS))[:_MOST_EVENTS]:
+        axis.axvline(event.time_s, color=EVENTS[event.kind], lw=0.9, ls=(0, (2, 2)), label=f"{event.kind}, as logged")
     for alarm in watched.alarms[:MOST_ALARMS]:
         if began_s(alarm) < alarm.time_s:
             axis.axvline(began_s(alarm), color="k", lw=1.2, ls=":", label="fault began, estimated")

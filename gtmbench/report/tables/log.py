@@ -48,6 +48,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
+        "left_out_of_identification": [asdict(each) for each in watched.left_out],
         "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
@@ -86,6 +87,7 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
         "remarks": [asdict(remark) for remark in log.remarks],
+        "events": [asdict(event) for event in log.events],
     }
 
 

@@ -12,6 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch, is_ready
+from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import Span
 from gtmbench.report.watched import (
@@ -34,6 +35,8 @@ from gtmbench.study.log.watch import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3
+_MOST_EVENTS = 8
+_TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 
 
 def log_report(watched: WatchedLog) -> list[str]:
@@ -41,6 +44,7 @@ def log_report(watched: WatchedLog) -> list[str]:
     return [
         *_log_lines(watched.log),
         *_remark_lines(watched.log.remarks),
+        *events_lines(watched.log.events),
         "",
         *_monitor_lines(watched),
         "",
@@ -110,6 +114,34 @@ def _remark_lines(remarks: Sequence[Remark]) -> list[str]:
         kinds = ", ".join(f"{kind} ({count})" for kind, count in more.most_common())
         lines.append(f"{more.total()} remarks more, up to {last_s:.2f} s: {kinds}")
     return lines
+
+
+def events_lines(events: Sequence[Event]) -> list[str]:
+    """Return what a log says of its flight in a line; of many events, a kind's first and last.
+
+    >>> events_lines([Event(kind=EventKind.RESET, time_s=3.0, text="attitude by 2 deg")])
+    ['the log tells of: reset at 3.00 s (attitude by 2 deg)']
+    """
+    if not events:
+        return []
+    if len(events) <= _MOST_EVENTS:
+        return [f"the log tells of: {', '.join(map(event_text, events))}"]
+    by_kind: dict[str, list[Event]] = {}
+    for event in events:
+        by_kind.setdefault(event.kind, []).append(event)
+    return [f"the log tells of: {', '.join(map(_events_text, by_kind.values()))}"]
+
+
+def event_text(event: Event) -> str:
+    """Write an event: what, when, and in the log's words where they say more."""
+    told = f" ({event.text})" if event.kind in _TOLD else ""
+    return f"{event.kind} at {event.time_s:.2f} s{told}"
+
+
+def _events_text(same: Sequence[Event]) -> str:
+    if len(same) == 1:
+        return event_text(same[0])
+    return f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
 
 
 def remark_text(remark: Remark) -> str:

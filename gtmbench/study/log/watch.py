@@ -32,7 +32,8 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.certificate import Certificate, certificate_of
-from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
+from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
 from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
     ALL,
@@ -48,7 +49,6 @@ from gtmbench.study.log.self_check.check import (
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
-_LONG_ENOUGH = 0.2  # of the longest healthy stretch
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
@@ -86,6 +86,8 @@ class WatchedLog:
         The stretches in which nothing can be told: the motion is beyond what was identified.
     asks_names : bool
         Whether its certificate says what would have been named, too.
+    left_out : tuple of LeftOut
+        What of the healthy spans, and of other logs, wasn't identified on.
     """
 
     log: FlightLog
@@ -96,6 +98,7 @@ class WatchedLog:
     check: SelfCheck = field(default=SelfCheck(), repr=False)
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     asks_names: bool = field(default=False, repr=False)
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -232,16 +235,10 @@ def watch_log(
         spans = (first_part(log),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
     others = [open_for(other, watcher, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
-    records = [record for other in others for record in other.segments] + within(log, spans)
-    records = between_pauses(records, watcher.channels)
-    shortest = _LONG_ENOUGH * max(map(len, records))
-    kept = [record for record in records if len(record) >= shortest]
-    if len(kept) < len(records):
-        reasons.append(
-            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: shorter than "
-            "a fifth of the longest"
-        )
-    origin = {
+    healthy_of = [(other, other.segments) for other in others] + ([(log, within(log, spans))] if spans else [])
+    stretches, too_short = healthy_stretches(healthy_of, watcher.channels)
+    reasons += too_short
+    origin: dict[str, object] = {
         "source": "logs",
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
@@ -249,11 +246,14 @@ def watch_log(
     parts = [_part(watcher, other, [whole_s(other)], mapping) for other in others]
     if spans:
         parts.append(_part(watcher, log, spans, mapping))
-    origin["regime"] = dict(Regime.of(record for part in parts for record in part.motion).limits)
     check = check_wiring(watcher, parts, IDENTIFIED)
     if not check.stops:
-        ready = _calibrated(watcher, kept, rate, origin, progress)
-        check = check_identified(check, ready, kept)
+        stretches = undisturbed(watcher, stretches)
+        reasons += stretches.reasons
+        moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
+        origin["regime"] = dict(Regime.of(moved).limits)
+        ready = _calibrated(watcher, stretches.records, rate, origin, progress)
+        check = check_identified(check, ready, stretches.records)
     if spans and not check.causes and (check.stops or any(not each.is_shown for each in check.explained)):
         whole = check_wiring(watcher, [_part(watcher, log, [whole_s(log)], mapping)], ALL)
         check = replace(whole, explained=check.explained) if whole.causes else check
@@ -265,8 +265,10 @@ def watch_log(
             watches=(),
             reasons=(*check.stops, *reasons),
             check=check,
+            left_out=stretches.left_out,
         )
-    return _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    watched = _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    return replace(watched, left_out=stretches.left_out)
 
 
 def _by_monitor(
