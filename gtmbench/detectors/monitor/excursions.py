@@ -19,6 +19,8 @@ from gtmbench.detectors.monitor.scores import ResidualScore, residual_scores
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
+_SOON_S = 10.0  # after an excursion: what begins then may come of it
+
 
 @dataclass(frozen=True, kw_only=True)
 class Excursion:
@@ -29,11 +31,14 @@ class Excursion:
     start_s, end_s : float
     reason : str
         What it is: ``touchdown``, ``reset``, ``motion beyond what was identified``.
+    settles_s : float
+        How long after it an alarm that began with it may be its own: estimators take their time.
     """
 
     start_s: float
     end_s: float
     reason: str
+    settles_s: float = 10.0
 
 
 def rows_of(excursion: Excursion, record: Record) -> range:
@@ -87,8 +92,19 @@ class Excursions:
         excursions: Sequence[Excursion],
     ) -> None:
         scores = residual_scores(monitor, record, residuals) if excursions else {}
-        told = [alarm for excursion in excursions for alarm in _first(monitor, record, scores, excursion)]
-        self._alarms = sorted(told, key=lambda each: each[0])
+        pairs = [(excursion, alarm) for excursion in excursions for alarm in _first(monitor, record, scores, excursion)]
+        self._alarms = sorted((alarm for _, alarm in pairs), key=lambda each: each[0])
+        self._shaken = [excursion for excursion, _ in pairs]
+
+    def just_before(self, time_s: float, since_s: float) -> Excursion | None:
+        """Return the excursion that an alarm, which tells of something since another time, may be the settling after.
+
+        Only one in which a score would have risen.
+        """
+        for excursion in self._shaken:
+            if excursion.start_s <= time_s and since_s < excursion.end_s + _SOON_S:
+                return excursion
+        return None
 
     @property
     def due(self) -> int:

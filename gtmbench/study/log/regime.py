@@ -73,7 +73,8 @@ def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> tuple[Ex
     for first, stop in _runs(_widened(turning | force, record.sample_period_s)):
         reason = IMPACT if force[first:stop].any() else MOTION
         times = record.time_s[[first, stop - 1]].tolist()
-        found.append(Excursion(start_s=times[0], end_s=times[1], reason=reason))
+        settles = {"settles_s": np.inf} if reason == IMPACT else {}  # nothing may be as it was
+        found.append(Excursion(start_s=times[0], end_s=times[1], reason=reason, **settles))
     return tuple(found)
 
 
