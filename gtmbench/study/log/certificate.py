@@ -21,6 +21,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
+from gtmbench.method.estimators.bayesian import reproduces
 from gtmbench.study.log.self_check.motion import GYROS
 
 SHARE = 0.9  # of the time watched
@@ -246,6 +247,9 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
 def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
     """Return the gyros whose silence says nothing: no bias would have been seen that isn't beyond all their motion.
 
+    Of those that kinematics predict: other operators hold for one way of exciting the aircraft, and what they are
+    worth, the certificate says.
+
     Parameters
     ----------
     certificate : Certificate
@@ -254,11 +258,16 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
     """
     names = []
     for row in certificate.rows:
-        if row.kind == Bias.kind and row.sensor in GYROS:
+        if row.kind == Bias.kind and row.sensor in GYROS and _is_kinematic(watches[0].monitor, row.sensor):
             motion = float(np.nanstd(np.concatenate([watch.record[row.sensor] for watch in watches])))
             if row.size is None or row.size > max(_BEYOND_MOTION * motion, _SMALL_DEG_S):
                 names.append(row.sensor)
     return tuple(names)
+
+
+def _is_kinematic(monitor: Monitor, sensor: str) -> bool:
+    specs = monitor.bank.residuals if isinstance(monitor, BankMonitor) else ()
+    return any(spec.output == sensor and any(reproduces(name, sensor) for name in spec.inputs) for spec in specs)
 
 
 def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:
