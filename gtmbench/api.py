@@ -7,7 +7,8 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.equilibrium import Trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from gtmbench.bench import flight as flight_module
-from gtmbench.bench.aircraft import engine, load_aircraft
+from gtmbench.bench.engine import engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import ACCELERATIONS, TOLERANCE, set_condition, trimmed_engine
+from gtmbench.bench.equilibrium import ACCELERATIONS, TOLERANCE, set_condition, trimmed_engine
 
 KERNELS = ["Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX"]
 NEEDS = {"Sandybridge": "avx", "Haswell": "fma", "Zen": "fma", "SkylakeX": "avx512f"}

@@ -11,8 +11,10 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench import excitation as excitations
-from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, load_aircraft, simulating
-from gtmbench.bench.trim import Trim, trimmed_engine
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.engine import simulating, writers
+from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import number, whole
 from gtmbench.errors import EnvelopeError
@@ -74,7 +76,7 @@ def fly(
     if moved.turbulence:
         _set_turbulence(fdm, craft.psi_deg, seed)
     with simulating(fdm, craft):
-        read = _fly(fdm, commands)
+        read = _fly(fdm, craft, commands)
     record = _record(read, commands, trimmed)
     _check_envelope(record, craft, excitation)
     return record
@@ -105,7 +107,7 @@ def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> Non
         fdm[name] = value
 
 
-def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
+def _fly(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, commands: FloatArray) -> FloatArray:
     """Step through the commands; return the properties of the channels before each step and after the last."""
     properties = fdm.get_property_manager()
 
@@ -115,18 +117,14 @@ def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
         return known
 
     read = [node(c.jsbsim).get_double_value for c in CHANNELS.values() if c.role is not Role.COMMAND]
-    to_elevator, to_aileron, to_rudder, to_throttle = (
-        node(CHANNELS[name].jsbsim).set_double_value for name in COMMANDS
-    )
+    columns, factors, write = zip(*writers(fdm, aircraft), strict=True)
     run = fdm.run
     samples = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
     keep = samples.extend
-    for elevator, aileron, rudder, throttle in commands[:-1].tolist():
+    for values in (commands[:-1, columns] * factors).tolist():
         keep(map(call, read))
-        to_elevator(elevator)
-        to_aileron(aileron)
-        to_rudder(rudder)
-        to_throttle(throttle)
+        for to_property, value in zip(write, values, strict=True):
+            to_property(value)
         run()
     keep(map(call, read))
     return np.array(samples).reshape(-1, len(read))

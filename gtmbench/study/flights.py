@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.equilibrium import Trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import COMMANDS, SENSORS, unit_of
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject

@@ -1,0 +1,126 @@
+"""A JSBSim engine with an aircraft loaded: made, told its initial condition, and commanded."""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from itertools import count
+
+import jsbsim
+import numpy as np
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.model_file import loadable
+from gtmbench.channels import CHANNELS, COMMANDS, Role
+from gtmbench.checks import one_line
+from gtmbench.errors import GtmbenchError
+
+_ADAMS_BASHFORTH_2 = 3
+_RUNNING = "propulsion/engine[{}]/set-running"
+_ALL_RUN = ("propulsion/set-running", -1)
+# How often initial conditions are taken over before one gives up waiting for servos, filters and propellers to stand:
+# an actuator goes a sample's way each time, so this is four seconds of its
+_MOST_RUNS = 400
+_STANDS = 1e-10  # ft/s2 and rad/s2
+_MOVED = tuple(f"accelerations/{axis}dot-{unit}" for unit, axes in (("ft_sec2", "uvw"), ("rad_sec2", "pqr")) for axis in axes)
+
+
+@contextmanager
+def silenced() -> Iterator[io.StringIO]:
+    """Give what JSBSim prints, which is kept off stdout; not in threads, for stdout is everybody's."""
+    printed = io.StringIO()
+    with redirect_stdout(printed) if threading.current_thread() is threading.main_thread() else nullcontext():
+        yield printed
+
+
+@contextmanager
+def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
+    """Turn what JSBSim throws into an error of ours.
+
+    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
+    """
+    try:
+        yield
+    except RuntimeError as error:  # JSBSim's own errors are among these
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
+
+
+def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
+    """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
+
+    Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
+
+    Raises
+    ------
+    InputError
+        Where the model's file is refused.
+    GtmbenchError
+        Where JSBSim can't load it.
+    """
+    # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
+    # ends, without Python's lock, and takes the process with it.
+    os.environ.setdefault("JSBSIM_DEBUG", "0")
+    own = aircraft.folder.parent.parent
+    fdm = jsbsim.FGFDMExec(str(own))
+    fdm.set_output_path(str(aircraft.folder))
+    if not (own / "engine").is_dir():  # motors and propellers of JSBSim's, unless there are others beside the aircraft
+        fdm.set_engine_path(os.path.join(jsbsim.get_default_root_dir(), "engine"))
+    for integrator in ("rate", "position"):
+        # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
+        fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
+    fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
+    model = aircraft.model
+    with loadable(model, without_io=aircraft.without_io) as file:
+        fdm.set_aircraft_path(str(file.parent.parent))
+        with simulating(fdm, aircraft), silenced() as printed:
+            loaded = fdm.load_model(aircraft.name)
+    if not loaded:
+        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
+    fdm.disable_output()
+    for name, value in aircraft.properties.items():
+        fdm[name] = value
+    properties = fdm.get_property_manager()
+    needed = {channel.name: channel.jsbsim for channel in CHANNELS.values() if channel.role is not Role.COMMAND}
+    for name, jsbsims in (needed | {name: command.property for name, command in aircraft.commands.items()}).items():
+        if properties.get_node(jsbsims) is None:
+            raise GtmbenchError(f"{model} has no property '{jsbsims}', which channel '{name}' needs")
+    return fdm
+
+
+def stand(fdm: jsbsim.FGFDMExec) -> None:
+    """Take over the initial condition, motors running, until nothing moves any more but the aircraft."""
+    fdm.run_ic()
+    propulsion = fdm.get_propulsion()
+    motors = range(propulsion.get_num_engines())
+    before = np.full(len(_MOVED), np.nan)
+    for _ in range(_MOST_RUNS):
+        if motors:
+            if not all(fdm[_RUNNING.format(motor)] for motor in motors):
+                fdm[_ALL_RUN[0]] = _ALL_RUN[1]
+            propulsion.get_steady_state()
+        fdm.run_ic()
+        now = np.array([fdm[name] for name in _MOVED])
+        if np.all(np.abs(now - before) < _STANDS):
+            return
+        before = now
+
+
+def writers(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> list[tuple[int, float, Callable[[float], None]]]:
+    """Return how commands reach an engine: for every property the command's column, a factor, and what writes it.
+
+    A command goes to all motors: ``fcs/throttle-cmd-norm`` and ``fcs/throttle-cmd-norm[1]`` and on.
+    """
+    properties, found = fdm.get_property_manager(), []
+    for column, name in enumerate(COMMANDS):
+        command = aircraft.commands[name]
+        for number in count():
+            node = properties.get_node(f"{command.property}[{number}]" if number else command.property)
+            if node is None:
+                break
+            found.append((column, 1.0 / command.unit, node.set_double_value))
+    return found

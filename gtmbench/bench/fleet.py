@@ -1,0 +1,89 @@
+"""The fleet: every aircraft that a name or a folder gives: ours, those that come with JSBSim, a user's."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsbsim
+
+from gtmbench.bench.aircraft import Aircraft, aircraft_of
+from gtmbench.bench.survey import survey
+from gtmbench.checks import naming, shown
+from gtmbench.errors import InputError
+from gtmbench.files import is_file, read_toml
+from gtmbench.shipped import share, shipped_aircraft
+
+_FACTS = "aircraft.toml"
+_JSBSIMS = "jsbsim.toml"
+
+
+def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> Aircraft:
+    """Return an aircraft by name (ours, or one that comes with JSBSim) or by the path of its folder.
+
+    A folder holds ``NAME.xml`` or, in its ``aircraft.toml``, says of which ``model`` it tells. Where there is no
+    ``aircraft.toml``, what it would say is found by trying, which takes a second or a few.
+
+    Parameters
+    ----------
+    name : str, Path or Aircraft
+        An aircraft is returned as it is.
+    without_io : bool
+        Whether to leave out the model's input and output sections, which would open files and ports, and which are
+        refused otherwise; of JSBSim's own aircraft they are always left out.
+
+    Raises
+    ------
+    InputError
+        Where there is no such aircraft, or its facts are incomplete.
+    TrimError
+        Where there are no facts and no trim is found.
+    """
+    if isinstance(name, Aircraft):
+        return replace(name, without_io=name.without_io or without_io)
+    if str(name) in shipped_aircraft():
+        return _of_folder(share() / "aircraft" / str(name))
+    if str(name) in jsbsim_aircraft():
+        return _jsbsims(str(name))
+    folder = Path(os.path.realpath(name))
+    if not folder.is_dir():
+        known = f"{', '.join(shipped_aircraft())} and JSBSim's own (gtmbench list --all)"
+        raise InputError(f"no aircraft {shown(str(name))}; there are {known}, or give a folder's path")
+    return _of_folder(folder, without_io=without_io)
+
+
+@cache
+def jsbsim_aircraft() -> dict[str, Path]:
+    """Return the folders of the aircraft that come with JSBSim, by name."""
+    models = (Path(jsbsim.get_default_root_dir()) / "aircraft").glob("*/*.xml")
+    return {model.stem: model.parent for model in sorted(models) if model.stem == model.parent.name}
+
+
+@cache
+def jsbsim_facts() -> dict[str, dict[str, Any]]:
+    """Return what is known of those of JSBSim's aircraft that have a trim, by name, each as in ``aircraft.toml``."""
+    return read_toml(share() / "aircraft" / _JSBSIMS, "list of aircraft")
+
+
+def facts_of(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
+    """Return facts"""
+    return facts
+
+
+def _jsbsims(name: str) -> Aircraft:
+    folder, known = jsbsim_aircraft()[name], jsbsim_facts().get(name)
+    return aircraft_of(folder, known or survey(folder, without_io=True)) 
+
+
+def _of_folder(folder: Path, *, without_io: bool = False) -> Aircraft:
+    path = folder / _FACTS
+    if not os.path.lexists(path):
+        return aircraft_of(folder, survey(folder, without_io=without_io))
+    if not is_file(path):
+        raise InputError(f"{path} isn't a file")
+    facts = read_toml(path, "aircraft")
+    with naming(path):
+        return aircraft_of(folder, facts)
