@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +118,23 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         if not low <= aircraft.guess[key] <= high:
             raise InputError(f"trim.guess.{key} is {aircraft.guess[key]:g}; it must lie in {low:g}..{high:g}")
     return aircraft
+
+
+def facts_of(aircraft: Aircraft) -> dict[str, Any]:
+    """Return an aircraft's facts as the tables of an ``aircraft.toml``, the inverse of `aircraft_of`."""
+    return {
+        "title": aircraft.title,
+        "without_io": aircraft.without_io,
+        "trim": {
+            **{key: getattr(aircraft, key) for key in ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg")},
+            "guess": dict(aircraft.guess),
+        },
+        "limits": {name: list(span) for name, span in aircraft.limits.items()},
+        "envelope": {name: list(span) for name, span in aircraft.envelope.items()},
+        "commands": {name: asdict(command) for name, command in aircraft.commands.items()},
+        "excitation": dict(aircraft.excitation),
+        "properties": dict(aircraft.properties),
+    }
 
 
 def _table(facts: dict[str, Any], key: str, otherwise: dict[str, Any] | None = None) -> dict[str, Any]:

@@ -19,6 +19,15 @@ from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 
+# The six accelerations that vanish in trim, with what each is driven by.
+ACCELERATIONS = {
+    "accelerations/udot-ft_sec2": "forward acceleration (thrust against drag)",
+    "accelerations/vdot-ft_sec2": "sideward acceleration (side force against bank)",
+    "accelerations/wdot-ft_sec2": "downward acceleration (lift against weight)",
+    "accelerations/pdot-rad_sec2": "roll acceleration (ailerons)",
+    "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
+    "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
+}
 _ADAMS_BASHFORTH_2 = 3
 _RUNNING = "propulsion/engine[{}]/set-running"
 _ALL_RUN = ("propulsion/set-running", -1)
@@ -26,7 +35,7 @@ _ALL_RUN = ("propulsion/set-running", -1)
 # an actuator goes a sample's way each time, so this is four seconds of its
 _MOST_RUNS = 400
 _STANDS = 1e-10  # ft/s2 and rad/s2
-_MOVED = tuple(f"accelerations/{axis}dot-{unit}" for unit, axes in (("ft_sec2", "uvw"), ("rad_sec2", "pqr")) for axis in axes)
+
 
 
 @contextmanager
@@ -92,19 +101,39 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     return fdm
 
 
+def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, float]) -> None:
+    """Put an engine at a condition: angles in deg, speed in kt, body rates in deg/s, commands in their units."""
+    fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
+    fdm["ic/long-gc-deg"] = 0.0
+    fdm["ic/h-sl-ft"] = wanted["altitude"]
+    fdm["ic/vt-kts"] = wanted["tas"]
+    # JSBSim turns the attitude when alpha or beta are set, but keeps these when the attitude is: so it comes last, and
+    # what the engine stood in before leaves no trace
+    fdm["ic/alpha-deg"] = wanted["alpha"]
+    fdm["ic/beta-deg"] = wanted["beta"]
+    fdm["ic/psi-true-deg"] = wanted["psi"]
+    fdm["ic/phi-deg"] = wanted["phi"]
+    fdm["ic/theta-deg"] = wanted["theta"]
+    for rate in ("p", "q", "r"):
+        fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
+    for column, factor, write in writers(fdm, aircraft):
+        write(wanted[COMMANDS[column]] * factor)
+    stand(fdm)
+
+
 def stand(fdm: jsbsim.FGFDMExec) -> None:
     """Take over the initial condition, motors running, until nothing moves any more but the aircraft."""
     fdm.run_ic()
     propulsion = fdm.get_propulsion()
     motors = range(propulsion.get_num_engines())
-    before = np.full(len(_MOVED), np.nan)
+    before = np.full(len(ACCELERATIONS), np.nan)
     for _ in range(_MOST_RUNS):
         if motors:
             if not all(fdm[_RUNNING.format(motor)] for motor in motors):
                 fdm[_ALL_RUN[0]] = _ALL_RUN[1]
             propulsion.get_steady_state()
         fdm.run_ic()
-        now = np.array([fdm[name] for name in _MOVED])
+        now = np.array([fdm[name] for name in ACCELERATIONS])
         if np.all(np.abs(now - before) < _STANDS):
             return
         before = now

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,22 +11,17 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
-from gtmbench.bench.engine import engine, silenced, simulating, stand, writers
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
+from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.checks import number
-from gtmbench.errors import TrimError
+from gtmbench.errors import GtmbenchError, TrimError
 from gtmbench.record import FloatArray
 
-# The six accelerations that vanish in trim, with what each is driven by.
-ACCELERATIONS = {
-    "accelerations/udot-ft_sec2": "forward acceleration (thrust against drag)",
-    "accelerations/vdot-ft_sec2": "sideward acceleration (side force against bank)",
-    "accelerations/wdot-ft_sec2": "downward acceleration (lift against weight)",
-    "accelerations/pdot-rad_sec2": "roll acceleration (ailerons)",
-    "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
-    "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
-}
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
+_JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
+_USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
+_FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
@@ -61,44 +57,42 @@ class Trim:
         }
 
 
-def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, float]) -> None:
-    """Put an engine at a condition: angles in deg, speed in kt, body rates in deg/s, commands in their units."""
-    fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
-    fdm["ic/long-gc-deg"] = 0.0
-    fdm["ic/h-sl-ft"] = wanted["altitude"]
-    fdm["ic/vt-kts"] = wanted["tas"]
-    # JSBSim turns the attitude when alpha or beta are set, but keeps these when the attitude is: so it comes last, and
-    # what the engine stood in before leaves no trace
-    fdm["ic/alpha-deg"] = wanted["alpha"]
-    fdm["ic/beta-deg"] = wanted["beta"]
-    fdm["ic/psi-true-deg"] = wanted["psi"]
-    fdm["ic/phi-deg"] = wanted["phi"]
-    fdm["ic/theta-deg"] = wanted["theta"]
-    for rate in ("p", "q", "r"):
-        fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
-    for column, factor, write in writers(fdm, aircraft):
-        write(wanted[COMMANDS[column]] * factor)
-    stand(fdm)
-
-
 def trimmed_engine(
     aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return a fresh engine that stands in trim, and the trim.
+    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that couldn't be brought to zero, and a condition in other units where that was meant.
+    """
+    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
+    tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
+    try:
+        return searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    except TrimError as error:
+        fixed = _fixed(aircraft, altitude_ft, tas_kt)
+        found = trimmed_by_jsbsim(aircraft, fixed | aircraft.guess | {"theta": aircraft.guess["alpha"]})
+        if found and np.all(np.abs(_accelerations(found[0])) < _JSBSIMS_TOLERANCE):
+            return found[0], _read(*found)
+        raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
+
+
+def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Return a fresh engine that stands in trim, and the trim, found by least squares.
 
     Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
-    on another CPU.
+    on another CPU. Only where a model's controls remember the search (an integrator), it is that one.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 
-    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
-    tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
-    fixed = {
-        "altitude": number("altitude_ft", altitude_ft, *aircraft.envelope["altitude"]),
-        "tas": number("tas_kt", tas_kt, 0.0, 2000.0, above=True),
-        "psi": aircraft.psi_deg,
-        "beta": 0.0,
-    }
+    fixed = _fixed(aircraft, altitude_ft, tas_kt)
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
@@ -108,7 +102,7 @@ def trimmed_engine(
 
     def accelerations(fdm: jsbsim.FGFDMExec, unknowns: FloatArray) -> FloatArray:
         set_condition(fdm, aircraft, condition(unknowns))
-        return np.array([fdm[name] for name in ACCELERATIONS])
+        return _accelerations(fdm)
 
     low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
     guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
@@ -116,17 +110,54 @@ def trimmed_engine(
     try:
         with simulating(searched, aircraft), silenced():
             search = partial(accelerations, searched)
-            solution = least_squares(search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14)
+            solution = least_squares(
+                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14, ftol=1e-15, gtol=1e-15
+            )
     except ValueError as error:
         raise TrimError(
             f"no trim for '{aircraft.name}': its accelerations aren't all numbers; check the model"
         ) from error
-    fdm, x = engine(aircraft), np.round(solution.x, _DECIMALS)
-    with simulating(fdm, aircraft), silenced():
-        left = accelerations(fdm, x)
-    if not np.all(np.abs(left) < TOLERANCE):
-        raise TrimError(_failure(aircraft, fixed, x, left, low, high))
-    return fdm, _read(fdm, condition(x))
+    x = np.round(solution.x, _DECIMALS)
+    for fdm in (engine(aircraft), searched):
+        with simulating(fdm, aircraft), silenced():
+            left = accelerations(fdm, x)
+        if np.all(np.abs(left) < TOLERANCE):
+            return fdm, _read(fdm, condition(x))
+    raise TrimError(_failure(aircraft, fixed, x, left, low, high))
+
+
+def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, float]:
+    return {
+        "altitude": number("altitude_ft", altitude_ft, *aircraft.envelope["altitude"]),
+        "tas": number("tas_kt", tas_kt, 0.0, 2000.0, above=True),
+        "psi": aircraft.psi_deg,
+        "beta": 0.0,
+    }
+
+
+def _accelerations(fdm: jsbsim.FGFDMExec) -> FloatArray:
+    return np.array([fdm[name] for name in ACCELERATIONS])
+
+
+def _remedy(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> str:
+    """Say what to try: the same numbers in other units, where these are usual for the aircraft and trim."""
+    in_feet, in_knots = altitude_ft * _FT_PER_M, tas_kt * _KT_PER_M_S
+    metres = _is_usual(in_feet, aircraft.altitude_ft)
+    metres_per_second = _is_usual(in_knots, aircraft.tas_kt)
+    for altitude, tas, possible, meant in (
+        (altitude_ft, in_knots, metres_per_second, f"{tas_kt:g} m/s"),
+        (in_feet, tas_kt, metres, f"{altitude_ft:g} m"),
+        (in_feet, in_knots, metres and metres_per_second, f"{altitude_ft:g} m and {tas_kt:g} m/s"),
+    ):
+        if possible:
+            with suppress(GtmbenchError):
+                searched_engine(aircraft, altitude_ft=altitude, tas_kt=tas)
+                return f"{meant} would trim: if that was meant, give {altitude:.6g} ft and {tas:.6g} kt"
+    return "try another speed or altitude"
+
+
+def _is_usual(value: float, own: float) -> bool:
+    return own / _USUAL < value < own * _USUAL
 
 
 def _failure(
@@ -143,7 +174,7 @@ def _failure(
     return (
         f"no trim for '{aircraft.name}' at {fixed['altitude']:g} ft and {fixed['tas']:g} kt true airspeed: the {what} "
         f"stays at {left[worst]:.3g} {name.rsplit('-', 1)[1].replace('_sec2', '/s2')}"
-        f"{', with ' + ' and '.join(stuck) if stuck else ''}; try another speed or altitude"
+        f"{', with ' + ' and '.join(stuck) if stuck else ''}"
     )
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.bench.equilibrium import set_condition, trimmed_engine
+from gtmbench.bench.engine import set_condition
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.channels import CHANNELS
 from gtmbench.record import FloatArray

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, aircraft_of
-from gtmbench.bench.engine import engine, silenced, simulating, stand, writers
-from gtmbench.bench.equilibrium import set_condition, trimmed_engine
+from gtmbench.bench.engine import engine, set_condition, silenced, simulating, stand, writers
+from gtmbench.bench.equilibrium import Trim, searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
@@ -44,7 +44,8 @@ _GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0
 
 _TURNED = {"elevator": "q", "aileron": "p", "rudder": "r"}
 _TURNED_DEG_S = 2.0  # RMS, of the axis that a surface is for, by an excitation on that surface alone
-_TRIED_S, _TRIED_SHARE = 30.0, 0.02  # s, of full deflection
+_TRIED_S, _TRIED_SHARE = 30.0, 0.05  # s, of full deflection
+_MOST_SHARE = 0.4  # of full deflection, for 1 deg of the GTM: doublets then take four fifths
 
 
 def survey(folder: Path, *, without_io: bool = False, at: tuple[float, float] | None = None) -> Facts:
@@ -69,20 +70,21 @@ def survey(folder: Path, *, without_io: bool = False, at: tuple[float, float] | 
         Where none is found: with what was tried.
     """
     facts = outline(folder, without_io=without_io)
-    failed: list[tuple[float, TrimError]] = []
-    for altitude_ft, tas_kt in [at] if at else _conditions(aircraft_of(folder, facts)):
+    tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
+    found: Trim | None = None
+    for altitude_ft, tas_kt in tried:
         facts["trim"] |= {"altitude_ft": altitude_ft, "tas_kt": tas_kt}
-        craft = aircraft_of(folder, facts)
         try:
-            _, found = trimmed_engine(craft)
-        except TrimError as error:
-            failed.append((tas_kt, error))
+            _, found = searched_engine(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)
+            break
+        except TrimError:
             continue
-        guess = {"alpha": found.alpha_deg, "phi": found.roll_deg, **found.commands}
-        facts["trim"]["guess"] = {name: round(value, 4) for name, value in guess.items()}
-        return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
-    tried = ", ".join(f"{tas_kt:g}" for tas_kt, _ in failed)
-    raise TrimError(f"{failed[0][1]}; tried {tried} kt" if len(failed) > 1 else str(failed[0][1]))
+    if found is None:  # the likeliest again, by other means, or why not
+        facts["trim"] |= dict(zip(("altitude_ft", "tas_kt"), tried[0], strict=True))
+        _, found = trimmed_engine(aircraft_of(folder, facts))
+    guess = {"alpha": found.alpha_deg, "phi": found.roll_deg, **found.commands}
+    facts["trim"]["guess"] = {name: round(value, 4) for name, value in guess.items()}
+    return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
 
 
 def outline(folder: Path, *, without_io: bool = False) -> Facts:
@@ -192,7 +194,7 @@ def _scaled(craft: Aircraft) -> dict[str, float]:
                     to_property(value)
                 fdm.run()
                 turned.append(fdm[rate.jsbsim] * rate.scale)
-        rms = float(np.std(np.diff(turned, prepend=turned[0]) if False else turned))
+        rms = float(np.std(turned))
         wanted = _TURNED_DEG_S / rms * _TRIED_SHARE * full if rms > 0.0 else np.inf
-        scale[name] = float(f"{min(wanted, 0.25 * full):.3g}") if np.isfinite(wanted) else 1.0
+        scale[name] = float(f"{min(wanted, _MOST_SHARE * full):.3g}") if np.isfinite(wanted) else 1.0
     return scale
