@@ -3,11 +3,11 @@
 from typing import Any
 
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement

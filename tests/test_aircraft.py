@@ -8,9 +8,9 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 import gtmbench as gb
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.engine import engine, set_condition
 from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.shipped import share
 
 CRAFT = load_aircraft("gtm")

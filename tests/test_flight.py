@@ -37,8 +37,8 @@ def test_a_flight_starts_in_trim(minute):
 def test_without_excitation_the_trim_lasts():
     calm = gb.fly(excitation="doublets", duration_s=60.0)
     from gtmbench.bench import flight as module
-    from gtmbench.bench.fleet import load_aircraft
     from gtmbench.bench.equilibrium import trimmed_engine
+    from gtmbench.bench.fleet import load_aircraft
 
     fdm, trim = trimmed_engine(load_aircraft("gtm"))
     read = module._fly(fdm, np.tile(list(trim.commands.values()), (3001, 1)))

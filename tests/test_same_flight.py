@@ -12,10 +12,10 @@ import pytest
 
 from gtmbench.bench import flight as flight_module
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
+from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
 
 KERNELS = ["Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX"]
 NEEDS = {"Sandybridge": "avx", "Haswell": "fma", "Zen": "fma", "SkylakeX": "avx512f"}

@@ -37,7 +37,6 @@ _MOST_RUNS = 400
 _STANDS = 1e-10  # ft/s2 and rad/s2
 
 
-
 @contextmanager
 def silenced() -> Iterator[io.StringIO]:
     """Give what JSBSim prints, which is kept off stdout; not in threads, for stdout is everybody's."""

@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
-from gtmbench.channels import CHANNELS, COMMANDS
+from gtmbench.channels import CHANNELS
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
 from gtmbench.record import FloatArray

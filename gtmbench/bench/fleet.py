@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import jsbsim
 
 from gtmbench.bench.aircraft import Aircraft, aircraft_of
+from gtmbench.bench.model_file import check_model
 from gtmbench.bench.survey import survey
-from gtmbench.checks import naming, shown
+from gtmbench.checks import shown, text
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.shipped import share, shipped_aircraft
@@ -68,22 +69,36 @@ def jsbsim_facts() -> dict[str, dict[str, Any]]:
     return read_toml(share() / "aircraft" / _JSBSIMS, "list of aircraft")
 
 
-def facts_of(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
-    """Return facts"""
-    return facts
-
-
 def _jsbsims(name: str) -> Aircraft:
-    folder, known = jsbsim_aircraft()[name], jsbsim_facts().get(name)
-    return aircraft_of(folder, known or survey(folder, without_io=True)) 
+    folder = jsbsim_aircraft()[name]
+    return aircraft_of(folder, jsbsim_facts().get(name) or _surveyed(folder, True, folder.stat().st_mtime_ns))
 
 
 def _of_folder(folder: Path, *, without_io: bool = False) -> Aircraft:
     path = folder / _FACTS
     if not os.path.lexists(path):
-        return aircraft_of(folder, survey(folder, without_io=without_io))
+        model = folder / f"{folder.name}.xml"
+        check_model(model)
+        return aircraft_of(folder, _surveyed(folder, without_io, model.stat().st_mtime_ns))
     if not is_file(path):
         raise InputError(f"{path} isn't a file")
     facts = read_toml(path, "aircraft")
-    with naming(path):
-        return aircraft_of(folder, facts)
+    try:
+        aircraft = aircraft_of(_model_folder(folder, facts.get("model")), facts)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; see the GTM's for every key") from error
+    return replace(aircraft, without_io=aircraft.without_io or without_io)
+
+
+def _model_folder(folder: Path, model: Any) -> Path:
+    """Return where the model stands that a folder's facts tell of: there, or by name or path elsewhere."""
+    if model is None:
+        return folder
+    known = jsbsim_aircraft().get(text("model", model))
+    return known or Path(os.path.realpath(folder / model))
+
+
+@lru_cache(maxsize=32)
+def _surveyed(folder: Path, without_io: bool, _modified_ns: int) -> dict[str, Any]:
+    """Survey once a model's file."""
+    return survey(folder, without_io=without_io)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,13 @@ _TRIED_S, _TRIED_SHARE = 30.0, 0.05  # s, of full deflection
 _MOST_SHARE = 0.4  # of full deflection, for 1 deg of the GTM: doublets then take four fifths
 
 
-def survey(folder: Path, *, without_io: bool = False, at: tuple[float, float] | None = None) -> Facts:
+def survey(
+    folder: Path,
+    *,
+    without_io: bool = False,
+    at: tuple[float, float] | None = None,
+    properties: Mapping[str, float] | None = None,
+) -> Facts:
     """Return the facts of a model, as its ``aircraft.toml`` would have them.
 
     Commands are JSBSim's normalised ones unless the model has the channel table's own; full deflection is what the
@@ -63,13 +69,15 @@ def survey(folder: Path, *, without_io: bool = False, at: tuple[float, float] | 
         Whether input and output sections are left out.
     at : tuple of float, optional
         Altitude (ft) and true airspeed (kt) of the trim, instead of looking for one.
+    properties : mapping, optional
+        What is set when the model has been loaded, beside what the survey finds.
 
     Raises
     ------
     TrimError
         Where none is found: with what was tried.
     """
-    facts = outline(folder, without_io=without_io)
+    facts = outline(folder, without_io=without_io, properties=properties or {})
     tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
     found: Trim | None = None
     for altitude_ft, tas_kt in tried:
@@ -87,7 +95,7 @@ def survey(folder: Path, *, without_io: bool = False, at: tuple[float, float] | 
     return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
 
 
-def outline(folder: Path, *, without_io: bool = False) -> Facts:
+def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, float] | None = None) -> Facts:
     """Return what is known of a model before a trim is: the facts, with a condition that may be none."""
     model = folder / f"{folder.name}.xml"
     check_model(model)
@@ -98,18 +106,20 @@ def outline(folder: Path, *, without_io: bool = False) -> Facts:
         "limits": {name: [-_NOMINAL_DEG, _NOMINAL_DEG] for name in SURFACES} | {"throttle": [0.0, 100.0]},
         "envelope": dict(_ENVELOPE),
         "commands": {
-            name: {"property": property_, "unit": sign * _NOMINAL_DEG} for name, (property_, sign) in _NORMALISED.items()
+            name: {"property": property_, "unit": sign * _NOMINAL_DEG}
+            for name, (property_, sign) in _NORMALISED.items()
         }
         | {"throttle": {"property": _THROTTLE, "unit": 100.0}},
         "properties": dict(_GEAR_UP),
     }
-    fdm = engine(aircraft_of(folder, facts))
-    known = fdm.get_property_manager()
-    if all(known.get_node(CHANNELS[name].jsbsim) for name in COMMANDS):
+    try:
+        fdm = engine(aircraft_of(folder, facts | {"commands": {}}))  # the channel table's, as the GTM has them
         facts["commands"] = {}
-    else:
+    except GtmbenchError:
+        fdm = engine(aircraft_of(folder, facts))
         for motor in range(fdm.get_propulsion().get_num_engines()):
             facts["properties"] |= {f"{name}[{motor}]" if motor else name: value for name, value in _MOTOR.items()}
+    facts["properties"] |= properties or {}
     facts["properties"] |= dict.fromkeys(_missing(folder, facts), 0.0)
     for name, full_deg in _full_deflections(aircraft_of(folder, facts)).items():
         if name in facts["commands"]:
@@ -140,7 +150,14 @@ def _missing(folder: Path, facts: Facts) -> list[str]:
 
 
 def _level(fdm: Any, craft: Aircraft, commands: dict[str, float]) -> None:
-    at = {"altitude": craft.altitude_ft, "tas": craft.tas_kt, "alpha": 3.0, "beta": 0.0, "psi": craft.psi_deg, "phi": 0.0}
+    at = {
+        "altitude": craft.altitude_ft,
+        "tas": craft.tas_kt,
+        "alpha": 3.0,
+        "beta": 0.0,
+        "psi": craft.psi_deg,
+        "phi": 0.0,
+    }
     set_condition(fdm, craft, at | {"theta": 3.0, **dict.fromkeys(SURFACES, 0.0), "throttle": 50.0} | commands)
 
 
@@ -153,7 +170,9 @@ def _full_deflections(craft: Aircraft) -> dict[str, float]:
             sides = []
             for command in craft.limits[name]:
                 _level(fdm, craft, {name: command})
-                sides.append(max(abs(fdm[position]) if properties.get_node(position) else 0.0 for position in positions))
+                sides.append(
+                    max(abs(fdm[position]) if properties.get_node(position) else 0.0 for position in positions)
+                )
             full[name] = round(sum(sides) / 2.0, 1) or _NOMINAL_DEG
     return full
 

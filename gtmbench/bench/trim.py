@@ -9,7 +9,9 @@ from gtmbench.bench.equilibrium import Trim, trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
 
 
-def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> Trim:
+def trim(
+    aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> Trim:
     """Trim an aircraft for level flight without sideslip.
 
     Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
@@ -18,8 +20,8 @@ def trim(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_
 
     Parameters
     ----------
-    aircraft : str or Path
-        A name that ``gtmbench list`` shows, or the path of an aircraft's folder.
+    aircraft : str, Path or Aircraft
+        A name that ``gtmbench list --all`` shows, or the path of an aircraft's folder.
     altitude_ft, tas_kt : float, optional
         Another condition than the aircraft's own.
 

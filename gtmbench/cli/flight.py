@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import EXCITATIONS
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, echo, print_json, print_table

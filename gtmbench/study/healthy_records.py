@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.excitation import parts_of
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import LONGEST_S, fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from gtmbench.bench import flight
-from gtmbench.bench.fleet import load_aircraft
-from gtmbench.bench.excitation import excitation
 from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.excitation import excitation
+from gtmbench.bench.fleet import load_aircraft
 
 from .timing import seconds
 
