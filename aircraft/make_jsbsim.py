@@ -59,10 +59,9 @@ TITLES = {
 }
 CONDITIONS = {  # ft, kt; where the one that is suggested is none, or ends in the ground
     "C130": (5_000.0, 100.0),
-    "Concorde": (30_000.0, 600.0),
     "F80C": (10_000.0, 280.0),
     "c172x": (5_000.0, 90.0),
-    "f15": (20_000.0, 400.0),
+    "f15": (30_000.0, 450.0),
     "f16": (10_000.0, 330.0),
     "pa28": (5_000.0, 90.0),
 }

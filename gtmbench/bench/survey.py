@@ -32,7 +32,8 @@ _POSITIONS = {
     "rudder": ("fcs/rudder-pos-deg",),
 }
 _NOMINAL_DEG = 20.0  # full deflection, where a model doesn't tell it
-_GEAR_UP = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0}
+# Gear up; and no fuel is burnt: else weight and trim change, and motors whose tank is small stop within the minute.
+_CRUISE = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0, "propulsion/fuel_freeze": 1.0}
 _MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
 _MISSING = re.compile(r"property (\S+) does not exist")
 _MOST_MISSING = 60
@@ -110,7 +111,7 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
             for name, (property_, sign) in _NORMALISED.items()
         }
         | {"throttle": {"property": _THROTTLE, "unit": 100.0}},
-        "properties": dict(_GEAR_UP),
+        "properties": dict(_CRUISE),
     }
     try:
         fdm = engine(aircraft_of(folder, facts | {"commands": {}}))  # the channel table's, as the GTM has them
