@@ -11,13 +11,10 @@ from __future__ import annotations
 import sys
 import tomllib
 from pathlib import Path
-from typing import Any
 
-import tomlkit
-
+from gtmbench.bench.aircraft_file import listed
 from gtmbench.bench.fleet import jsbsim_aircraft
 from gtmbench.bench.survey import survey
-from gtmbench.errors import GtmbenchError
 
 TARGET = Path(__file__).parent / "jsbsim.toml"
 HEAD = """\
@@ -68,34 +65,19 @@ CONDITIONS = {  # ft, kt; where the one that is suggested is none, or ends in th
 PROPERTIES = {"Boeing314": {f"fcs/advance-cmd-norm{motor}": 0.3 for motor in ("", "[1]", "[2]", "[3]")}}  # or they stop
 
 
-def inline(value: Any) -> Any:
-    """Return a table as one that stands in a line."""
-    if isinstance(value, dict):
-        table = tomlkit.inline_table()
-        table.update({key: inline(each) for key, each in value.items()})
-        return table
-    return value
-
-
 def main() -> None:
     """Survey those that are named, or all; the others stay as they are."""
     entries = tomllib.loads(TARGET.read_text(encoding="utf-8")) if TARGET.exists() else {}
     for name in sys.argv[1:] or TITLES:
         at, properties = CONDITIONS.get(name), PROPERTIES.get(name)
-        try:
-            facts = survey(jsbsim_aircraft()[name], without_io=True, at=at, properties=properties)
-        except GtmbenchError as error:
+        facts = survey(jsbsim_aircraft()[name], without_io=True, at=at, properties=properties)
+        if "excitation" not in facts:
             entries.pop(name, None)
-            print(f"{name}: left out: {error}", flush=True)
+            print(f"{name}: no trim is found; left out", flush=True)
             continue
         entries[name] = facts | {"title": TITLES[name]}
         print(f"{name}: {facts['trim']['altitude_ft']:g} ft, {facts['trim']['tas_kt']:g} kt", flush=True)
-    document = tomlkit.parse(HEAD)
-    for name in sorted(entries, key=str.casefold):
-        table = tomlkit.table()
-        table.update({key: inline(value) for key, value in entries[name].items()})
-        document[name] = table
-    TARGET.write_text(tomlkit.dumps(document), encoding="utf-8")
+    TARGET.write_text(listed(entries, HEAD), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from itertools import count
+from pathlib import Path
 
 import jsbsim
 import numpy as np
@@ -77,7 +78,7 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     fdm = jsbsim.FGFDMExec(str(own))
     fdm.set_output_path(str(aircraft.folder))
     if not (own / "engine").is_dir():  # motors and propellers of JSBSim's, unless there are others beside the aircraft
-        fdm.set_engine_path(os.path.join(jsbsim.get_default_root_dir(), "engine"))
+        fdm.set_engine_path(str(Path(jsbsim.get_default_root_dir()) / "engine"))
     for integrator in ("rate", "position"):
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
@@ -138,12 +139,13 @@ def stand(fdm: jsbsim.FGFDMExec) -> None:
         before = now
 
 
-def writers(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> list[tuple[int, float, Callable[[float], None]]]:
+def writers(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> list[tuple[int, float, Callable[[float], object]]]:
     """Return how commands reach an engine: for every property the command's column, a factor, and what writes it.
 
     A command goes to all motors: ``fcs/throttle-cmd-norm`` and ``fcs/throttle-cmd-norm[1]`` and on.
     """
-    properties, found = fdm.get_property_manager(), []
+    properties = fdm.get_property_manager()
+    found: list[tuple[int, float, Callable[[float], object]]] = []
     for column, name in enumerate(COMMANDS):
         command = aircraft.commands[name]
         for number in count():

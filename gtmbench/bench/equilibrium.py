@@ -21,6 +21,7 @@ from gtmbench.record import FloatArray
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
+_SAME = 0.03
 _FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
@@ -137,6 +138,16 @@ def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, f
 
 def _accelerations(fdm: jsbsim.FGFDMExec) -> FloatArray:
     return np.array([fdm[name] for name in ACCELERATIONS])
+
+
+def mistaken_units(aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None) -> str:
+    """Say which figure of a condition is the aircraft's own in metres or m/s, if one is; else ""."""
+    said = []
+    if altitude_ft and abs(altitude_ft * _FT_PER_M / aircraft.altitude_ft - 1.0) < _SAME:
+        said.append(f"{altitude_ft:g} m is {aircraft.name}'s own altitude; altitudes are in ft")
+    if tas_kt and abs(tas_kt * _KT_PER_M_S / aircraft.tas_kt - 1.0) < _SAME:
+        said.append(f"{tas_kt:g} m/s is {aircraft.name}'s own speed; speeds are in kt")
+    return "; ".join(said)
 
 
 def _remedy(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> str:

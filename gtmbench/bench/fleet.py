@@ -18,7 +18,7 @@ from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.shipped import share, shipped_aircraft
 
-_FACTS = "aircraft.toml"
+FACTS = "aircraft.toml"
 _JSBSIMS = "jsbsim.toml"
 
 
@@ -40,20 +40,44 @@ def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> A
     ------
     InputError
         Where there is no such aircraft, or its facts are incomplete.
-    TrimError
-        Where there are no facts and no trim is found.
     """
     if isinstance(name, Aircraft):
         return replace(name, without_io=name.without_io or without_io)
+    folder = model_folder(name)
+    if jsbsim_aircraft().get(folder.name) == folder:
+        return aircraft_of(folder, jsbsim_facts().get(folder.name) or _surveyed(folder, without_io=True))
+    path = folder / FACTS
+    if not os.path.lexists(path):
+        return aircraft_of(folder, _surveyed(folder, without_io=without_io))
+    if not is_file(path):
+        raise InputError(f"{path} isn't a file")
+    facts = read_toml(path, "aircraft")
+    model = facts.get("model")
+    try:
+        its_folder = folder if model is None else model_folder(text("model", model), beside=folder)
+        aircraft = aircraft_of(its_folder, facts)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; see the GTM's for every key") from error
+    return replace(aircraft, without_io=aircraft.without_io or without_io)
+
+
+def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
+    """Return the folder that an aircraft's name or path means; a relative path is `beside` a folder, or here.
+
+    Raises
+    ------
+    InputError
+        Where there is none.
+    """
     if str(name) in shipped_aircraft():
-        return _of_folder(share() / "aircraft" / str(name))
-    if str(name) in jsbsim_aircraft():
-        return _jsbsims(str(name))
-    folder = Path(os.path.realpath(name))
+        return share() / "aircraft" / str(name)
+    if known := jsbsim_aircraft().get(str(name)):
+        return known
+    folder = Path(os.path.realpath((beside or Path()) / name))
     if not folder.is_dir():
-        known = f"{', '.join(shipped_aircraft())} and JSBSim's own (gtmbench list --all)"
-        raise InputError(f"no aircraft {shown(str(name))}; there are {known}, or give a folder's path")
-    return _of_folder(folder, without_io=without_io)
+        names = f"{', '.join(shipped_aircraft())} and JSBSim's own (gtmbench list --all)"
+        raise InputError(f"no aircraft {shown(str(name))}; there are {names}, or give a folder's path")
+    return folder
 
 
 @cache
@@ -69,36 +93,21 @@ def jsbsim_facts() -> dict[str, dict[str, Any]]:
     return read_toml(share() / "aircraft" / _JSBSIMS, "list of aircraft")
 
 
-def _jsbsims(name: str) -> Aircraft:
-    folder = jsbsim_aircraft()[name]
-    return aircraft_of(folder, jsbsim_facts().get(name) or _surveyed(folder, True, folder.stat().st_mtime_ns))
+def jsbsim_titles() -> dict[str, str]:
+    """Return what each of JSBSim's aircraft is, by name; of those that have no trim, that."""
+    titles = {name: facts["title"] for name, facts in jsbsim_facts().items()}
+    return {
+        name: titles.get(name, "JSBSim's; no trim is known") for name in sorted(jsbsim_aircraft(), key=str.casefold)
+    }
 
 
-def _of_folder(folder: Path, *, without_io: bool = False) -> Aircraft:
-    path = folder / _FACTS
-    if not os.path.lexists(path):
-        model = folder / f"{folder.name}.xml"
-        check_model(model)
-        return aircraft_of(folder, _surveyed(folder, without_io, model.stat().st_mtime_ns))
-    if not is_file(path):
-        raise InputError(f"{path} isn't a file")
-    facts = read_toml(path, "aircraft")
-    try:
-        aircraft = aircraft_of(_model_folder(folder, facts.get("model")), facts)
-    except InputError as error:
-        raise InputError(f"{path}: {error}; see the GTM's for every key") from error
-    return replace(aircraft, without_io=aircraft.without_io or without_io)
-
-
-def _model_folder(folder: Path, model: Any) -> Path:
-    """Return where the model stands that a folder's facts tell of: there, or by name or path elsewhere."""
-    if model is None:
-        return folder
-    known = jsbsim_aircraft().get(text("model", model))
-    return known or Path(os.path.realpath(folder / model))
+def _surveyed(folder: Path, *, without_io: bool) -> dict[str, Any]:
+    model = folder / f"{folder.name}.xml"
+    check_model(model)
+    return _survey(folder, without_io, model.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=32)
-def _surveyed(folder: Path, without_io: bool, _modified_ns: int) -> dict[str, Any]:
-    """Survey once a model's file."""
+def _survey(folder: Path, without_io: bool, _modified_ns: int) -> dict[str, Any]:
+    """Survey a model once, as long as it stays the same."""
     return survey(folder, without_io=without_io)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from gtmbench.bench.equilibrium import Trim, searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
+from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError, TrimError
 
 Facts = dict[str, Any]
@@ -73,27 +75,27 @@ def survey(
     properties : mapping, optional
         What is set when the model has been loaded, beside what the survey finds.
 
-    Raises
-    ------
-    TrimError
-        Where none is found: with what was tried.
+    Where no trim is found, the likeliest condition stands there, and no ``excitation``: what trims there will say why.
     """
     facts = outline(folder, without_io=without_io, properties=properties or {})
     tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
-    found: Trim | None = None
-    for altitude_ft, tas_kt in tried:
-        facts["trim"] |= {"altitude_ft": altitude_ft, "tas_kt": tas_kt}
-        try:
-            _, found = searched_engine(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)
-            break
-        except TrimError:
-            continue
-    if found is None:  # the likeliest again, by other means, or why not
+    found = _trim_at_one_of(tried, folder, facts)
+    if found is None:
         facts["trim"] |= dict(zip(("altitude_ft", "tas_kt"), tried[0], strict=True))
-        _, found = trimmed_engine(aircraft_of(folder, facts))
+        return facts
     guess = {"alpha": found.alpha_deg, "phi": found.roll_deg, **found.commands}
-    facts["trim"]["guess"] = {name: round(value, 4) for name, value in guess.items()}
+    facts["trim"] |= {"altitude_ft": found.altitude_ft, "tas_kt": round(found.tas_kt, 6)}
+    facts["trim"]["guess"] = {name: round(value, 4) + 0.0 for name, value in guess.items()}
     return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
+
+
+def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
+    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
+    for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
+        for altitude_ft, tas_kt in some:
+            with suppress(TrimError):
+                return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+    return None
 
 
 def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, float] | None = None) -> Facts:
@@ -101,7 +103,7 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
     model = folder / f"{folder.name}.xml"
     check_model(model)
     facts: Facts = {
-        "title": (description(model) or folder.name)[:100],
+        "title": printable(description(model))[:60] or folder.name,
         "without_io": without_io,
         "trim": {"altitude_ft": 5000.0, "tas_kt": 150.0, "psi_deg": 45.0, "latitude_deg": 37.0, "guess": dict(_GUESS)},
         "limits": {name: [-_NOMINAL_DEG, _NOMINAL_DEG] for name in SURFACES} | {"throttle": [0.0, 100.0]},

@@ -25,7 +25,7 @@ def measure(rounds: int) -> dict:
     for _ in range(rounds):
         fdm, trimmed = trimmed_engine(craft)
         commands = flight._commands(craft, trimmed, moved, STEPS + 1)
-        ours = seconds(lambda fdm=fdm, commands=commands: flight._fly(fdm, commands))
+        ours = seconds(lambda fdm=fdm, commands=commands: flight._fly(fdm, craft, commands))
         fdm, _ = trimmed_engine(craft)
         ratios.append(ours / seconds(lambda run=fdm.run: _bare(run)))
     return {"ratio": statistics.median(ratios)}
