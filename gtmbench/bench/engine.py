@@ -32,9 +32,8 @@ ACCELERATIONS = {
 _ADAMS_BASHFORTH_2 = 3
 _RUNNING = "propulsion/engine[{}]/set-running"
 _ALL_RUN = ("propulsion/set-running", -1)
-# How often initial conditions are taken over before one gives up waiting for servos, filters and propellers to stand:
-# an actuator goes a sample's way each time, so this is four seconds of its
-_MOST_RUNS = 400
+# How often initial conditions are taken over before one gives up waiting for servos, filters and propellers to stand
+_MOST_RUNS = 40
 _STANDS = 1e-10  # ft/s2 and rad/s2
 
 

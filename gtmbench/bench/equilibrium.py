@@ -19,6 +19,8 @@ from gtmbench.errors import GtmbenchError, TrimError
 from gtmbench.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
+_TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
+_MOST_STEPS = 100  # the GTM takes three
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
 _SAME = 0.03
@@ -112,7 +114,7 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
         with simulating(searched, aircraft), silenced():
             search = partial(accelerations, searched)
             solution = least_squares(
-                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), xtol=1e-14, ftol=1e-15, gtol=1e-15
+                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), max_nfev=_MOST_STEPS, **_TOLERANCES
             )
     except ValueError as error:
         raise TrimError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -41,6 +42,7 @@ _MISSING = re.compile(r"property (\S+) does not exist")
 _MOST_MISSING = 60
 
 _LIFT = (0.4, 0.6, 0.3, 0.8, 0.2)  # lift coefficients at which a trim is looked for
+_LONGEST_S = 20.0  # to look for one
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
 _GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 50.0}
@@ -91,10 +93,12 @@ def survey(
 
 def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
     """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
+    until = time.monotonic() + _LONGEST_S
     for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
         for altitude_ft, tas_kt in some:
-            with suppress(TrimError):
-                return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+            if time.monotonic() < until:
+                with suppress(TrimError):
+                    return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
     return None
 
 
