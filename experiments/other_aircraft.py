@@ -74,9 +74,9 @@ def tried(task: Task) -> Flown:
         trim = gb.trim(craft)
         about |= {"title": craft.title, "altitude_ft": trim.altitude_ft, "tas_kt": trim.tas_kt, "alpha": trim.alpha_deg}
         about["growing"] = ", ".join(mode.name for mode in gb.modes(craft) if mode.real_1_s > 0.0)
+        stage = "flight"
         calm = gb.fly(craft, Excitation(), CALM_S)
         about["calm"] = float(calm["altitude"][-1] - calm["altitude"][0])
-        stage = "flight"
         flights = range(1, task.size.calibration + 1)
         records = [reading(task, USUAL, seed) for seed in flights]
         others = {excitation: reading(task, excitation, 101) for excitation in (USUAL, OTHER)}
@@ -89,7 +89,7 @@ def tried(task: Task) -> Flown:
                 {"aircraft": task.name, "excitation": excitation} | row for row in judged(task, monitor, healthy)
             ]
     except gb.GtmbenchError as error:
-        about |= {"failed": stage, "why": str(error)}
+        about |= {"failed": stage, "why": str(error).replace(f"{jsbsim_aircraft()[task.name]}/", "")}
     return Flown(about | {"seconds": time.monotonic() - began}, trials)
 
 
@@ -178,7 +178,7 @@ is jammed. Trim points were chosen so that aircraft fly, never by what was said 
 *Growing*: linear modes that do. *Climbs*: in a minute of still air without excitation, which tells how well the trim
 lasts; and over a calibration flight. RMS: of the gyros on the first of the two flights, noise included. Right: the
 gyro that broke is named in the end, of its six faults; kind: as injected. False alarms: before the onset, in all
-twelve trials.
+twelve trials; the six of an excitation share a flight, and so an alarm.
 
 {markdown(pd.DataFrame([line(about, trials) for about in flown]))}
 

@@ -96,7 +96,9 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     needed = {channel.name: channel.jsbsim for channel in CHANNELS.values() if channel.role is not Role.COMMAND}
     for name, jsbsims in (needed | {name: command.property for name, command in aircraft.commands.items()}).items():
         if properties.get_node(jsbsims) is None:
-            raise GtmbenchError(f"{model} has no property '{jsbsims}', which channel '{name}' needs")
+            gliding = name == "throttle" and not fdm.get_propulsion().get_num_engines()
+            why = "; it has no motor, and nothing keeps it level" if gliding else ""
+            raise GtmbenchError(f"{model} has no property '{jsbsims}', which channel '{name}' needs{why}")
     return fdm
 
 

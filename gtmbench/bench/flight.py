@@ -89,7 +89,7 @@ def fly(
     with simulating(fdm, craft):
         read = _fly(fdm, craft, commands)
     record = _record(read, commands[: len(read)], trimmed)
-    _check_envelope(record, craft, excitation if isinstance(excitation, str) else "of your own")
+    _check_envelope(record, craft, f"excitation '{excitation}'" if isinstance(excitation, str) else "the excitation")
     return record
 
 
@@ -177,7 +177,7 @@ def _record(read: FloatArray, commands: FloatArray, trimmed: Trim) -> Record:
     return Record(np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S)
 
 
-def _check_envelope(record: Record, aircraft: Aircraft, name: str) -> None:
+def _check_envelope(record: Record, aircraft: Aircraft, what: str) -> None:
     outside = []
     for channel, (low, high) in aircraft.envelope.items():
         values = record[channel]
@@ -188,7 +188,7 @@ def _check_envelope(record: Record, aircraft: Aircraft, name: str) -> None:
         first, channel, value, low, high = min(outside)
         unit = CHANNELS[channel].unit
         raise EnvelopeError(
-            f"excitation '{name}' throws '{aircraft.name}' out of its envelope: {channel} is {value:.4g} {unit} at "
+            f"{what} throws '{aircraft.name}' out of its envelope: {channel} is {value:.4g} {unit} at "
             f"t = {record.time_s[first]:g} s, the model holds from {low:g} to {high:g} {unit}; "
             "fly shorter, or choose a gentler excitation"
         )

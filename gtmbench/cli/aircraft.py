@@ -33,9 +33,7 @@ def aircraft_options(command: F) -> F:
     return command
 
 
-def told_aircraft(
-    name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool
-) -> Aircraft:
+def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     aircraft = load_aircraft(name, without_io=without_io)
     if not silent and (left_out := sorted(set(check_model(aircraft.model)))):
