@@ -246,7 +246,7 @@ def test_a_flight_that_leaves_its_envelope_ends_there():
         gb.fly(narrow, duration_s=60.0)
 
 
-def test_jsbsims_files_stay_as_they_are(cli):
+def test_jsbsims_files_stay_as_they_are():
     folder = jsbsim_aircraft()["737"]
     before = {path: path.stat().st_mtime_ns for path in Path(folder).rglob("*")}
     gb.fly("737", Excitation(), 0.1)

@@ -80,8 +80,8 @@ def calibrate_command(
 ) -> None:
     """Calibrate a detector on healthy records (a bank: identify, and set thresholds), and write a monitor.
 
-    Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise. The file holds numbers
-    and names only, and another process or machine that loads it judges bit for bit alike.
+    Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
+    The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
     """
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
