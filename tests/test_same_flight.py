@@ -82,7 +82,7 @@ def test_a_flight_depends_on_its_trim_without_jumps(monkeypatch):
     reference = fly(excitation="turbulence", duration_s=20.0, seed=4)
     for change in (1e-13, 1e-11, 1e-9):
 
-        def nudged(craft, change=change):
+        def nudged(craft, change=change, **_):
             _, trim = trimmed_engine(craft)
             at = {"altitude": trim.altitude_ft, "tas": craft.tas_kt, "psi": trim.yaw_deg, "beta": 0.0}
             at |= {"alpha": trim.alpha_deg + change, "phi": trim.roll_deg, "theta": trim.pitch_deg, **trim.commands}

@@ -36,7 +36,7 @@ def aircraft_options(command: F) -> F:
 def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     aircraft = load_aircraft(name, without_io=without_io)
-    if not silent and (left_out := sorted(set(check_model(aircraft.model)))):
+    if not silent and aircraft.without_io and (left_out := sorted(set(check_model(aircraft.model)))):
         what = " and ".join(f"<{section}>" for section in left_out)
         echo(f"note: {aircraft.name} flies without the {what} of its model, which would open ports or files", err=True)
     if not silent and (said := mistaken_units(aircraft, altitude_ft=altitude, tas_kt=tas)):
