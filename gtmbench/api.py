@@ -2,8 +2,11 @@
 
 from typing import Any
 
+from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.equilibrium import Trim
+from gtmbench.bench.excitation import Excitation
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
@@ -71,6 +74,7 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Aircraft",
     "Alarm",
     "AlarmStream",
     "Alarms",
@@ -91,6 +95,7 @@ __all__ = [
     "Drift",
     "Dropout",
     "EnvelopeError",
+    "Excitation",
     "ExcitationCount",
     "Fault",
     "FlightLog",
@@ -168,6 +173,7 @@ __all__ = [
     "inject",
     "inject_log",
     "innovations",
+    "load_aircraft",
     "load_bank",
     "load_monitor",
     "load_scenario",

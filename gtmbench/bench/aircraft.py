@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from gtmbench.record import Span
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _MOST_TIMES = 1e3
+_STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
+_PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +114,9 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         commands=_in_own_units() | {key: _command(f"commands.{key}", commands, key) for key in commands},
         excitation=dict.fromkeys(SURFACES, 1.0)
         | {key: number(f"excitation.{key}", value, 0.0, _MOST_TIMES) for key, value in excitation.items()},
-        properties={text("a property", key): number(f"properties.{key}", value) for key, value in properties.items()},
+        properties={
+            _property("properties", key): number(f"properties.{key}", value) for key, value in properties.items()
+        },
         without_io=_flag("without_io", facts.get("without_io", False)),
     )
     for key, (low, high) in aircraft.searched.items():
@@ -149,7 +154,13 @@ def _command(name: str, commands: dict[str, Any], key: str) -> Command:
     unit = number(f"{name}.unit", given.get("unit", 1.0), -1e6, 1e6)
     if abs(unit) < 1e-6:
         raise InputError(f"{name}.unit is {unit:g}; it must be what 1 of the property is in {CHANNELS[key].unit}")
-    return Command(property=text(f"{name}.property", given.get("property")), unit=unit)
+    return Command(property=_property(f"{name}.property", given.get("property")), unit=unit)
+
+
+def _property(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not _PROPERTY.fullmatch(value):
+        raise InputError(f"{name} is {shown(value)}; it must be the name of a property, such as fcs/flap-cmd-norm")
+    return value
 
 
 def _flag(name: str, value: Any) -> bool:

@@ -90,8 +90,9 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     if not loaded:
         raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
     fdm.disable_output()
-    for name, value in aircraft.properties.items():
-        fdm[name] = value
+    with simulating(fdm, aircraft):
+        for name, value in aircraft.properties.items():
+            fdm[name] = value
     properties = fdm.get_property_manager()
     needed = {channel.name: channel.jsbsim for channel in CHANNELS.values() if channel.role is not Role.COMMAND}
     for name, jsbsims in (needed | {name: command.property for name, command in aircraft.commands.items()}).items():

@@ -145,9 +145,9 @@ def _accelerations(fdm: jsbsim.FGFDMExec) -> FloatArray:
 def mistaken_units(aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None) -> str:
     """Say which figure of a condition is the aircraft's own in metres or m/s, if one is; else ""."""
     said = []
-    if altitude_ft and abs(altitude_ft * _FT_PER_M / aircraft.altitude_ft - 1.0) < _SAME:
+    if altitude_ft and math.isclose(altitude_ft * _FT_PER_M, aircraft.altitude_ft, rel_tol=_SAME):
         said.append(f"{altitude_ft:g} m is {aircraft.name}'s own altitude; altitudes are in ft")
-    if tas_kt and abs(tas_kt * _KT_PER_M_S / aircraft.tas_kt - 1.0) < _SAME:
+    if tas_kt and math.isclose(tas_kt * _KT_PER_M_S, aircraft.tas_kt, rel_tol=_SAME):
         said.append(f"{tas_kt:g} m/s is {aircraft.name}'s own speed; speeds are in kt")
     return "; ".join(said)
 

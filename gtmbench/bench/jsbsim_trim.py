@@ -37,8 +37,11 @@ def trimmed_by_jsbsim(aircraft: Aircraft, wanted: dict[str, float]) -> tuple[jsb
         return None
     task = json.dumps([str(aircraft.folder), facts_of(aircraft), wanted])
     rehearsal = [sys.executable, "-c", f"from {__name__} import rehearse; rehearse()"]
+    beside = Path(__file__).parents[2]  # Python looks for modules where it runs: there, not among a user's files
     try:
-        done = subprocess.run(rehearsal, input=task, text=True, capture_output=True, timeout=_LONGEST_S, check=False)
+        done = subprocess.run(
+            rehearsal, input=task, text=True, capture_output=True, timeout=_LONGEST_S, check=False, cwd=beside
+        )
     except (subprocess.TimeoutExpired, OSError):
         return None
     return _trimmed(aircraft, wanted) if done.returncode == 0 else None

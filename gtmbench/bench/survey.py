@@ -19,7 +19,7 @@ from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.checks import printable
-from gtmbench.errors import GtmbenchError, TrimError
+from gtmbench.errors import GtmbenchError
 
 Facts = dict[str, Any]
 
@@ -97,7 +97,7 @@ def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: 
     for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
         for altitude_ft, tas_kt in some:
             if time.monotonic() < until:
-                with suppress(TrimError):
+                with suppress(GtmbenchError):
                     return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
     return None
 
