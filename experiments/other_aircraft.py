@@ -160,6 +160,7 @@ def report(abouts: list[Row], trials: pd.DataFrame, figures: Mapping[str, Mappin
     """Return the report as Markdown."""
     flown = [about for about in abouts if not about["failed"]]
     failed = [about for about in abouts if about["failed"]]
+    why = pd.DataFrame([{key: about[key] for key in ("aircraft", "failed", "why")} for about in failed])
     quick = "" if len(size.names) > 2 else "**Quick: two aircraft, short flights. It bounds nothing.**\n\n"
     return f"""# Other aircraft
 
@@ -188,7 +189,7 @@ What was missed, or named otherwise:
 
 ## Those that don't
 
-{markdown(pd.DataFrame([{key: about[key] for key in ("aircraft", "failed", "why")} for about in failed]))}
+{markdown(why) if failed else "None."}
 """
 
 
