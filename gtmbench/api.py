@@ -41,6 +41,7 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.intake.resampling import decimate
@@ -95,6 +96,8 @@ __all__ = [
     "Drift",
     "Dropout",
     "EnvelopeError",
+    "Event",
+    "EventKind",
     "Excitation",
     "ExcitationCount",
     "Fault",

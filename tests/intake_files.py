@@ -43,7 +43,10 @@ SCALES = {"F": 1e-6, "0": 1.0, "-": 0.0}
 
 
 def dataflash(tables, *, units=None):
-    """Return a DataFlash log; tables: name -> (format letters, column names, rows); units: name -> (ids, scales)."""
+    """Return a DataFlash log; tables: name -> (format letters, column names, rows); units: name -> (ids, scales).
+
+    Rows begin with the stamp; one more value than there are letters is a stamp that isn't written.
+    """
     units = units or {}
     declared = {"FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns")}
     extra = {
@@ -64,7 +67,7 @@ def dataflash(tables, *, units=None):
     for name, (letters, _, rows) in tables.items():
         packer = struct.Struct("<" + "".join(DF_CODES[letter] for letter in letters))
         head = bytes([0xA3, 0x95, numbers[name]])
-        body += [(row[0], head + packer.pack(*row)) for row in rows]
+        body += [(row[0], head + packer.pack(*row[len(row) - len(letters) :])) for row in rows]
     body.sort(key=lambda row: row[0])
     return out + b"".join(row for _, row in body)
 
@@ -74,8 +77,16 @@ def dataflash_text(tables):
     lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
     for number, (name, (letters, columns, _)) in enumerate(tables.items()):
         lines.append(f"FMT, {129 + number}, 50, {name}, {letters}, {columns}")
-    rows = [(row[0], f"{name}, {', '.join(map(repr, row))}") for name, (_, _, table) in tables.items() for row in table]
+    rows = [
+        (row[0], f"{name}, {', '.join(map(_word, row[len(row) - len(letters) :]))}")
+        for name, (letters, _, table) in tables.items()
+        for row in table
+    ]
     return "\n".join([*lines, *(text for _, text in sorted(rows)), ""]).encode()
+
+
+def _word(value):
+    return value.decode() if isinstance(value, bytes) else repr(value)
 
 
 def mcap(path, topics, *, compression=None, schema="", encoding="json"):

@@ -50,6 +50,7 @@ def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
 def test_a_healthy_flight_is_0_and_says_how_little_that_shows(cli):
     code, out, err = cli("monitor", "healthy.csv", "--monitor", "C", *HALF)
     assert (code, err) == (0, "")
+    assert "no fault found; a bias of p above " in out
     assert "nothing found in 2" in out
     assert "false alarms an hour at 95 % is all that this length shows" in out
 

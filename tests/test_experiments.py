@@ -70,6 +70,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
     assert {path.stem for path in EXPERIMENTS.glob("*.py")} == {
         *PARTS,
         *BEYOND,
+        "certificates",
         "fault_gallery",
         "real_logs",
         "__main__",
@@ -124,6 +125,11 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     assert re.search(r"1 flights, 4 wrong readings of them: 4 refused, 0 end with exit code 0; causes: 4 right", said)
     assert re.search(r"\| flight.csv +\| 25 +\|", said)
     assert said.partition("## logs")[2].strip() in done.stdout
+    done = run("certificates", "logs", "--faults", "1", "--out", "seen", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = (tmp_path / "seen/report.md").read_text()
+    assert "1 flights without an alarm; of 0 of their gyros and kinds no size would have been seen." in said
+    assert re.search(r"\| flight.csv +\| 3 +\| 15 +\| 15 +\|", said)
 
 
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     type=float,
     help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
 )
+@click.option("--named", is_flag=True, help="Say from which size on faults would have been named, too: seconds.")
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
@@ -65,6 +66,7 @@ def monitor_command(
     look: float,
     rate: float | None,
     wanted: float | None,
+    named: bool,
     record: Path | None,
     figure: Path | None,
     save: Path | None,
@@ -96,6 +98,10 @@ def monitor_command(
             false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
             progress=tell,
         )
+        if named:
+            tell("names", None, None)
+            watched = watched.with_names()
+            _ = watched.certificate  # kept: what is written and printed holds it
         tell("writing", None, None)
         _write(watched, record, figure, save)
     if as_json:
@@ -156,17 +162,20 @@ def _healthy(text: str) -> Span | Path:
 def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) -> InputError:
     """List what a log holds and allows; return the error that ends the command."""
     from gtmbench.intake.open import log_columns, open_log
+    from gtmbench.report.words.log import events_lines
 
     columns = log_columns(log)
     channels: tuple[str, ...] = ()
+    told: list[str] = []
     no_use = ""
     try:
-        channels = open_log(log, mapping=mapping).channels
+        opened = open_log(log, mapping=mapping)
+        channels, told = opened.channels, events_lines(opened.events)
     except InputError as error:
         no_use = str(error)
     if shown:
         print_columns(log, columns)
-        for line in _possible(channels):
+        for line in [*_possible(channels), *told]:
             echo(line)
     if no_use:
         return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")

@@ -9,6 +9,7 @@ from gtmbench.deprecation import renamed
 from gtmbench.detectors.virtual import ANGLES
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
+OUTSIDE = "outside"  # of one that tells of a score where motion is beyond what the monitor knows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,8 @@ class Judgement:
         The other sensor of a fault that mixes two: that they have changed places, or one is turned towards the other.
     reason : str
         Why no sensor is named; empty where one is, or nothing is left to explain.
+    doubt : str
+        What may have raised the alarm though no sensor failed; empty where one must have.
     """
 
     time_s: float
@@ -45,6 +48,7 @@ class Judgement:
     kind_margin: float = 0.0
     partner: str | None = None
     reason: str = ""
+    doubt: str = ""
 
     @property
     def swapped(self) -> bool:
@@ -53,11 +57,13 @@ class Judgement:
 
     @property
     def verdict(self) -> str:
-        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``."""
+        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.sensor is not None:
             return f"{self.sensor} failed"
+        if self.doubt:
+            return f"can't tell: {self.doubt}"
         return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"
 
 
@@ -134,6 +140,11 @@ class Alarm:
         return self.last is not None and not self.last.candidates
 
     @property
+    def doubt(self) -> str:
+        """What may have raised it though no sensor failed; empty where one must have."""
+        return "" if self.last is None else self.last.doubt
+
+    @property
     def isolated_s(self) -> float | None:
         """When the decision on the sensor was possible that the end confirms; None while undecided."""
         if self.last is None or self.last.sensor is None:
@@ -159,7 +170,7 @@ class Alarm:
         names = self.last.candidates if self.last.sensor is None else (self.last.sensor,)
         if not names:
             return f"passed: {self.last.verdict}"
-        if set(names) <= set(ANGLES) and not self.last.swapped:
+        if set(names) <= set(ANGLES) and not self.last.swapped and not self.last.doubt:
             return f"reference attitude failed ({' or '.join(names)})"
         return self.last.verdict
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,16 +14,34 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
+from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, Record
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BankWatch(Watch):
+    """Everything that a bank said of a record.
+
+    Attributes
+    ----------
+    spread : mapping of output to Spread
+        How far residuals may be off, as the statistics take it; empty where nothing is uncertain.
+    outside : tuple of Excursion
+        The stretches whose residuals weren't judged.
+    """
+
+    spread: Mapping[str, Spread] = field(repr=False)
+    outside: tuple[Excursion, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +77,7 @@ class BankMonitor(CalibratedBank):
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
         return BankStream(self)
 
-    def watch(self, record: Record, *, without: Iterable[str] = ()) -> Watch:
+    def watch(self, record: Record, *, without: Iterable[str] = (), outside: Sequence[Excursion] = ()) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
         A stream does the same with rows as they come in; here they are all there.
@@ -70,6 +88,8 @@ class BankMonitor(CalibratedBank):
         without : iterable of str
             Families of hypotheses that diagnoses don't try (`isolation.hypotheses.FAMILIES`): what is said of faults
             that nobody wrote a hypothesis for.
+        outside : sequence of Excursion
+            Stretches that say nothing: an alarm in one can't be told.
 
         Raises
         ------
@@ -77,12 +97,17 @@ class BankMonitor(CalibratedBank):
             Where the record lacks a channel of the bank or has another sample period.
         """
         residuals = bank_residuals(self, record)
-        tracks = tracks_of(self, residuals)
-        logic = AlarmLogic(self, Memory.of(self, record, residuals), tracks, keeps_changes=True, without=without)
+        out = blots(self, record, outside)
+        told = replace(residuals, raw=blotted(residuals.raw, out)) if out else residuals
+        tracks, memory = tracks_of(self, told), Memory.of(self, record, told)
+        for output, rows in out:
+            memory.blot(output, rows)
+        excursions = Excursions(self, record, residuals, outside)
+        logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
         logic.missing.take(record.there[:, record.columns(self.bank.channels)])
         logic.run(len(record))
         arming = {each.output: each for each in logic.arming}
-        return Watch(
+        return BankWatch(
             monitor=self,
             record=record,
             scores=MappingProxyType({output: _score(self, record, arming[output]) for output in tracks}),
@@ -91,6 +116,8 @@ class BankMonitor(CalibratedBank):
             predictions=MappingProxyType(
                 {spec.output: residuals.predicted[spec.output] for spec in self.bank.diagnostic}
             ),
+            spread=residuals.spread,
+            outside=tuple(outside),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 

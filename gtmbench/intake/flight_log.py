@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gtmbench.checks import one_line
+from gtmbench.intake.events import Event
 from gtmbench.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -70,6 +71,8 @@ class FlightLog:
         What was done to it, line by line: which column became which channel, how it was resampled.
     sources : tuple of Source
         The columns that the channels are read from.
+    events : tuple of Event
+        In time: what the log itself says happened. Of formats that say such a thing: PX4's and ArduPilot's.
     """
 
     path: Path
@@ -77,6 +80,7 @@ class FlightLog:
     remarks: tuple[Remark, ...]
     method: tuple[str, ...]
     sources: tuple[Source, ...] = ()
+    events: tuple[Event, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:

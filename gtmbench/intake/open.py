@@ -13,6 +13,7 @@ from gtmbench.channels import SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
+from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog, RawSeries
@@ -151,14 +152,27 @@ def _opened(
             beyond.append(f"{choice.channel} = {choice.how}")
     if beyond:
         taken.append(f"witnesses, which diagnoses read and no alarm stands on: {'; '.join(beyond)}")
+    events, unplaced = _events(raw, breaks_s, segments)
     left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
     return FlightLog(
         path=path,
         segments=tuple(segments),
         remarks=summed_up(remarks + made.remarks),
-        method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method))),
+        method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method, *unplaced))),
         sources=(*(choice.source for choice in chosen), *_time_source(raw)),
+        events=events,
     )
+
+
+def _events(
+    raw: RawLog, breaks_s: tuple[float, ...], segments: Sequence[Record]
+) -> tuple[tuple[Event, ...], tuple[str, ...]]:
+    """Return the events of a log, and a word on those that can't be placed: where its clock isn't as they have it."""
+    told = raw.events()
+    if told and (breaks_s or raw.time is not None):
+        why = "its clock was set back" if breaks_s else f"the time is taken from '{raw.time[0] if raw.time else ''}'"
+        return (), (f"{len(told)} events of the log aren't taken, for {why}: when they were isn't known",)
+    return of_flight(told, segments[0].start_s, segments[-1].end_s), ()
 
 
 def _time_source(raw: RawLog) -> list[Source]:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.bank_detector import BankWatch
+from gtmbench.detectors.monitor.excursions import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import FloatArray, Record, Span
@@ -113,6 +115,7 @@ class State(StrEnum):
     ARMING = "before the test is armed"
     DISARMED = "after an alarm that left nothing to watch"
     LOST = "without a residual (samples missing, look-ahead)"
+    OUTSIDE = "outside of what was identified"
     LEFT_OUT = "left out"
     GAP = "gap"
 
@@ -123,6 +126,7 @@ TINTS = {
     State.ARMING: "#dadada",
     State.DISARMED: "#f4c28a",
     State.LOST: "#b5b5b5",
+    State.OUTSIDE: "#e8b7d4",
     State.LEFT_OUT: "#8c8c8c",
     State.GAP: "#ffffff",
 }
@@ -157,6 +161,9 @@ def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
     states = np.full(len(segment), _STATES.index(State.LEFT_OUT), dtype=np.int8)
     for span in watched.identified_s:
         states[_rows(segment, span)] = _STATES.index(State.IDENTIFIED)
+    for each in watched.left_out:
+        if each.log == watched.log.path:
+            states[_rows(segment, each.span)] = _STATES.index(State.LEFT_OUT)
     for watch in watched.watches:
         rows = _rows(segment, (watch.record.start_s, watch.record.end_s))
         if rows.start < rows.stop:
@@ -186,4 +193,8 @@ def _of_watch(watch: Watch) -> NDArray[np.int8]:
     states[armed] = _STATES.index(State.WATCHED)
     if watch.scores and set(watch.disarmed) == set(watch.scores):
         states[last + 1 :] = _STATES.index(State.DISARMED)
+    for excursion in watch.outside if isinstance(watch, BankWatch) else ():
+        if not excursion.is_judged:
+            rows = rows_of(excursion, watch.record)
+            states[rows.start : rows.stop] = _STATES.index(State.OUTSIDE)
     return states

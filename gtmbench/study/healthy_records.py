@@ -21,10 +21,12 @@ from gtmbench.checks import naming, number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
 from gtmbench.processes import spread
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 from gtmbench.study.flights import check_flown
+from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for
 from gtmbench.version import __version__
 
@@ -125,7 +127,8 @@ def logged_records(
     Parameters
     ----------
     paths : sequence of Path
-        As `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record.
+        As `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record. What is no
+        flight with a settled attitude is left out (`undisturbed`), and the provenance says so.
     detector : Detector
     mapping : sequence of str
         As `open_log` takes it, for all of them.
@@ -142,6 +145,7 @@ def logged_records(
     """
     added = imperfections or Imperfections()
     records: list[Record] = []
+    opened: list[FlightLog] = []
     logs: list[dict[str, str]] = []
     for i, path in enumerate(paths):
         progress("reading", i, len(paths))
@@ -160,10 +164,16 @@ def logged_records(
             raise InputError(f"{path} holds the same as {twin}; give every flight once")
         logs.append({"name": path.name, "sha256": digest})
         with naming(path):
-            parts = between_pauses(log.segments, detector.channels)
-        for part in parts:
-            records.append(_with(part, added, seed + len(records)))
-    return records, {"source": "logs", "logs": logs, **_common(added)}
+            records += between_pauses(log.segments, detector.channels)
+        opened += [log] * (len(records) - len(opened))
+    healthy = undisturbed(detector, Stretches(records=tuple(records), logs=tuple(opened)))
+    if healthy.left_out:  # least squares take no gaps
+        records = between_pauses(healthy.records, detector.channels)
+    origin = {"source": "logs", "logs": logs, **_common(added)}
+    return (
+        [_with(record, added, seed + number) for number, record in enumerate(records)],
+        origin | ({"left_out": healthy.reasons} if healthy.left_out else {}),
+    )
 
 
 def _common(imperfections: Imperfections) -> dict[str, str]:

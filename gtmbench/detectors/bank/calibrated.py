@@ -46,6 +46,11 @@ class CalibratedBank:
     provenance: Mapping[str, Any]
     uncertainties: Mapping[str, ParameterUncertainty] = field(default_factory=dict)
 
+    @property
+    def is_cautious(self) -> bool:
+        """Whether it stands on little flight: what alarms may be motion that it doesn't know, or its model's error."""
+        return bool(self.uncertainties)
+
     def look_ahead_of(self, output: str) -> float:
         """How long after a sample its residual is judged: d Ts, a sample for derivatives, what uncertainty looks at."""
         operator = self.operators[output]

@@ -23,6 +23,7 @@ import numpy as np
 from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN
@@ -46,6 +47,19 @@ _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
 
+# of a cautious monitor's alarm:
+_EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
+_LASTING_S = 4.0  # of the case, until a sensor is named whose readings don't show it
+_LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
+_EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
+_ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
+# what attitude filters, mounts and vibration do
+_MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
+_ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
+_SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
+EARLY = "it is too early to tell"
+DOUBT = "motion or model"
+
 # faults of a gyro, and of the angle about the same axis, that look the same near wings level
 SAME = frozenset({("bias", "drift"), ("oscillation", "oscillation")})
 
@@ -61,18 +75,97 @@ def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
 
 
 def suspects_of(bank: Bank, trusted: Sequence[str]) -> tuple[str, ...]:
-    """Return the suspects whose residuals can all be trusted to tell of them: no earlier fault enters one."""
-    return tuple(name for name in bank.suspects if set(bank.affects(name)) <= set(trusted))
+    """Return the suspects that a residual tells of which no earlier fault enters: by those they are judged."""
+    return tuple(name for name in bank.suspects if set(bank.affects(name)) & set(trusted))
 
 
-def by_signature(bank: Bank, trusted: Sequence[str], output: str, time_s: float) -> Judgement:
-    """Return what can be said with the alarm: the suspects whose faults enter the residual that rose."""
+def by_signature(monitor: CalibratedBank, trusted: Sequence[str], output: str, time_s: float) -> Judgement:
+    """Return what can be said with the alarm: the suspects whose faults enter the residual that rose.
+
+    A cautious monitor's alarm alone says nothing of a fault.
+    """
+    bank = monitor.bank
     able = tuple(name for name in suspects_of(bank, trusted) if output in bank.affects(name))
-    able = able or tuple(name for name in bank.suspects if output in bank.affects(name))
+    if monitor.is_cautious:
+        return Judgement(time_s=time_s, sensor=None, candidates=able, reason=EARLY, doubt=DOUBT)
     return Judgement(time_s=time_s, sensor=able[0] if len(able) == 1 else None, candidates=able)
 
 
 def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
+    """Weigh the hypotheses on a case, those of a cautious monitor as `_cautious` says."""
+    told = _weighed(case, ranking, replace(first, reason="", doubt=""))
+    return _cautious(case, ranking, told) if case.monitor.is_cautious else told
+
+
+def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
+    """Say of an alarm of a monitor that stands on little flight only what must be a fault; all else is doubted.
+
+    Motion that it doesn't know and its model's error raise alarms, too, and a sensor that reads anything explains
+    those as well as a fault. A kind doesn't: it has to explain what is wrong, decisively and to the end of the case.
+    """
+    if not told.candidates:
+        return told
+    explained = [fit for fit in ranking if fit.bic < case.deviance - _EXPLAINED and _must_be(case, fit)]
+    if not explained:
+        likeliest = ranking[0].channel if ranking else told.candidates[0]
+        reason = told.reason or f"no kind of fault of {likeliest} explains it"
+        return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
+    best, order = explained[0], _rivals(explained)
+    least_s = _ESTIMATED_S if best.channel in ANGLES else _LASTING_S
+    if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
+        return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
+    sensor = best.channel if set(order) == {best.channel} else None
+    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
+    return replace(
+        told,
+        sensor=sensor,
+        candidates=_named(best, sensor) if sensor else order,
+        kind=best.kind,
+        parameters=dict(best.parameters),
+        errors=best.errors(),
+        kind_margin=max(min(others, default=float("inf")) - best.bic, 0.0),
+        partner=best.partner,
+        reason="" if sensor else _reason(best, order, (), ()),
+    )
+
+
+def _must_be(case: Case, fit: FittedHypothesis) -> bool:
+    """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
+    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
+        return False
+    worst = max(case.sickness.values())
+    sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
+    sick = (sick - case.others) | case.together
+    if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
+        return False
+    if fit.kind == "noise":
+        return _is_steady(case, fit.channel)
+    return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
+
+
+def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
+    """Tell whether a residual is healthy once a fault is undone, or nearly all that was wrong with it has gone."""
+    white = fit.left.white[fit.left.outputs.index(output)]
+    left = greatest(case.monitor, output, white, is_corrected=True)
+    return left <= max(1.0, min(_LEFT * case.sickness[output], _MOST_LEFT))
+
+
+def _is_steady(case: Case, channel: str) -> bool:
+    """Tell whether a sensor's residual alone is stronger than it was, all through the case: noise that came to stay."""
+    if channel not in case.residuals.raw:
+        return False
+    squares = {
+        output: np.square(np.clip(case.white[output][case.judged], -MOST, MOST)) for output in case.residuals.raw
+    }
+    power = {output: float(np.nanmean(of)) if np.isfinite(of).any() else 0.0 for output, of in squares.items()}
+    parts = np.array_split(squares[channel], 4)
+    quarters = [float(np.nanmean(part)) for part in parts if np.isfinite(part).any()]
+    shared = max((of for output, of in power.items() if output not in (channel, *case.others)), default=0.0)
+    rose = power[channel] > case.monitor.tolerances[channel].high and shared < 1.0 + _SHARED * (power[channel] - 1.0)
+    return rose and len(quarters) > 2 and min(quarters) > _EVEN * power[channel]
+
+
+def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
     """Weigh the hypotheses on a case.
 
     Where the signature left one suspect only, hypotheses tell no more than the kind of its fault.
@@ -207,7 +300,7 @@ def _reason(best: FittedHypothesis, order: Sequence[str], untestable: Sequence[s
         return f"a fault of {best.channel} doesn't explain the residual of {', '.join(strays)}"
     if len(order) > 1:
         return f"a fault of {order[1]} explains it nearly as well as one of {order[0]}"
-    return f"nothing predicts {', '.join(untestable)}" if untestable else "it is too early to tell"
+    return f"nothing predicts {', '.join(untestable)}" if untestable else EARLY
 
 
 def _stepped(case: Case, first: Judgement) -> Judgement | None:

@@ -87,7 +87,12 @@ class Fit:
     @property
     def is_shown(self) -> bool:
         """Whether the sensor's own readings show it: they are held, clipped or rounded."""
-        return self.family == "clipping" or self.kind in _HELD
+        return self.family == "clipping" or self.is_held
+
+    @property
+    def is_held(self) -> bool:
+        """Whether they are held."""
+        return self.kind in _HELD
 
 
 class Fitter:

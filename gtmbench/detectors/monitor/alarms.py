@@ -46,9 +46,11 @@ from gtmbench.detectors.isolation.diagnosis import (
     suspects_of,
 )
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
+from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import Referee, referees_of
+from gtmbench.detectors.monitor.excursions import Excursion, Excursions
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
@@ -58,6 +60,8 @@ from gtmbench.record import FloatArray, Record
 HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
 _WINDOW_S = 60.0  # on so much
+_APART_S = 3.0  # what shakes the aircraft shakes all of it within that
+_CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
 _MOST, _WITHIN_S = 8, 600.0  # alarms that are diagnosed, in so long
@@ -157,6 +161,7 @@ class OpenFault:
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
     held: FittedHypothesis | None = None  # the last that was decisive
+    settling: Excursion | None = None  # just before
 
 
 class AlarmLogic:
@@ -172,6 +177,8 @@ class AlarmLogic:
         Whether it is remembered when each residual was armed.
     without : iterable of str
         Families of hypotheses that diagnoses don't try.
+    excursions : Excursions, optional
+        What else is told.
 
     Raises
     ------
@@ -187,6 +194,7 @@ class AlarmLogic:
         *,
         keeps_changes: bool = False,
         without: Iterable[str] = (),
+        excursions: Excursions | None = None,
     ) -> None:
         self._monitor, self._memory, self._bank = monitor, memory, monitor.bank
         self._without = tuple(without)
@@ -201,10 +209,12 @@ class AlarmLogic:
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
+        self._excursions = excursions
         self.alarms: list[Alarm] = []
         self.due = NEVER  # when a judgement is
         self.row = 0  # the next
         self._open: list[OpenFault] = []
+        self._raised: list[OpenFault] = []  # lately
         self._diagnosed: list[int] = []  # rows
         self._told: dict[int, Alarm] = {}
 
@@ -215,9 +225,16 @@ class AlarmLogic:
                 self._look_at_all()
             for alarm in self.missing.tell(self.row, self._memory.time_s, len(self.alarms)):
                 self._put(alarm)
-            self._watch(min(stop, self.due, self.missing.due, self.row + _ROWS))
+            for alarm in self._excursions.tell(self.row, len(self.alarms)) if self._excursions else ():
+                self._put(alarm)
+            self._watch(min(stop, self.due, self._news_due, self.row + _ROWS))
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
+
+    @property
+    def _news_due(self) -> int:
+        """The row with which the next alarm is known that no armed score raises."""
+        return self.missing.due if self._excursions is None else min(self.missing.due, self._excursions.due)
 
     def is_quiet(self, scores: Iterable[float]) -> bool:
         """Tell whether scores that the next row makes known raise no alarm, and no judgement is due with it."""
@@ -273,6 +290,9 @@ class AlarmLogic:
             habits={},
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
+            settling=self._excursions.just_before(time_s, self._memory.time_s(crossing.onset_row))
+            if self._excursions
+            else None,
         )
         if fault.is_diagnosed:
             self._diagnosed.append(row)
@@ -282,13 +302,16 @@ class AlarmLogic:
         self.alarms.append(fault.alarm)
         leader = self._leader(fault)
         if leader is None:
-            signature = by_signature(self._bank, self._trusted(fault), output, time_s)
+            signature = by_signature(self._monitor, self._trusted(fault), output, time_s)
+            if fault.settling is not None:
+                signature = replace(signature, sensor=None, doubt=fault.settling.reason)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
             fault.referees = referees_of(self._bank, record, before.predicted)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
+        self._raised = [*self._raised[-_MOST:], fault]
         for each in self.arming:
             if each.source == output:
                 each.disarm(row + 1, row)
@@ -406,8 +429,11 @@ class AlarmLogic:
         if is_late:
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
-        first = by_signature(self._bank, trusted, fault.crossing.output, fault.alarm.time_s)
+        first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
+        settling = fault.settling
+        if settling is not None and judged.candidates and case.end_s < settling.end_s + settling.settles_s:
+            judged = replace(judged, sensor=None, partner=None, doubt=settling.reason)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
         if judged.sensor is not None and judged.kind_margin > DECISIVE:
@@ -415,6 +441,10 @@ class AlarmLogic:
             fault.held = fault.held if fault_of(named) is None else named
         if not judged.candidates:
             self._close(fault)
+        elif judged.doubt and self._has_calmed(case):
+            self._close(fault, ended_s=case.end_s, end_known_s=case.end_s)
+        elif judged.doubt and self.row >= fault.row + self._rows_of(HORIZONS_S[-1]):
+            self._close(fault)  # should it calm later, watching goes on
 
     def _case(self, fault: OpenFault, trusted: tuple[str, ...], *, is_late: bool) -> Case:
         """Cut out what a judgement with this row needs."""
@@ -435,7 +465,21 @@ class AlarmLogic:
             shift=fault.shift,
             habits=fault.habits,
             referees=fault.referees,
+            others=frozenset(each.crossing.output for each in self._open if not self._are_together(each, fault)),
+            together=frozenset(each.crossing.output for each in self._raised if self._are_together(each, fault)),
         )
+
+    def _are_together(self, one: OpenFault, other: OpenFault) -> bool:
+        """Tell whether two alarms began at about the same time."""
+        return abs(one.crossing.onset_row - other.crossing.onset_row) <= self._rows_of(_APART_S)
+
+    def _has_calmed(self, case: Case) -> bool:
+        """Tell whether nothing is wrong any more: what raised a doubtful alarm has gone, so watching goes on."""
+        rows = self._rows_of(_CALM_S)
+        if case.judged.stop - case.judged.start < rows:
+            return False
+        late = slice(case.judged.stop - rows, case.judged.stop)
+        return all(greatest(self._monitor, output, case.white[output][late]) <= 1.0 for output in case.residuals.raw)
 
     def _close(self, fault: OpenFault, **end: float) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew."""

@@ -17,6 +17,7 @@ from gtmbench.record import FloatArray
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
 _TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
+_FEWEST = 5.0  # of the tail's values, independent ones: with fewer a window isn't judged, for it has hardly been seen
 _SHAPES = (0.0, 0.3)  # from exponential, the theory for likelihood ratios, to heavy
 
 Residual = tuple[FloatArray, FloatArray, Spread | None]  # raw and whitened
@@ -39,6 +40,7 @@ def thresholds_of(
     hours = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s / 3600.0
     rows = max(round(float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
     maxima: dict[tuple[str, str], list[FloatArray]] = {}
+    fresh: dict[tuple[str, str], float] = {}  # of a block: the share that isn't in the window of the block before
     greatest: dict[tuple[str, str], float] = {}
     least: dict[tuple[str, str], Callable[[float], float]] = {}
     for output, residuals in healthy.items():
@@ -49,19 +51,20 @@ def thresholds_of(
                 # also of blocks that aren't complete
                 greatest[key] = float(np.fmax.reduce(score.values, initial=greatest.get(key, -np.inf)))
                 least[key] = score.least_threshold
+                fresh[key] = min(rows / max(float(np.median(score.reach)), 1.0), 1.0)
     share = rate / len(maxima) * rows * sample_period_s / 3600.0
     thresholds: dict[str, dict[str, float]] = {output: {} for output in healthy}
     for key, parts in maxima.items():
         output, label = key
-        thresholds[output][label] = max(_threshold(parts, share), greatest[key], least[key](share / rows))
+        thresholds[output][label] = max(_threshold(parts, share, fresh[key]), greatest[key], least[key](share / rows))
     return thresholds, rows * sample_period_s
 
 
-def _threshold(parts: list[FloatArray], share: float) -> float:
+def _threshold(parts: list[FloatArray], share: float, independent: float) -> float:
     maxima = np.concatenate(parts)
     if not len(maxima):
         return float("inf")  # the records are shorter than this window: it can't be judged, so it doesn't alarm
-    return tail_threshold(maxima, crossings_per_block=share)
+    return tail_threshold(maxima, crossings_per_block=share, independent=independent)
 
 
 def block_maxima(values: FloatArray, rows: int) -> FloatArray:
@@ -78,19 +81,23 @@ def block_maxima(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(np.nanmax(blocks[filled], axis=1)) if filled.any() else np.zeros(0)
 
 
-def tail_threshold(maxima: FloatArray, *, crossings_per_block: float) -> float:
+def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independent: float = 1.0) -> float:
     """Return the value that a block's maximum passes with the probability wanted.
 
     Above u, the upper quartile of the maxima, P(M > u + y) = 1/4 (1 + xi y / sigma)^(-1/xi), the generalised Pareto
     distribution (Pickands 1975), fitted by probability-weighted moments (Hosking and Wallis 1987), xi held to 0..0.3.
-    Never below the greatest of them. The scale is an estimate, so that the probability in the mean is greater: of
-    an exponential tail and k values above u, at most 1/4 (1 + s/k)^-k, s = log(1/4 / wanted).
+    Never below the greatest of them. Its scale is an estimate that stands on k values above u: of an exponential tail
+    the next maximum passes u + sigma s with the probability 1/4 (1 + s/k)^-k, which is what is asked for here. With
+    many values that is exp(-s); few can't bound what is rare, and the threshold grows beyond all measure.
 
     Parameters
     ----------
     maxima : shape (blocks,)
     crossings_per_block : float
         For rare crossings, their rate times the length of a block.
+    independent : float
+        What share of the maxima counts for k: those of a window longer than a block tell of the same samples. Infinite
+        is returned where too few are left.
 
     Examples
     --------
@@ -104,7 +111,12 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float) -> float:
     if share <= 1.0:
         return float(ordered[-1])
     scale, shape = _pareto(np.asarray(above) - u)
-    beyond = scale * np.log(share) if shape < 1e-6 else scale * (share**shape - 1.0) / shape
+    count = independent * len(above)
+    if independent < 1.0 and count < _FEWEST:
+        return float("inf")
+    with np.errstate(over="ignore"):
+        far = count * np.expm1(np.log(share) / count)
+        beyond = scale * far if shape < 1e-6 else scale * np.expm1(shape * far) / shape
     return float(max(u + beyond, ordered[-1]))
 
 

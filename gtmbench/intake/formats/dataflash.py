@@ -19,7 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
+from gtmbench.intake.events import Event
+from gtmbench.intake.formats.dataflash_events import TOLD_BY, Told, dataflash_events
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.units import unit
@@ -31,6 +34,7 @@ _TEXTS = "anNZ"  # format characters whose values are no numbers
 _MOST_INSTANCES = 16
 _TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
 _CLOCKS = {"TimeUS": 1e6, "TimeMS": 1e3}
+_STEADY = ("IMU", "ATT")  # messages that come again and again: what has no stamp came after the last of these
 
 # ArduPilot's log documentation: body axes forward, right, down
 _DOCUMENTED = {
@@ -54,6 +58,7 @@ class _Table:
 
     layout: Any  # pymavlink's DFFormat
     rows: NDArray[Any] | list[bytes]
+    places: NDArray[np.int64]  # of the rows, in the file
 
     @cached_property
     def _fields(self) -> list[list[bytes]]:
@@ -89,7 +94,44 @@ def read_dataflash(path: Path) -> RawLog:
     series = [column for topic, columns in topics.items() if topic in clocks for column in columns.values()]
     if not series:
         raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
-    return RawLog(kind=kind, series=documented_first(series, _DOCUMENTED), clocks=clocks, notes=notes, by_name=False)
+    return RawLog(
+        kind=kind,
+        series=documented_first(series, _DOCUMENTED),
+        clocks=clocks,
+        notes=notes,
+        by_name=False,
+        events=partial(_events, path, tables, clocks),
+    )
+
+
+def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:
+    with reading(path, "ArduPilot DataFlash log"):
+        return dataflash_events({name: _told(tables, name, clocks) for name in TOLD_BY if name in tables})
+
+
+def _told(tables: dict[str, _Table], name: str, clocks: dict[str, FloatArray]) -> Told:
+    """Return a type's messages with their times, of the first instance; old logs stamp few types, but keep order."""
+    table = tables[name]
+    rows: NDArray[Any] | slice = slice(None)
+    if table.layout.instance_field in table.layout.columns:
+        rows = table.column(table.layout.instance_field) == 0
+    time_s = clocks.get(name)
+    if time_s is None:
+        time_s = _times_of(table.places[rows], tables, clocks)
+    return Told(
+        time_s=time_s,
+        names=tuple(table.layout.columns),
+        column=lambda column: _part(partial(table.column, column), rows)(),
+    )
+
+
+def _times_of(places: NDArray[np.int64], tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> FloatArray:
+    """Return when messages without stamps came, by what stands before them; NaN where nothing steady is there."""
+    for name in _STEADY:
+        if name in clocks and len(clocks[name]) == len(tables[name].places):
+            before = np.searchsorted(tables[name].places, places) - 1
+            return clocks[name][np.maximum(before, 0)]
+    return np.full(len(places), np.nan)
 
 
 def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
@@ -116,7 +158,9 @@ def _binary(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
         place += size
     octets = np.frombuffer(content, dtype=np.uint8)
     return {
-        layout.name: _Table(layout=layout, rows=_rows(octets, places[number], layout, pymavlink))
+        layout.name: _Table(
+            layout=layout, rows=_rows(octets, places[number], layout, pymavlink), places=np.array(places[number])
+        )
         for number, layout in layouts.items()
         if places[number]
     }
@@ -133,6 +177,7 @@ def _rows(octets: NDArray[np.uint8], places: list[int], layout: Any, pymavlink: 
 def _text(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
     layouts: dict[str, Any] = {}
     lines: dict[str, list[bytes]] = {}
+    places: dict[str, list[int]] = {}
     for number, line in enumerate(io.BytesIO(content)):
         if number > MOST_MESSAGES:
             raise InputError(_TOO_MANY)
@@ -140,12 +185,18 @@ def _text(content: bytes, pymavlink: ModuleType) -> dict[str, _Table]:
         word = _word(name)
         if word in layouts:
             lines[word].append(rest)
+            places[word].append(number)
         elif word == "FMT" and rest.count(b",") >= 4:
             kind, length, declared, form, columns = (_word(text) for text in rest.split(b",", 4))
             layout = _layout(pymavlink, int(kind), int(length), declared, form, columns.replace(" ", ""))
             if layout is not None and declared != "FMT":
                 layouts[declared], lines[declared] = layout, lines.get(declared, [])
-    return {name: _Table(layout=layout, rows=lines[name]) for name, layout in layouts.items() if lines[name]}
+                places.setdefault(declared, [])
+    return {
+        name: _Table(layout=layout, rows=lines[name], places=np.array(places[name]))
+        for name, layout in layouts.items()
+        if lines[name]
+    }
 
 
 def _layout(pymavlink: ModuleType, number: int, length: int, name: str, form: str, columns: str) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
+from gtmbench.intake.events import Event
 
 IntArray = NDArray[np.int64]
 
@@ -83,6 +84,8 @@ class RawLog:
         Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
     time : tuple of str or None
         The column that tells the time, and its unit; None where the container does.
+    events : function
+        Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
     """
 
     kind: str
@@ -92,6 +95,7 @@ class RawLog:
     notes: tuple[str, ...] = ()
     by_name: bool = True
     time: tuple[str, str] | None = None
+    events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
         """Return the log with these clocks beside its own, and with notes on them."""

@@ -21,6 +21,7 @@ from gtmbench.intake.formats.raw import (
     euler_deg,
     in_seconds,
 )
+from gtmbench.intake.formats.ulog_events import ulog_events
 
 
 def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:
@@ -121,6 +122,7 @@ def read_ulog(path: Path) -> RawLog:
         clocks=clocks,
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
+        events=functools.partial(ulog_events, topics, clocks),
     )
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import printable
+from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.scores import LOWEST, level, part
-from gtmbench.report.style import COLOURS
+from gtmbench.report.style import COLOURS, EVENTS
 from gtmbench.report.watched import (
     TINTS,
     State,
@@ -29,6 +30,7 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import rms_identified, title_text
@@ -42,7 +44,9 @@ if TYPE_CHECKING:
 _DPI = 130
 _POINTS = 2500  # of a line: more than a panel has pixels
 _MOST_FAULTS = 2
+_MOST_EVENTS = 60
 _TITLE = 105  # letters in a line
+_LINE = 0.15  # inches, of the certificate
 
 
 def write_log_figure(watched: WatchedLog, path: Path) -> None:
@@ -60,14 +64,27 @@ def _figure(watched: WatchedLog) -> Figure:
     heights = [0.35, 2.4] if scores_of(watched) else [0.35]
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
+    seen = certificate_lines(watched.certificate)
+    heights += [_LINE * (len(seen) + 1)] if seen else []
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
+    if seen:
+        _seen(axes.pop(), seen)
     for column, span in enumerate(spans):
         _column([row[column] for row in axes], watched, parts, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
         axis.set_title(textwrap.fill(alarm_text(fault), 45), fontsize="medium")
     _finished(figure, [axis for row in axes for axis in row], watched)
     return figure
+
+
+def _seen(axes: Sequence[Axes], lines: Sequence[str]) -> None:
+    """Write the certificate, below everything."""
+    for axis in axes:
+        axis.set_axis_off()
+    axes[0].text(
+        0.0, 1.0, "\n".join(lines), transform=axes[0].transAxes, va="top", family="monospace", fontsize="small"
+    )
 
 
 def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch], span: Span) -> None:
@@ -112,8 +129,10 @@ def _bands(axis: Axes, parts: Sequence[Stretch], alpha: float) -> None:
 
 
 def _marked(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
-    """Draw what wasn't watched, when faults began, and alarms."""
+    """Draw what wasn't watched, what the log says happened, when faults began, and alarms."""
     _bands(axis, [stretch for stretch in parts if stretch.state is not State.WATCHED], alpha=0.35)
+    for event in of_kind(watched.log.events, *map(EventKind, EVENTS))[:_MOST_EVENTS]:
+        axis.axvline(event.time_s, color=EVENTS[event.kind], lw=0.9, ls=(0, (2, 2)), label=f"{event.kind}, as logged")
     for alarm in watched.alarms[:MOST_ALARMS]:
         if began_s(alarm) < alarm.time_s:
             axis.axvline(began_s(alarm), color="k", lw=1.2, ls=":", label="fault began, estimated")

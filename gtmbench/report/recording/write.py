@@ -57,7 +57,7 @@ A watched log, on the log's clock; no line runs over a gap between samples or se
 ``/virtual/CHANNEL``                        what those that are predicted, or failed, should have read
 ``/began``, ``/alarm``, ``/named``          a point an alarm; ``named``: when the sensor was named
 ``/state``                                  what became of every stretch: watched, or why not
-``/events``                                 remarks, stretches, alarms, judgements, the outcome
+``/events``                                 remarks, a log's events, stretches, alarms, judgements, the outcome
 ``/verdict``, ``/findings/N/verdict``       outcome and alarms
 ==========================================  ===========================================================
 """
@@ -117,8 +117,9 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
-from gtmbench.report.words.log import outcome_text, remark_text
+from gtmbench.report.words.log import event_text, outcome_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watch import Outcome, WatchedLog
@@ -341,12 +342,15 @@ def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 
 
 def _log_story(watched: WatchedLog) -> list[Event]:
-    """Return remarks, stretches, alarms and the outcome."""
+    """Return remarks, what the log tells of, stretches, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
+    events += [(told.time_s, "INFO", f"the log tells of: {event_text(told)}") for told in watched.log.events]
     events += [(of.start_s, "INFO", f"until {of.end_s:.2f} s: {of.state}") for of in stretches(watched)]
     began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
     events += watch_events(watched.watches)
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
-    return [*events, (whole_of(watched)[1], severity, f"outcome: {outcome_text(watched)}")]
+    end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
+    events += [(end_s, "INFO", "\n".join(seen))] if seen else []
+    return [*events, (end_s, severity, f"outcome: {outcome_text(watched)}")]

@@ -10,15 +10,18 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.plain import plain
 from gtmbench.report.scores import level
 from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
+from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
 from gtmbench.study.log.watch import WatchedLog
 
@@ -37,6 +40,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "exit_code": int(watched.outcome),
         "verdict": outcome_text(watched),
         "reasons": watched.reasons,
+        "certificate": _certificate(watched.certificate),
         "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
@@ -45,11 +49,30 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
+        "left_out_of_identification": [asdict(each) for each in watched.left_out],
+        "excursions": [_excursion(each) for each in watched.excursions],
         "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
     return dict(plain(table))
+
+
+def _excursion(excursion: Excursion) -> Mapping[str, Any]:
+    """Return a stretch in which nothing can be told, or, where residuals are judged all the same, no alarm can."""
+    told = asdict(excursion)
+    return told | {"settles_s": told["settles_s"] if np.isfinite(told["settles_s"]) else None}
+
+
+def _certificate(certificate: Certificate) -> Mapping[str, Any]:
+    """Return what would have been seen; a scale error's size is a share, 1 for a gyro that is dead or reads double."""
+    return {
+        "share_of_time": SHARE,
+        "watched_s": certificate.watched_s,
+        "missing": certificate.missing,
+        "is_named": certificate.is_named,
+        "rows": [asdict(row) | {"unit": unit_text(row)} for row in certificate.rows],
+    }
 
 
 def _check(check: SelfCheck) -> Mapping[str, Any]:
@@ -72,6 +95,7 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
         "remarks": [asdict(remark) for remark in log.remarks],
+        "events": [asdict(event) for event in log.events],
     }
 
 

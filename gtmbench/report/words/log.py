@@ -12,6 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch, is_ready
+from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import Span
 from gtmbench.report.watched import (
@@ -25,6 +26,7 @@ from gtmbench.report.watched import (
     rms,
     stretches,
 )
+from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
@@ -33,6 +35,8 @@ from gtmbench.study.log.watch import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3
+_MOST_EVENTS = 8
+_TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 
 
 def log_report(watched: WatchedLog) -> list[str]:
@@ -40,6 +44,7 @@ def log_report(watched: WatchedLog) -> list[str]:
     return [
         *_log_lines(watched.log),
         *_remark_lines(watched.log.remarks),
+        *events_lines(watched.log.events),
         "",
         *_monitor_lines(watched),
         "",
@@ -48,6 +53,7 @@ def log_report(watched: WatchedLog) -> list[str]:
         *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
         *(f"note: {note}" for note in watched.check.notes),
         outcome_text(watched),
+        *certificate_lines(watched.certificate),
         *_worth_lines(watched),
     ]
 
@@ -55,13 +61,28 @@ def log_report(watched: WatchedLog) -> list[str]:
 def outcome_text(watched: WatchedLog) -> str:
     """Say in a line what the log comes to.
 
-    Every fault with the time of its alarm; or that nothing was found, and how little that bounds; or why it can't be
-    told.
+    Every fault with the time of its alarm; or that none was found, and from which size on one would have been seen; or
+    why it can't be told.
     """
     if watched.outcome is Outcome.UNKNOWN:
-        return f"could not tell: {'; '.join(watched.reasons) or 'no stretch is long enough to be watched'}"
+        why = [*_doubts(watched), *watched.reasons] or ["no stretch is long enough to be watched"]
+        return f"could not tell: {'; '.join(why)}"
     faults = faults_of(watched).values()
-    return "; ".join(map(_fault_text, faults)) or f"nothing found{_alarms_text(watched)}"
+    passed = passed_alarms(watched)
+    alarms = f" ({counted(passed, 'alarm')} that nothing explains)" if passed else ""
+    return "; ".join(map(_fault_text, faults)) or f"no fault found{alarms}; {certificate_text(watched.certificate)}"
+
+
+def _doubts(watched: WatchedLog) -> list[str]:
+    """Say which alarms may be no fault's, a line a doubt."""
+    doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
+    lines = []
+    for doubt in dict.fromkeys(alarm.doubt for alarm in doubtful):
+        same = [alarm for alarm in doubtful if alarm.doubt == doubt]
+        told = ", ".join(f"of {alarm.source} at {alarm.time_s:.2f} s" for alarm in same[:_MOST_SPANS])
+        more = f" and {len(same) - _MOST_SPANS} more" if len(same) > _MOST_SPANS else ""
+        lines.append(f"{doubt} (alarm {told}{more})")
+    return lines
 
 
 def _fault_text(same: Sequence[Alarm]) -> str:
@@ -106,6 +127,34 @@ def _remark_lines(remarks: Sequence[Remark]) -> list[str]:
         kinds = ", ".join(f"{kind} ({count})" for kind, count in more.most_common())
         lines.append(f"{more.total()} remarks more, up to {last_s:.2f} s: {kinds}")
     return lines
+
+
+def events_lines(events: Sequence[Event]) -> list[str]:
+    """Return what a log says of its flight in a line; of many events, a kind's first and last.
+
+    >>> events_lines([Event(kind=EventKind.RESET, time_s=3.0, text="attitude by 2 deg")])
+    ['the log tells of: reset at 3.00 s (attitude by 2 deg)']
+    """
+    if not events:
+        return []
+    if len(events) <= _MOST_EVENTS:
+        return [f"the log tells of: {', '.join(map(event_text, events))}"]
+    by_kind: dict[str, list[Event]] = {}
+    for event in events:
+        by_kind.setdefault(event.kind, []).append(event)
+    return [f"the log tells of: {', '.join(map(_events_text, by_kind.values()))}"]
+
+
+def event_text(event: Event) -> str:
+    """Write an event: what, when, and in the log's words where they say more."""
+    told = f" ({event.text})" if event.kind in _TOLD else ""
+    return f"{event.kind} at {event.time_s:.2f} s{told}"
+
+
+def _events_text(same: Sequence[Event]) -> str:
+    if len(same) == 1:
+        return event_text(same[0])
+    return f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
 
 
 def remark_text(remark: Remark) -> str:
@@ -218,7 +267,7 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
     elif alarm.last is not None and alarm.last.time_s > alarm.time_s:
         known.append(f"as known at {alarm.last.time_s:.2f} s")
     if alarm.ended_s is not None:
-        known.append(f"gone since {alarm.ended_s:.2f} s")
+        known.append(f"{'calm' if alarm.doubt else 'gone'} since {alarm.ended_s:.2f} s")
     elif alarm.candidates:
         known.append("not seen to end")
     if disarmed := disarmed_by(alarm, watch):
@@ -231,8 +280,20 @@ def _unwatched_lines(watched: WatchedLog) -> list[str]:
     lines, parts = [], stretches(watched)
     for state in State:
         own = [(stretch.start_s, stretch.end_s) for stretch in parts if stretch.state is state]
-        if own and state is not State.WATCHED:
+        if own and state not in (State.WATCHED, State.OUTSIDE):
             lines.append(f"not watched, {state}: {_spans(own)}")
+    return [*lines, *_excursion_lines(watched)]
+
+
+def _excursion_lines(watched: WatchedLog) -> list[str]:
+    """Say where motion, or what the log tells of, lets nothing be told, a line a reason."""
+    silent = [excursion for excursion in watched.excursions if not excursion.is_judged]
+    total_s = sum(len(watch.record) * watch.record.sample_period_s for watch in watched.watches)
+    lines = []
+    for reason in dict.fromkeys(excursion.reason for excursion in silent):
+        own = [(excursion.start_s, excursion.end_s) for excursion in silent if excursion.reason == reason]
+        share = 100.0 * sum(end_s - start_s for start_s, end_s in own) / max(total_s, 1e-9)
+        lines.append(f"not judged, {reason}: {_spans(own)} ({share:.2g} % of what was left to watch)")
     return lines
 
 
@@ -240,14 +301,18 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
     if watched.outcome is Outcome.UNKNOWN:
         silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
+        if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
+            return [f"nothing else{_alarms_text(watched)}"]
         return [silence if watched.armed_hours else "no false-alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
     suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
+    bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
-        return ["that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
+        return [bound, "that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
     slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
     return [
+        bound,
         f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",
         f"one that was there before, or grows more slowly than {slower}, isn't seen",
     ]

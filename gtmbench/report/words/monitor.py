@@ -186,6 +186,7 @@ def origin_text(monitor: Monitor) -> list[str]:
     lines = [f"calibrated on: {_origin(known)}"] if known or isinstance(monitor, BankMonitor) else []
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
+    lines += map(str, known.get("left_out", ()))
     hours: list[Any] = [known.get(key) for key in ("identification_hours", "threshold_hours")]
     if all(_is_number(value) for value in hours):
         lines.append(f"identified on {duration_text(hours[0])}, {_thresholds_from(monitor, hours[1])}")

@@ -133,7 +133,12 @@ def _complete(record: Record) -> list[Record]:
 
 def without(log: FlightLog, spans: Sequence[Span]) -> list[Record]:
     """Return the parts of a log that lie outside of all spans."""
-    left = list(log.segments)
+    return outside(log.segments, spans)
+
+
+def outside(records: Iterable[Record], spans: Iterable[Span]) -> list[Record]:
+    """Return the parts of records that lie outside of all spans."""
+    left = list(records)
     for start_s, end_s in spans:
         pieces = []
         for part in left:

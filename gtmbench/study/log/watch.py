@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from gtmbench.checks import number
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import Bank, bank_of
-from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -28,7 +31,10 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.records import between_pauses, first_part, healthy_spans, open_for, whole_s, within, without
+from gtmbench.study.log.certificate import Certificate, certificate_of
+from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
+from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
+from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
     ALL,
     IDENTIFIED,
@@ -43,7 +49,6 @@ from gtmbench.study.log.self_check.check import (
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
-_LONG_ENOUGH = 0.2  # of the longest healthy stretch
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
@@ -77,6 +82,12 @@ class WatchedLog:
         Why it can't be told, where it can't; what limits what was said, where it can.
     check : SelfCheck
         Whether the log is what the monitor expects.
+    excursions : tuple of Excursion
+        The stretches in which nothing can be told: the motion is beyond what was identified.
+    asks_names : bool
+        Whether its certificate says what would have been named, too.
+    left_out : tuple of LeftOut
+        What of the healthy spans, and of other logs, wasn't identified on.
     """
 
     log: FlightLog
@@ -85,6 +96,9 @@ class WatchedLog:
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
     check: SelfCheck = field(default=SelfCheck(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
+    asks_names: bool = field(default=False, repr=False)
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -106,12 +120,22 @@ class WatchedLog:
     def outcome(self) -> Outcome:
         """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
 
-        Unknown, too, where the self-check has found that silence says nothing.
+        Unknown, too, where an alarm may be no fault's, or the self-check has found that silence says nothing.
         """
-        if any(not alarm.has_passed for alarm in self.alarms):
+        left = [alarm for alarm in self.alarms if not alarm.has_passed]
+        if any(not alarm.doubt for alarm in left):
             return Outcome.FAILED
-        could_tell = self.armed_hours > 0.0 and not self.stuck_above and self.check.passed
+        could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
+        return certificate_of(self.monitor, self.watches, named=self.asks_names)
+
+    def with_names(self) -> WatchedLog:
+        """Return the same with a certificate that says what would have been named, too: that takes seconds."""
+        return replace(self, asks_names=True)
 
     findings = renamed("WatchedLog.findings", "alarms")
 
@@ -211,16 +235,10 @@ def watch_log(
         spans = (first_part(log),)
         reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
     others = [open_for(other, watcher, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
-    records = [record for other in others for record in other.segments] + within(log, spans)
-    records = between_pauses(records, watcher.channels)
-    shortest = _LONG_ENOUGH * max(map(len, records))
-    kept = [record for record in records if len(record) >= shortest]
-    if len(kept) < len(records):
-        reasons.append(
-            f"{len(records) - len(kept)} of {len(records)} healthy stretches weren't identified on: shorter than "
-            "a fifth of the longest"
-        )
-    origin = {
+    healthy_of = [(other, other.segments) for other in others] + ([(log, within(log, spans))] if spans else [])
+    stretches, too_short = healthy_stretches(healthy_of, watcher.channels)
+    reasons += too_short
+    origin: dict[str, object] = {
         "source": "logs",
         "logs": [{"name": other.path.name} for other in others] + [{"name": log.path.name}] * bool(spans),
         "healthy_s": [list(span) for span in spans],
@@ -230,8 +248,12 @@ def watch_log(
         parts.append(_part(watcher, log, spans, mapping))
     check = check_wiring(watcher, parts, IDENTIFIED)
     if not check.stops:
-        ready = _calibrated(watcher, kept, rate, origin, progress)
-        check = check_identified(check, ready, kept)
+        stretches = undisturbed(watcher, stretches)
+        reasons += stretches.reasons
+        moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
+        origin["regime"] = dict(Regime.of(moved).limits)
+        ready = _calibrated(watcher, stretches.records, rate, origin, progress)
+        check = check_identified(check, ready, stretches.records)
     if spans and not check.causes and (check.stops or any(not each.is_shown for each in check.explained)):
         whole = check_wiring(watcher, [_part(watcher, log, [whole_s(log)], mapping)], ALL)
         check = replace(whole, explained=check.explained) if whole.causes else check
@@ -243,8 +265,10 @@ def watch_log(
             watches=(),
             reasons=(*check.stops, *reasons),
             check=check,
+            left_out=stretches.left_out,
         )
-    return _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    watched = _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    return replace(watched, left_out=stretches.left_out)
 
 
 def _by_monitor(
@@ -334,9 +358,12 @@ def _watched(
     watches: list[Watch] = []
     if check.stops:
         parts = []
+    excursions = _excursions(monitor, _part(monitor, log, left, mapping))
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
-        watches.append(monitor.watch(part))
+        watches.append(
+            monitor.watch(part, outside=excursions) if isinstance(monitor, BankMonitor) else monitor.watch(part)
+        )
     progress("watched", len(parts), len(parts))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)
@@ -345,9 +372,18 @@ def _watched(
         monitor=monitor,
         identified_s=tuple(identified_s),
         watches=tuple(watches),
+        excursions=excursions,
         reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
         check=check,
     )
+
+
+def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
+    """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
+    if not isinstance(monitor, BankMonitor):
+        return ()
+    regime = Regime.told(monitor.provenance)
+    return tuple(excursion for record in left.motion for excursion in regime.excursions(record, left.log.events))
 
 
 def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
@@ -358,7 +394,9 @@ def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], ma
     elif not {*GYROS, *ANGLES} <= set(log.channels):
         moving = None
         with contextlib.suppress(InputError):
-            moving = open_log(log.path, mapping=mapping, rate_hz=1.0 / log.sample_period_s, needs=(*GYROS, *ANGLES))
+            rate_hz = 1.0 / log.sample_period_s
+            needs = (*GYROS, *ANGLES)
+            moving = open_log(log.path, mapping=mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)
     records = within(log, spans)
     if moving is None:
         return Part(log=log, records=records, spans=spans)

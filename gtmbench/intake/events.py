@@ -1,0 +1,101 @@
+"""What a log says of its flight beside channels: an estimator's resets, takeoff and touchdown, arming, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from gtmbench.checks import one_line
+
+_AT_ONCE_S = 0.5  # of a kind and so close: one, told twice
+_BESIDE_S = 5.0  # of a log's first and last sample: further away no event is this flight's
+
+
+class EventKind(StrEnum):
+    """What an event is.
+
+    A reset is an estimator's, of attitude or heading, or another estimator's taking over: the attitude jumps, and
+    nothing turned. Resets of position, velocity and height leave the attitude alone and aren't taken. A failure is what
+    the autopilot itself has found.
+    """
+
+    RESET = "reset"
+    TAKEOFF = "takeoff"
+    TOUCHDOWN = "touchdown"
+    ARM = "arm"
+    DISARM = "disarm"
+    FAILURE = "failure"
+
+
+_ORDER = [EventKind(name) for name in ("failure", "touchdown", "disarm", "arm", "takeoff", "reset")]  # at one time
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that a log says happened.
+
+    Attributes
+    ----------
+    kind : EventKind
+    time_s : float
+        On the log's clock.
+    text : str
+        In words: by which message, how much.
+    """
+
+    kind: EventKind
+    time_s: float
+    text: str
+
+
+def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
+    """Return events in time; what several messages tell at once is one, and what ends comes before what begins.
+
+    >>> told = [Event(kind=EventKind.RESET, time_s=t, text=text) for t, text in ((2.1, "of 3 deg"), (2.0, "heading"))]
+    >>> in_order(told)
+    (Event(kind=<EventKind.RESET: 'reset'>, time_s=2.0, text='heading; of 3 deg'),)
+    """
+    told: list[Event] = []
+    last: dict[EventKind, int] = {}
+    for event in sorted(events, key=lambda event: (event.time_s, _ORDER.index(event.kind))):
+        place = last.get(event.kind)
+        if place is not None and event.time_s - told[place].time_s <= _AT_ONCE_S:
+            texts = [*told[place].text.split("; "), event.text]
+            told[place] = replace(told[place], text="; ".join(dict.fromkeys(texts)))
+            continue
+        last[event.kind] = len(told)
+        told.append(event)
+    return tuple(replace(event, text=one_line(event.text)) for event in told)
+
+
+def of_flight(events: Iterable[Event], start_s: float, end_s: float) -> tuple[Event, ...]:
+    """Return events in time that lie within a flight, or just beside it."""
+    return in_order(event for event in events if start_s - _BESIDE_S <= event.time_s <= end_s + _BESIDE_S)
+
+
+def of_kind(events: Iterable[Event], *kinds: EventKind) -> list[Event]:
+    """Return the events of some kinds."""
+    return [event for event in events if event.kind in kinds]
+
+
+def touchdowns(contacts: Sequence[tuple[float, bool]], landings: Sequence[tuple[float, bool]]) -> list[float]:
+    """Return when an aircraft touched down: a landing is told when it is over, contact with the ground as it begins.
+
+    Parameters
+    ----------
+    contacts, landings : sequence of (time in s, whether)
+        Changes, in time.
+
+    Examples
+    --------
+    >>> touchdowns([(3.0, True), (4.0, False), (8.0, True)], [(1.0, False), (9.0, True)])
+    [8.0]
+    """
+    times_s = []
+    for number, (time_s, landed) in enumerate(landings):
+        if landed:
+            up_s = landings[number - 1][0] if number else float("-inf")
+            before = [(at_s, touching) for at_s, touching in contacts if up_s < at_s <= time_s]
+            times_s.append(before[-1][0] if before and before[-1][1] else time_s)
+    return times_s

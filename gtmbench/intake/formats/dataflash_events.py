@@ -1,0 +1,127 @@
+"""Events of an ArduPilot log: its EV, ERR and MSG, which estimator is in use, and whether a plane flies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.clock import FloatArray
+from gtmbench.intake.events import Event, EventKind, touchdowns
+
+_IN_USE = ("NKF4", "XKF4")  # PI is the number of the estimator in use
+TOLD_BY = ("EV", "ERR", "MSG", "STAT", *_IN_USE)
+# AP_Logger.h, enum LogEvent
+_ARMED, _DISARMED, _EKF_YAW_RESET = 10, 11, 62
+_LAND_COMPLETE_MAYBE, _LAND_COMPLETE, _NOT_LANDED = 17, 18, 28
+_CODES = {
+    _ARMED: (EventKind.ARM, "EV ARMED"),
+    _DISARMED: (EventKind.DISARM, "EV DISARMED"),
+    _EKF_YAW_RESET: (EventKind.RESET, "EV EKF_YAW_RESET"),
+    _NOT_LANDED: (EventKind.TAKEOFF, "EV NOT_LANDED"),
+}
+# AP_Logger.h, enum LogErrorSubsystem; the code 0 says that it is over, but of EKF_PRIMARY it numbers the estimator
+_EKF_PRIMARY = 24
+_FAILURES = {
+    12: "CRASH_CHECK",
+    16: "EKFCHECK",
+    17: "FAILSAFE_EKFINAV",
+    25: "THRUST_LOSS_CHECK",
+    29: "FAILSAFE_VIBE",
+    30: "INTERNAL_ERROR",
+}
+# what NavEKF2, NavEKF3 and the start-up say where attitude or heading are set
+_SAID = re.compile(r"(?:yaw|tilt) (?:re-?)?align|yaw reset|lane switch|ground start|initiali[sz]ing", re.IGNORECASE)
+_OF_IMU = re.compile(r"IMU(\d+)")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Told:
+    """All messages of one type.
+
+    Attributes
+    ----------
+    time_s : FloatArray
+    names : tuple of str
+        Of the columns.
+    column : function
+        Gives one.
+    """
+
+    time_s: FloatArray
+    names: tuple[str, ...]
+    column: Callable[[str], NDArray[Any]]
+
+
+def dataflash_events(told: Mapping[str, Told]) -> list[Event]:
+    """Return what some messages tell, by their types' names."""
+    return [event for find in (_codes, _errors, _texts, _changes_of_estimator, _plane) for event in find(told)]
+
+
+def _rows(told: Mapping[str, Told], kind: str, *columns: str, texts: bool = False) -> list[tuple[Any, ...]]:
+    """Return (time, value, ...) message by message; nothing where a column isn't there, or isn't what it should be."""
+    messages = told.get(kind)
+    if messages is None or not set(columns) <= set(messages.names):
+        return []
+    values = [messages.column(name) for name in columns]
+    if any((column.dtype.kind == "S") != texts for column in values):
+        return []
+    whole = np.isfinite(messages.time_s)
+    if not texts:
+        whole &= np.logical_and.reduce([np.isfinite(column) for column in values])
+    return list(zip(messages.time_s[whole].tolist(), *(column[whole].tolist() for column in values), strict=True))
+
+
+def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
+    rows = _rows(told, "EV", "Id")
+    for time_s, code in rows:
+        if code in _CODES:
+            kind, text = _CODES[code]
+            yield Event(kind=kind, time_s=time_s, text=text)
+    contacts = [(time_s, code != _NOT_LANDED) for time_s, code in rows if code in (_LAND_COMPLETE_MAYBE, _NOT_LANDED)]
+    landings = [(time_s, code != _NOT_LANDED) for time_s, code in rows if code in (_LAND_COMPLETE, _NOT_LANDED)]
+    for time_s in touchdowns(contacts, landings):
+        yield Event(kind=EventKind.TOUCHDOWN, time_s=time_s, text="EV LAND_COMPLETE")
+
+
+def _errors(told: Mapping[str, Told]) -> Iterator[Event]:
+    for time_s, subsystem, code in _rows(told, "ERR", "Subsys", "ECode"):
+        if subsystem == _EKF_PRIMARY:
+            yield Event(kind=EventKind.RESET, time_s=time_s, text=f"ERR EKF_PRIMARY: estimator {code:g} took over")
+        elif subsystem in _FAILURES and code:
+            yield Event(kind=EventKind.FAILURE, time_s=time_s, text=f"ERR {_FAILURES[subsystem]} {code:g}")
+
+
+def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
+    in_use = _in_use(told)
+    for time_s, message in _rows(told, "MSG", "Message", texts=True):
+        text = message.split(b"\0")[0].decode("latin-1")
+        of_imu = _OF_IMU.search(text)
+        number = next((number for since_s, number in reversed(in_use) if since_s <= time_s), in_use[0][1])
+        if _SAID.search(text) and (of_imu is None or int(of_imu[1]) == number):
+            yield Event(kind=EventKind.RESET, time_s=time_s, text=text)
+
+
+def _changes_of_estimator(told: Mapping[str, Told]) -> Iterator[Event]:
+    for time_s, number in _in_use(told)[1:]:
+        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over")
+
+
+def _in_use(told: Mapping[str, Told]) -> list[tuple[float, float]]:
+    """Return the number of the estimator in use, and from when on; the first where nothing is said of it."""
+    rows = next((rows for kind in reversed(_IN_USE) if (rows := _rows(told, kind, "PI"))), [(-np.inf, 0.0)])
+    return [row for place, row in enumerate(rows) if not place or row[1] != rows[place - 1][1]]
+
+
+def _plane(told: Mapping[str, Told]) -> Iterator[Event]:
+    """Tell when a plane took off and touched down: it has no EV for that."""
+    rows = [(time_s, bool(flies)) for time_s, flies in _rows(told, "STAT", "isFlying")]
+    for (_, flew), (time_s, flies) in pairwise(rows):
+        if flies != flew:
+            kind = EventKind.TAKEOFF if flies else EventKind.TOUCHDOWN
+            yield Event(kind=kind, time_s=time_s, text="STAT isFlying")

@@ -1,0 +1,103 @@
+"""A certificate in words: from which size on faults of each sensor would have been seen, in a line and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gtmbench.channels import unit_of
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.report.words.units import duration_text, per_second
+from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
+
+_NAMES = {"scale_factor": "scale error"}
+
+
+def certificate_text(certificate: Certificate) -> str:
+    """Say in a line what bias of each sensor would have been seen.
+
+    >>> row = Smallest(sensor="r", kind="bias", size=0.8412, share=0.9, within_s=10.0)
+    >>> certificate_text(Certificate(rows=(row,), watched_s=134.2))
+    'a bias of r above 0.84 deg/s would have been seen within 10 s in 90 % of the 134.2 s watched'
+    """
+    rows = [row for row in certificate.rows if row.kind == "bias"]
+    if not rows:
+        return f"what would have been seen can't be told: {certificate.missing}"
+    seen = [f"of {row.sensor} above {size_text(row, row.size)}" for row in rows if row.size is not None]
+    blind = " or ".join(row.sensor for row in rows if row.size is None)
+    within = f"would have been seen within {rows[0].within_s:g} s in {_share(SHARE)} of the {_watched(certificate)}"
+    if not seen:
+        return f"no bias of {blind}, however large, {within}"
+    return f"a bias {', '.join(seen)} {within}" + (f"; none of {blind}" if blind else "")
+
+
+def certificate_lines(certificate: Certificate) -> list[str]:
+    """Return the table of all sensors and kinds; nothing where there is none."""
+    rows = certificate.rows
+    if not rows:
+        return []
+    sensors, kinds = (list(dict.fromkeys(getattr(row, name) for row in rows)) for name in ("sensor", "kind"))
+    table = [["", *(_NAMES.get(kind, kind) for kind in kinds)]]
+    for sensor in sensors:
+        own = [certificate.of(sensor, kind) for kind in kinds]
+        table.append([sensor, *("-" if row is None else _seen_text(row) for row in own)])
+        if certificate.is_named:
+            table.append(["  named", *("-" if row is None else size_text(row, row.named_from) for row in own)])
+    longer = [f"{_NAMES.get(row.kind, row.kind)} {row.within_s:g} s" for row in rows[: len(kinds)]]
+    limits = sorted({row.within_s for row in rows})
+    within = f"within {limits[0]:g} s" + (
+        f" ({', '.join(text for text, row in zip(longer, rows, strict=False) if row.within_s > limits[0])})"
+        if len(limits) > 1
+        else ""
+    )
+    lines = [f"seen {within} in {_share(SHARE)} of the {_watched(certificate)}, from this size on:", *_aligned(table)]
+    if any(row.size is None for row in rows):
+        lines.append("  in ... %: not even the largest that was tried would have been seen more often")
+    dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
+    if dead:
+        lines.append(f"  {', '.join(dead)} going dead would not have been seen in {_share(SHARE)} of it")
+    return lines
+
+
+def size_text(row: Smallest, size: float | None) -> str:
+    """Write a size of a row's kind of fault with its unit; a scale error in percent.
+
+    >>> drift = Smallest(sensor="p", kind="drift", size=0.02636, share=0.9, within_s=20.0)
+    >>> size_text(drift, drift.size), size_text(drift, None)
+    ('0.026 deg/s²', '-')
+    """
+    if size is None:
+        return "-"
+    if row.kind == "scale_factor":
+        return f"{_two(100.0 * size)} %"
+    return f"{_two(size)} {unit_text(row)}".rstrip()
+
+
+def unit_text(row: Smallest) -> str:
+    """Return the unit of a row's sizes; "" for a scale error, which is a share."""
+    (size,) = (each for each in FAULTS[row.kind].parameters() if each.is_severity)
+    unit = unit_of(row.sensor) if size.unit is None else size.unit
+    return per_second(unit) if size.per_second else unit
+
+
+def _seen_text(row: Smallest) -> str:
+    return f"in {_share(row.share)}" if row.size is None else size_text(row, row.size)
+
+
+def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
+    return [
+        "  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in table
+    ]
+
+
+def _watched(certificate: Certificate) -> str:
+    return f"{duration_text(certificate.watched_s / 3600.0)} watched"
+
+
+def _share(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def _two(value: float) -> str:
+    """Write two digits that count."""
+    return f"{float(f'{value:.2g}'):.6g}"

@@ -1,0 +1,317 @@
+"""What a monitor would have seen on a log: the smallest faults of each sensor that would have alarmed, and been named.
+
+Faults are put on the log that was watched, at times spread over it. Whether one alarms is worked out on its sensor's
+own residual alone (`Superposition`); whether it is named, by watching the log about some of these times anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from heapq import heappush, heappushpop
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.detectors.monitor.excursions import Excursion, blots, blotted
+from gtmbench.detectors.monitor.superposition import Superposition
+from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.faults.additive import Bias, Drift, Noise
+from gtmbench.faults.fault import Fault, inject
+from gtmbench.faults.shaping import Deadzone, ScaleFactor
+
+SHARE = 0.9  # of the time watched
+_ONSETS = 20  # tried
+_FINE = 1.15  # sizes this near are one
+_STEP = 4.0  # from a size that isn't seen to the next
+_LEAST = 1e-3  # of the largest: no smaller one is looked for
+_RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
+_TURNED = 2.0  # a scale error that turns the sign
+_HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
+_NAMED_OF = 3  # onsets that are watched anew
+_TIMES = (1.0, 1.5, 2.0, 3.0, 5.0)  # the size that is seen
+_ARMING_S = 5.0  # before what statistics look back at, where a record is watched anew
+_JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of fault that is tried, by one parameter.
+
+    Attributes
+    ----------
+    fault : type of Fault
+    parameter : str
+        Its size: how far it is from where the fault changes nothing.
+    within_s : float
+        How long after its onset it has to alarm.
+    """
+
+    fault: type[Fault]
+    parameter: str
+    within_s: float = 10.0
+
+    def at(self, sensor: str, onset_s: float, size: float, *, is_turned: bool) -> Fault:
+        """Return the fault of a size, upwards or, where it has two directions and is turned, downwards."""
+        value = -size if is_turned and self.parameter in _DIRECTED else size
+        value += self.fault is ScaleFactor
+        parameters: dict[str, Any] = {self.parameter: value}
+        return self.fault(channel=sensor, onset_s=onset_s, **parameters)
+
+
+_DIRECTED = ("size", "slope", "factor")
+KINDS = (
+    Kind(fault=Bias, parameter="size"),
+    Kind(fault=Drift, parameter="slope", within_s=20.0),
+    Kind(fault=ScaleFactor, parameter="factor"),
+    Kind(fault=Deadzone, parameter="half_width"),
+    Kind(fault=Noise, parameter="deviation"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smallest:
+    """The smallest fault of a kind that would have been seen.
+
+    Attributes
+    ----------
+    sensor, kind : str
+    size : float or None
+        In the sensor's unit, of a drift in that per second; of a scale factor, how far it is from 1. None where no size
+        would have been seen often enough.
+    share : float
+        Of the time watched in which one of this size, or of the largest that was tried, would have alarmed.
+    within_s : float
+        How long after its onset.
+    named_from : float or None
+        From which size on it would have been named, too, and no other sensor; None where not up to five times `size`,
+        or not asked for.
+    """
+
+    sensor: str
+    kind: str
+    size: float | None
+    share: float
+    within_s: float
+    named_from: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """What a monitor would have seen on a log.
+
+    Attributes
+    ----------
+    rows : tuple of Smallest
+        One a sensor and kind.
+    watched_s : float
+        How long an alarm was possible, of any residual: what shares are of.
+    is_named : bool
+        Whether it was asked what would have been named.
+    missing : str
+        Why there is none, where there are no rows.
+    """
+
+    rows: tuple[Smallest, ...] = field(default=(), repr=False)
+    watched_s: float = 0.0
+    is_named: bool = False
+    missing: str = ""
+
+    def of(self, sensor: str, kind: str) -> Smallest | None:
+        """Return the row of a sensor and a kind; None where there is none."""
+        return next((row for row in self.rows if (row.sensor, row.kind) == (sensor, kind)), None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Place:
+    """Where a fault is put on a sensor: a time of a record that was watched, and by when it has to alarm."""
+
+    on: Superposition
+    onset_s: float
+    within_s: float
+    outside: tuple[Excursion, ...] = ()
+
+    def is_seen(self, fault: Fault) -> bool:
+        """Tell whether a fault raises an alarm in time."""
+        return self.on.alarm_row(fault, self.within_s) is not None
+
+    @cached_property
+    def is_telling(self) -> bool:
+        """Whether there is no alarm without a fault."""
+        return not self.is_seen(Bias(channel=self.on.sensor, onset_s=self.onset_s, size=0.0))
+
+    def names(self, fault: Fault) -> bool:
+        """Tell whether the fault's sensor is named, and no other, when the record about it is watched anew."""
+        record, monitor, sensor = self.on.record, self.on.monitor, self.on.sensor
+        row = self.on.alarm_row(fault, self.within_s)
+        if row is None or not isinstance(monitor, BankMonitor):
+            return False
+        before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
+        until_s = float(record.time_s[row]) + monitor.look_ahead_of(sensor) + _JUDGED_S
+        about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
+        said = monitor.watch(inject(about, fault), outside=self.outside).faults
+        return {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s} == {sensor}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """A fault of a kind at a place, of whatever size up to the largest that makes sense."""
+
+    kind: Kind
+    place: _Place
+    is_turned: bool
+    most: float
+
+    def fault(self, size: float) -> Fault:
+        """Return it with a size."""
+        return self.kind.at(self.place.on.sensor, self.place.onset_s, size, is_turned=self.is_turned)
+
+    def is_seen(self, size: float) -> bool:
+        """Tell whether it raises an alarm in time that wouldn't be there without it."""
+        return self.place.is_telling and self.place.is_seen(self.fault(size))
+
+    def smallest(self, low: float) -> float:
+        """Return about the smallest size above `low` that is seen; inf where not even the largest is."""
+        high = min(_STEP * low, self.most)
+        while not self.is_seen(high):
+            if high >= self.most or not self.place.is_telling:
+                return np.inf
+            low, high = high, min(_STEP * high, self.most)
+        while high > _FINE * low:
+            middle = float(np.sqrt(low * high))
+            low, high = (low, middle) if self.is_seen(middle) else (middle, high)
+        return high
+
+
+def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
+    """Work out what a monitor would have seen on records that it watched.
+
+    Parameters
+    ----------
+    monitor : Monitor or Detector
+        Of a bank, or there is no certificate.
+    watches : sequence of Watch
+    named : bool
+        Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
+        named: seconds.
+
+    Examples
+    --------
+    >>> from gtmbench.detectors.bank.bank import bank_of
+    >>> from gtmbench.detectors.bank_detector import calibrate
+    >>> from gtmbench.record import Record
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> bank = bank_of("own", {"residuals": [{"output": "q", "inputs": ["p"]}]})
+    >>> monitor = calibrate([record.between(0.0, 60.0)], bank=bank)
+    >>> certificate = certificate_of(monitor, [monitor.watch(record.between(60.04, 119.0))])
+    >>> bias = certificate.of("q", "bias")
+    >>> bias.within_s, bias.share >= 0.9, 0.01 < bias.size < 0.2
+    (10.0, True, True)
+    """
+    told = [watch for watch in watches if isinstance(watch, BankWatch)]
+    if not isinstance(monitor, BankMonitor) or len(told) < len(watches):
+        return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
+    sensors = [spec.output for spec in monitor.bank.diagnostic if spec.output in monitor.bank.suspects]
+    if not sensors:
+        return Certificate(missing="no sensor that may be suspected has a residual of its own")
+    seconds = [float(np.count_nonzero(watch.armed)) * monitor.sample_period_s for watch in told]
+    if not any(seconds):
+        return Certificate(missing="at no time was an alarm possible")
+    longest_s = round(_HALF * max(seconds), 1)
+    within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
+    onsets = {of: _onsets(told, of) for of in within_s.values()}
+    rows = []
+    for sensor in sensors:
+        on = [superposition(watch, sensor) for watch in told]
+        places = {
+            of: [_Place(on=on[i], onset_s=onset_s, within_s=of, outside=told[i].outside) for i, onset_s in pairs]
+            for of, pairs in onsets.items()
+        }
+        for kind, of in within_s.items():
+            most = _most(kind, on, of)
+            trials = [
+                _Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(places[of])
+            ]
+            if trials:
+                rows.append(_smallest(trials, named=named))
+    missing = "" if rows else "too little of it was watched"
+    return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+
+
+def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:
+    """Return times spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
+    rows = [
+        np.flatnonzero(watch.armed[: max(len(watch.record) - round(within_s / watch.record.sample_period_s), 0)])
+        for watch in watches
+    ]
+    of = np.repeat(np.arange(len(rows)), [len(each) for each in rows])
+    row = np.concatenate(rows)
+    count = min(_ONSETS, len(row))
+    chosen = [(2 * i + 1) * len(row) // (2 * count) for i in range(count)]
+    return [(int(of[at]), float(watches[of[at]].record.time_s[row[at]])) for at in chosen]
+
+
+def superposition(watch: BankWatch, sensor: str) -> Superposition:
+    """Return a sensor's own residual on a record that a bank watched."""
+    assert isinstance(watch.monitor, BankMonitor)
+    return Superposition(
+        monitor=watch.monitor,
+        sensor=sensor,
+        record=watch.record,
+        raw=blotted(watch.residuals, blots(watch.monitor, watch.record, watch.outside))[sensor],
+        spread=watch.spread.get(sensor),
+        armed=watch.scores[sensor].armed,
+    )
+
+
+def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
+    """Return the largest size that is tried."""
+    readings = np.concatenate([each.record[each.sensor] for each in on])
+    if kind.fault is ScaleFactor:
+        return _TURNED
+    if kind.fault is Deadzone:
+        return float(np.nanmax(np.abs(readings), initial=0.0))  # nothing is left
+    large = _RANGE * float(np.nanstd(readings) + np.nanstd(np.concatenate([each.raw for each in on])))
+    return large / within_s if kind.fault is Drift else large
+
+
+def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
+    """Return the size that is seen in so many of some trials: that of the hardest but a few.
+
+    What is seen at a smaller size is taken to be seen at a larger one.
+    """
+    spare = int((1.0 - SHARE) * len(trials) + 1e-9)
+    hardest: list[tuple[float, int]] = []  # sizes of so many trials and one, with their numbers; the smallest first
+    most = trials[0].most
+    low = _LEAST * most
+    for i, trial in enumerate(trials):
+        if len(hardest) <= spare:
+            heappush(hardest, (trial.smallest(low), i))
+        elif np.isfinite(hardest[0][0]) and not trial.is_seen(hardest[0][0]):
+            heappushpop(hardest, (trial.smallest(hardest[0][0]), i))
+        if np.isfinite(hardest[0][0]):
+            low = max(hardest[0][0] / _STEP**2, _LEAST * most)
+    size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
+    harder = {i for each, i in hardest if size is not None and each > size}
+    seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
+    return Smallest(
+        sensor=trials[0].place.on.sensor,
+        kind=trials[0].kind.fault.kind,
+        size=size,
+        share=len(seen) / len(trials),
+        within_s=trials[0].place.within_s,
+        named_from=_named_from(seen, size) if named and size is not None else None,
+    )
+
+
+def _named_from(seen: Sequence[_Trial], size: float) -> float | None:
+    """Return from which size on some of the trials that are seen are named; None where not up to a few times theirs."""
+    times = [each for each in _TIMES if each * size <= seen[0].most]
+    for i in range(_NAMED_OF):
+        trial = seen[(2 * i + 1) * len(seen) // (2 * _NAMED_OF)]
+        while times and not trial.place.names(trial.fault(times[0] * size)):
+            times.pop(0)
+    return times[0] * size if times else None
