@@ -23,7 +23,9 @@ from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, term
 _COVERED = 0.999  # of the identified rows
 _BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
 _BEFORE_S, _AFTER_S = 0.3, 1.0  # of such a row, that count with it
-_KEYS = ("rate_deg_s", "acceleration_deg_s2", "force_g")
+_TURNING = (("gyros_deg_s", "attitude_deg_s"), ("gyros_deg_s2", "attitude_deg_s2"))  # of each pair, both must say so
+_KEYS = (*_TURNING[0], *_TURNING[1], "force_g")
+_APART_S = 0.15  # an attitude may be late
 
 MOTION, IMPACT = "motion beyond what was identified", "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
@@ -45,8 +47,9 @@ class Regime:
     Attributes
     ----------
     limits : mapping of str to float
-        ``rate_deg_s`` and ``acceleration_deg_s2``, of the turning; ``force_g``, the specific force's distance from 1 g;
-        what 99.9 % of the rows don't exceed. Those that the records don't tell aren't there.
+        ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
+        ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
+        the rows don't exceed. Those that the records don't tell aren't there.
     """
 
     limits: Mapping[str, float]
@@ -73,16 +76,18 @@ class Regime:
     def excursions(self, record: Record, events: Iterable[Event] = ()) -> tuple[Excursion, ...]:
         """Return the stretches of a record that are beyond it, and those about what the log tells of, in time."""
         sizes = _sizes(record)
+        never = np.zeros(len(record), dtype=bool)
         beyond = {key: sizes[key] > _BEYOND * limit for key, limit in self.limits.items() if key in sizes}
-        turning = np.logical_or.reduce([beyond.get(key, np.zeros(len(record), dtype=bool)) for key in _KEYS[:2]])
-        force = beyond.get("force_g", np.zeros(len(record), dtype=bool))
+        near = {key: _widened(rows, record.sample_period_s, _APART_S, _APART_S) for key, rows in beyond.items()}
+        turning = np.logical_or.reduce([near.get(gyros, never) & near.get(angles, never) for gyros, angles in _TURNING])
+        force = beyond.get("force_g", never)
         told = [excursion for event in events if (excursion := _told(event, record)) is not None]
         return _joined([*_stretches(record, turning, force), *told])
 
 
 def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> list[Excursion]:
     found = []
-    for first, stop in _runs(_widened(turning | force, record.sample_period_s)):
+    for first, stop in _runs(_widened(turning | force, record.sample_period_s, _BEFORE_S, _AFTER_S)):
         start_s, end_s = record.time_s[[first, stop - 1]].tolist()
         found.append(_excursion(start_s, end_s, IMPACT if force[first:stop].any() else MOTION))
     return found
@@ -121,8 +126,8 @@ def _joined(excursions: Iterable[Excursion]) -> tuple[Excursion, ...]:
     return tuple(sorted(joined, key=lambda each: each.start_s))
 
 
-def _widened(beyond: BoolArray, period_s: float) -> BoolArray:
-    before, after = (round(span_s / period_s) for span_s in (_BEFORE_S, _AFTER_S))
+def _widened(beyond: BoolArray, period_s: float, before_s: float, after_s: float) -> BoolArray:
+    before, after = (round(span_s / period_s) for span_s in (before_s, after_s))
     reach = np.convolve(beyond, np.ones(before + after + 1))[before : before + len(beyond)]
     return np.asarray(reach > 0.5)
 
@@ -133,14 +138,13 @@ def _runs(true: BoolArray) -> list[tuple[int, int]]:
 
 
 def _sizes(record: Record) -> dict[str, FloatArray]:
-    """Return how hard the motion is, row by row: by gyros or attitude, whichever says less."""
+    """Return how hard the motion is, row by row."""
     sizes = {}
     if {*GYROS, *ANGLES} <= set(record.channels):
         gyros = record.matrix(GYROS)
         told = terms_of(record.matrix(ANGLES), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-        both = [_turning(rates, record.sample_period_s) for rates in (gyros - _middle(gyros), told)]
-        for i, key in enumerate(_KEYS[:2]):
-            sizes[key] = np.minimum(both[0][i], both[1][i])
+        for i, rates in enumerate((gyros - _middle(gyros), told)):
+            sizes[_TURNING[0][i]], sizes[_TURNING[1][i]] = _turning(rates, record.sample_period_s)
     if set(ACCELEROMETERS) <= set(record.channels):
         force = np.linalg.norm(record.matrix(ACCELEROMETERS), axis=1)
         sizes["force_g"] = np.abs(force - 1.0)
