@@ -13,6 +13,7 @@ from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
+from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
@@ -26,6 +27,7 @@ from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
+from gtmbench.study.log.auto import fitted
 
 _DEFAULT = CalibrationFlights()
 
@@ -99,6 +101,7 @@ def calibrate_command(
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
+            recipe, _ = fitted(recipe, logs, mapping)
             records, origin = logged_records(
                 logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )
@@ -142,6 +145,11 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     if source is None:
         _list_banks(as_json, quiet)
         return
+    if source == AUTO:
+        raise InputError(
+            f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and of one that was "
+            "written (--save MONITOR.json) `gtmbench bank MONITOR.json` shows all"
+        )
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
