@@ -15,6 +15,7 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank.detectability import Signatures, signatures
+from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe
@@ -23,6 +24,7 @@ from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.record import Record
+from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
@@ -147,8 +149,8 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         return
     if source == AUTO:
         raise InputError(
-            f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and of one that was "
-            "written (--save MONITOR.json) `gtmbench bank MONITOR.json` shows all"
+            f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and `gtmbench "
+            "bank MONITOR.json` shows one that `gtmbench monitor --save` has written"
         )
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
     if monitor is not None and not isinstance(monitor, BankMonitor):
@@ -188,6 +190,8 @@ def _print_signatures(table: Signatures) -> None:
     rows = [[name, *table.pattern[name]] for name in table.channels]
     print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)
     echo("level: any error of the channel enters the residual; slope: only changes of the error do")
+    for line in isolation_lines(isolability(table.bank)):
+        echo(line)
     echo("Blind spots", bold=True)
     for line in table.blind_spots:
         echo(f"- {line}")
@@ -200,5 +204,6 @@ def _bank_json(table: Signatures) -> dict[str, Any]:
         **bank_table(table.bank),
         "channels": list(table.channels),
         "signatures": pattern,
+        "told_apart": isolability(table.bank).table(),
         "blind_spots": list(table.blind_spots),
     }

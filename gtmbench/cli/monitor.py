@@ -78,8 +78,9 @@ def monitor_command(
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
     With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. With --identify alone
-    by bank auto, the relations that the log's channels allow; without either, it lists what the log allows. First comes a self-check: a log that isn't what the monitor expects isn't watched, and
-    why, and what to type, is said. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    by bank auto, the relations that the log's channels allow. Without either, it lists what the log allows. First comes
+    a self-check: a log that isn't what the monitor expects isn't watched, and why, and what to type, is said. Exit
+    code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
     """
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:

@@ -25,8 +25,7 @@ from gtmbench.intake.segments import Cut, Track, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.record import Record
 
-
-ATTITUDE = ("phi", "theta", "psi")
+_ATTITUDE = ("phi", "theta", "psi")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +264,7 @@ def log_channels(path: str | Path, *, mapping: Sequence[str] = ()) -> LogChannel
             names_there = tuple(each.channel for each in chosen if np.isfinite(each.values()).any())
     except InputError as error:
         raise InputError(f"{path}: {one_line(str(error))}") from error
-    own_attitude = not set(ATTITUDE) <= set(mapped)  # what somebody maps is anybody's
+    own_attitude = not set(_ATTITUDE) <= set(mapped)  # what somebody maps is anybody's
     return LogChannels(names=names_there, attitude_from_gyros=raw.attitude_from_gyros and own_attitude)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from functools import cache
 
 from gtmbench.channels import SENSORS
+from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, load_bank
 from gtmbench.errors import InputError
 
@@ -35,7 +37,7 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     Examples
     --------
     >>> composed_bank(["phi", "theta", "psi", "p", "q"]).title
-    'auto: p and q from phi, psi and theta, as bank C'
+    'p and q from phi, psi and theta, as bank C'
     >>> composed_bank(["phi", "theta", "p", "q", "r"]).suspects
     ('p', 'q', 'r', 'phi', 'theta')
     """
@@ -45,13 +47,13 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
         raise InputError(_nothing(there))
     specs = tuple(spec for _, spec in taken)
     first = taken[0][0]
-    judged = next((bank for bank, spec in taken if len(spec.inputs) > 1), load_bank(_FROM[0]))
+    judged = next((bank for bank, spec in taken if len(spec.inputs) > 1), _banks()[0])
     needs = {channel for spec in specs for channel in spec.needs}
     suspected = dict.fromkeys(name for bank, _ in taken for name in bank.suspects)
     return replace(
         first,
         name=AUTO,
-        title=f"{AUTO}: {_title(taken)}",
+        title=_title(taken),
         residuals=specs,
         suspects=tuple(name for name in suspected if name in needs),
         statistic=judged.statistic,
@@ -64,19 +66,23 @@ def unwatched(bank: Bank, channels: Collection[str]) -> tuple[str, ...]:
 
     >>> channels = ("p", "q", "r", "phi", "theta")
     >>> unwatched(composed_bank(channels), channels)
-    ('r isn't watched: it needs psi, or alpha, beta, nz, ny and tas, which aren't there',)
+    ("r isn't watched: that takes psi, or alpha, beta, ny, nz and tas beside it",)
     """
     watched = {spec.output for spec in bank.diagnostic}
     return tuple(
-        f"{gyro} isn't watched: " + (_lacking(gyro, channels) if gyro in channels else "it isn't there")
+        f"{gyro} isn't watched: " + (f"{_lacking(gyro, channels)} beside it" if gyro in channels else "it isn't there")
         for gyro in GYROS
         if gyro not in watched
     )
 
 
 def _relations(gyro: str) -> list[tuple[Bank, ResidualSpec]]:
-    banks = [load_bank(name) for name in _FROM]
-    return [(bank, spec) for bank in banks for spec in bank.diagnostic if spec.output == gyro]
+    return [(bank, spec) for bank in _banks() for spec in bank.diagnostic if spec.output == gyro]
+
+
+@cache
+def _banks() -> tuple[Bank, ...]:
+    return tuple(load_bank(name) for name in _FROM)
 
 
 def _relation(gyro: str, there: Collection[str]) -> tuple[Bank, ResidualSpec] | None:
@@ -90,7 +96,7 @@ def _title(taken: list[tuple[Bank, ResidualSpec]]) -> str:
     for bank, spec in taken:
         groups.setdefault((bank.name, tuple(sorted(bank.sources(spec)))), []).append(spec.output)
     return "; ".join(
-        f"{_and(gyros)} from {_and(sources)}, as bank {name}" for (name, sources), gyros in groups.items()
+        f"{listed(gyros)} from {listed(sources)}, as bank {name}" for (name, sources), gyros in groups.items()
     )
 
 
@@ -98,7 +104,7 @@ def _lacking(gyro: str, there: Collection[str]) -> str:
     """Say which channels would give a gyro a relation: no choice of them that holds another."""
     missing = [spec.needs - set(there) - {gyro} for _, spec in _relations(gyro)]
     least = [lack for lack in missing if not any(other < lack for other in missing)]
-    return f"it needs {', or '.join(_and(sorted(lack)) for lack in least)}, which aren't there"
+    return f"that takes {', or '.join(listed(sorted(lack)) for lack in least)}"
 
 
 def _nothing(there: Collection[str]) -> str:
@@ -109,13 +115,8 @@ def _nothing(there: Collection[str]) -> str:
             f"bank {AUTO} watches gyros, and none of p, q, r is there (there: {', '.join(known) or 'no sensor'}); say "
             "with --map which columns they are, or give --inputs and --outputs"
         )
-    needed = "; ".join(f"{gyro}: {_lacking(gyro, there)}" for gyro in gyros)
+    needed = "; ".join(f"for {gyro} {_lacking(gyro, there)}" for gyro in gyros)
     return (
-        f"bank {AUTO} finds nothing that tells what a gyro should read (there: {', '.join(known)}). {needed}; say with "
+        f"bank {AUTO} finds nothing that tells what a gyro should read (there: {', '.join(known)}): {needed}; say with "
         "--map which columns they are, or give --inputs and --outputs"
     )
-
-
-def _and(names: Iterable[str]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.virtual import integrable
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BY_SHAPE, NOT_TOLD = "by shape", "no"
 
@@ -49,13 +45,10 @@ class Isolability:
             BY_SHAPE if {one, other} <= self.predicted else NOT_TOLD
         )
 
-    def table(self) -> pd.DataFrame:
-        """Return `told` of every two suspects: a fault of the row's, from a fault of the column's."""
-        import pandas as pd
-
-        names = list(self.suspects)
-        rows = [["" if one == other else self.told(one, other) for other in names] for one in names]
-        return pd.DataFrame(rows, index=names, columns=names)
+    def table(self) -> dict[str, dict[str, str]]:
+        """Return `told` of every two suspects: a fault of the first, from a fault of the second."""
+        names = self.suspects
+        return {one: {other: self.told(one, other) for other in names if other != one} for one in names}
 
 
 def isolability(bank: Bank) -> Isolability:
@@ -73,7 +66,5 @@ def isolability(bank: Bank) -> Isolability:
     outputs = [spec.output for spec in bank.diagnostic]
     return Isolability(
         enters={name: bank.affects(name) for name in bank.suspects},
-        predicted=frozenset(
-            name for name in bank.suspects if name in outputs or integrable(name, bank.channels)
-        ),
+        predicted=frozenset(name for name in bank.suspects if name in outputs or integrable(name, bank.channels)),
     )
