@@ -18,7 +18,7 @@ from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.intake.open import log_channels
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.shipped import shipped_banks
-from gtmbench.study.log.auto import fitted
+from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.testing.contract.suite import check_detector
 from tests.intake_files import dataflash_text
 from tests.monitors import record
@@ -168,11 +168,9 @@ def test_a_log_is_watched_as_by_the_bank_that_it_allows(tmp_path):
 
 def test_what_healthy_logs_lack_isnt_asked_for(tmp_path):
     whole, less = write(tmp_path), write(tmp_path, "less.csv", NO_HEADING)
-    detector, why = fitted(AutoDetector(), [whole, less], ())
+    detector, why = bank_for_logs([whole, less], ())
     assert relations(detector.bank) == {"p": ("p_turn",), "q": ("q_turn",)}
     assert len(why) == 1
-    ready = gb.find_detector("C")
-    assert fitted(ready, [whole], ()) == (ready, [])
 
 
 def test_a_column_without_a_number_isnt_there(tmp_path):
@@ -182,7 +180,7 @@ def test_a_column_without_a_number_isnt_there(tmp_path):
     named = {name: f"{name}_deg_s" if name in GYROS else f"{name}_deg" for name in frame}
     frame.rename(columns=named).rename_axis("time_s").to_csv(path)
     assert "psi" not in log_channels(path).names
-    assert fitted(AutoDetector(), [path], ())[0].bank.channels == ("p", "q", "phi", "r", "theta")
+    assert bank_for_logs([path], ())[0].bank.channels == ("p", "q", "phi", "r", "theta")
 
 
 def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_path):
@@ -191,12 +189,12 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
     tables = {"IMU": "GyrX,GyrY,GyrZ", "ATT": "Roll,Pitch,Yaw"}
     path.write_bytes(dataflash_text({kind: ("Qfff", f"TimeUS,{names}", moving) for kind, names in tables.items()}))
     assert log_channels(path).attitude_from_gyros
-    assert fitted(AutoDetector(), [path], ())[0].bank.attitude_from_gyros
+    assert bank_for_logs([path], ())[0].bank.attitude_from_gyros
     columns = [f"{name}=ATT.{angle}:deg" for name, angle in (("phi", "Roll"), ("theta", "Pitch"), ("psi", "Yaw"))]
     assert not log_channels(path, mapping=columns).attitude_from_gyros
     table = write(tmp_path)
     assert not log_channels(table).attitude_from_gyros
-    assert not fitted(AutoDetector(), [table], ())[0].bank.attitude_from_gyros
+    assert not bank_for_logs([table], ())[0].bank.attitude_from_gyros
 
 
 def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):

@@ -12,6 +12,7 @@ from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank.detectability import Signatures, signatures
@@ -29,7 +30,7 @@ from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-from gtmbench.study.log.auto import fitted
+from gtmbench.study.log.auto import bank_for_logs
 
 _DEFAULT = CalibrationFlights()
 
@@ -103,7 +104,8 @@ def calibrate_command(
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
-            recipe, _ = fitted(recipe, logs, mapping)
+            if isinstance(recipe, AutoDetector):
+                recipe, _ = bank_for_logs(logs, mapping)
             records, origin = logged_records(
                 logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -21,17 +21,14 @@ class AutoDetector:
     name: str = AUTO
     channels: tuple[str, ...] = ()  # whatever is there
 
-    def bank_for(self, channels: Iterable[str], *, attitude_from_gyros: bool = False) -> BankDetector:
-        """Return the bank that some channels allow, as a recipe."""
-        return BankDetector(bank=composed_bank(channels, attitude_from_gyros=attitude_from_gyros))
-
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> BankMonitor:
         """Identify the bank that the channels of all records allow, and set its thresholds."""
         given = as_records(records)
         first, *others = (set(record.channels) for record in given)
-        return self.bank_for(first.intersection(*others)).calibrate(given, false_alarms_per_hour, progress=progress)
+        bank = composed_bank(first.intersection(*others))
+        return BankDetector(bank=bank).calibrate(given, false_alarms_per_hour, progress=progress)
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
         """Return the monitor of some figures, whichever bank it was."""

@@ -26,11 +26,11 @@ def isolation_lines(told: Isolability) -> list[str]:
     if len(groups) > 1:
         said = (f"{listed(names)} ({listed(outputs)})" for outputs, names in groups.items())
         lines.append(f"told apart by which residuals rise: {', '.join(said)}")
-    if said := "; ".join(_by_shape(told)):
-        lines.append(f"only by how they rise: {said}")
-    if said := "; ".join(_not_told(told)):
+    if alike := "; ".join(_by_shape(told)):
+        lines.append(f"only by how they rise: {alike}")
+    if mistaken := "; ".join(_not_told(told)):
         unknown = listed([name for name in told.suspects if name not in told.predicted])
-        lines.append(f"not told apart: {said}, for nothing predicts {unknown}")
+        lines.append(f"not told apart: {mistaken}, for nothing predicts {unknown}")
     return lines
 
 

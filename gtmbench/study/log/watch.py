@@ -17,6 +17,7 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
@@ -31,7 +32,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.auto import fitted
+from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
@@ -222,8 +223,11 @@ def watch_log(
     >>> watched.outcome, watched.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
-    logs = [Path(given) for given in (path, *healthy) if isinstance(given, (str, Path))]
-    watcher, unwatched = fitted(prepared(detector), logs, mapping)
+    watcher = prepared(detector)
+    unwatched: tuple[str, ...] = ()
+    if isinstance(watcher, AutoDetector):
+        logs = [Path(given) for given in (path, *healthy) if isinstance(given, (str, Path))]
+        watcher, unwatched = bank_for_logs(logs, mapping)
     if is_ready(watcher):
         return _by_monitor(path, watcher, healthy, mapping, rate_hz, progress)
     assert is_recipe(watcher)
