@@ -81,7 +81,7 @@ def test_of_any_channels_each_gyro_has_the_first_relation_that_they_hold_or_a_re
 
 def test_why_a_gyro_isnt_watched_is_what_would_let_it_be():
     (why,) = unwatched(composed_bank(NO_HEADING), NO_HEADING)
-    assert why == "r isn't watched: that takes psi, or alpha, beta, ny, nz and tas beside it"
+    assert why == "r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it"
     for more in (["psi"], ["alpha", "beta", "ny", "nz", "tas"]):
         assert unwatched(composed_bank([*NO_HEADING, *more]), [*NO_HEADING, *more]) == ()
     assert unwatched(composed_bank(["p", "phi", "theta", "psi"]), ["p", "phi", "theta", "psi"]) == (
@@ -205,7 +205,7 @@ def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     assert "bank auto: p and q from phi, r and theta, as bank B" in out
     assert "told apart by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
     assert "not told apart: p, q, phi and theta from r, for nothing predicts r" in out
-    assert "note: r isn't watched: that takes psi" in out
+    assert "note: r isn't watched by itself: that takes psi" in out
     monitor = gb.load_monitor(tmp_path / "m.json")
     assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING)
     gb.save_monitor(monitor, tmp_path / "again.json")

@@ -66,14 +66,17 @@ def unwatched(bank: Bank, channels: Collection[str]) -> tuple[str, ...]:
 
     >>> channels = ("p", "q", "r", "phi", "theta")
     >>> unwatched(composed_bank(channels), channels)
-    ("r isn't watched: that takes psi, or alpha, beta, ny, nz and tas beside it",)
+    ("r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it",)
     """
     watched = {spec.output for spec in bank.diagnostic}
-    return tuple(
-        f"{gyro} isn't watched: " + (f"{_lacking(gyro, channels)} beside it" if gyro in channels else "it isn't there")
-        for gyro in GYROS
-        if gyro not in watched
-    )
+    return tuple(_why_not(gyro, bank, channels) for gyro in GYROS if gyro not in watched)
+
+
+def _why_not(gyro: str, bank: Bank, channels: Collection[str]) -> str:
+    if gyro not in channels:
+        return f"{gyro} isn't watched: it isn't there"
+    itself = " by itself" if gyro in bank.suspects else ""
+    return f"{gyro} isn't watched{itself}: {_lacking(gyro, channels)} beside it"
 
 
 def _relations(gyro: str) -> list[tuple[Bank, ResidualSpec]]:
