@@ -303,6 +303,8 @@ class AlarmLogic:
         leader = self._leader(fault)
         if leader is None:
             signature = by_signature(self._monitor, self._trusted(fault), output, time_s)
+            if fault.settling is not None:
+                signature = replace(signature, sensor=None, doubt=fault.settling.reason)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
             fault.referees = referees_of(self._bank, record, before.predicted)
