@@ -108,6 +108,16 @@ def naming(where: object) -> Iterator[None]:
         raise InputError(f"{where}: {error}") from error
 
 
+def listed(items: Iterable[str], word: str = "and") -> str:
+    """Write names as a sentence lists them.
+
+    >>> listed(["p"]), listed(["p", "q", "r"]), listed(["p", "q"], "or")
+    ('p', 'p, q and r', 'p or q')
+    """
+    *most, last = items
+    return f"{', '.join(most)} {word} {last}" if most else last
+
+
 def shown(value: Any) -> str:
     """Return a value as a message shows it: as written, and not too much of it."""
     try:

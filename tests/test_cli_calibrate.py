@@ -139,7 +139,7 @@ def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, l
 
 BAD = {
     "no log": (["nowhere.csv"], "nowhere.csv: No such file"),
-    "no bank": (["log1.csv", "--bank", "Z"], "no detector is called 'Z'; there are dissertation, B, C"),
+    "no bank": (["log1.csv", "--bank", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
     "no json": (["log1.csv", "--out", "m.pkl"], "a monitor's file ends in .json"),
     "no folder": (["log1.csv", "--out", "nowhere/m.json"], "doesn't exist; create it first"),
     "a folder": (["log1.csv", "--out", "folder.json"], "folder.json is a folder"),

@@ -130,7 +130,12 @@ def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
     code, out, err = cli("monitor", "healthy.csv")
     assert code == 2
     assert err.count("\n") == 1
-    assert "nothing was said about how to watch healthy.csv: give --detector C" in err
+    assert (
+        "nothing was said about how to watch healthy.csv: give --identify T0:T1, what of it is healthy (bank auto"
+        in err
+    )
+    assert "--detector C-early or C-filtered or C or leave-one-out or paper, or --inputs" in err
+    assert "bank auto: possible (p, q and r from phi, psi and theta, as bank C)" in out
     assert "bank C: possible" in out
     assert "bank B: no, alpha, nz, tas missing" in out
     assert "pseudo inputs: p_att, q_att, r_att" in out
@@ -164,7 +169,7 @@ BAD = {
     "itself": (["--inputs", "r,p", "--outputs", "r"], "'r' is both pseudo input and pseudo output"),
     "nothing named": (["--inputs", ",", "--outputs", "r"], "at least one pseudo input"),
     "no such channel": (["--inputs", "p,rpm", "--outputs", "r"], "rpm"),
-    "no such bank": (["--monitor", "Z"], "no detector is called 'Z'; there are dissertation, B, C"),
+    "no such bank": (["--monitor", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
     "no such monitor": (["--monitor", "z.json"], "z.json: no such file; `gtmbench calibrate` writes one"),
     "a bank that lacks channels": (["--monitor", "B"], "bank B needs"),
     "no such other log": ([*GYROS, "--identify", "nowhere.csv"], "nowhere.csv"),

@@ -117,7 +117,7 @@ def test_what_is_no_detector_is_refused(name, said, own):
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("D", "no detector is called 'D'; there are dissertation, B, C"),
+        ("D", "no detector is called 'D'; there are dissertation, auto, B, C"),
         ("nowhere.toml", "no such file"),
         ("nowhere.json", "no such file"),
         ("own.py", "say which object in it is the detector: own.py:OBJECT"),

@@ -12,8 +12,11 @@ from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
+from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank.detectability import Signatures, signatures
+from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, is_recipe
@@ -22,10 +25,12 @@ from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.record import Record
+from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.calibration import with_provenance
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
+from gtmbench.study.log.auto import bank_for_logs
 
 _DEFAULT = CalibrationFlights()
 
@@ -101,6 +106,8 @@ def calibrate_command(
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
+            if isinstance(recipe, AutoDetector):
+                recipe, _ = bank_for_logs(logs, mapping)
             records, origin = logged_records(
                 logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )
@@ -144,6 +151,11 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     if source is None:
         _list_banks(as_json, quiet)
         return
+    if source == AUTO:
+        raise InputError(
+            f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and `gtmbench "
+            "bank MONITOR.json` shows one that `gtmbench monitor --save` has written"
+        )
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
@@ -182,6 +194,8 @@ def _print_signatures(table: Signatures) -> None:
     rows = [[name, *table.pattern[name]] for name in table.channels]
     print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)
     echo("level: any error of the channel enters the residual; slope: only changes of the error do")
+    for line in isolation_lines(isolability(table.bank)):
+        echo(line)
     echo("Blind spots", bold=True)
     for line in table.blind_spots:
         echo(f"- {line}")
@@ -194,5 +208,6 @@ def _bank_json(table: Signatures) -> dict[str, Any]:
         **bank_table(table.bank),
         "channels": list(table.channels),
         "signatures": pattern,
+        "told_apart": isolability(table.bank).table(),
         "blind_spots": list(table.blind_spots),
     }

@@ -12,6 +12,7 @@ from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     multiple=True,
     metavar="T0:T1|LOG",
     help="What is healthy, to calibrate on: a span of this log in seconds, or another log. Without it a detector takes "
-    "this log's first 40 %, 300 s at most.",
+    "this log's first 40 %, 300 s at most; without a detector it is of bank auto.",
 )
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
@@ -76,14 +77,15 @@ def monitor_command(
 ) -> int:
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
-    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. Without either, it
-    lists what the log allows. First comes a self-check: a log that isn't what the monitor expects isn't watched, and
-    why, and what to type, is said. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. With --identify alone
+    by bank auto, the relations that the log's channels allow. Without either, it lists what the log allows. First comes
+    a self-check: a log that isn't what the monitor expects isn't watched, and why, and what to type, is said. Exit
+    code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
     """
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:
             _check_output(path, ending, log, force=force)
-    monitor = _watcher(detector, calibrated, inputs, outputs, look)
+    monitor = _watcher(detector, calibrated, inputs, outputs, look, healthy)
     if monitor is None:
         raise _nothing_to_watch_with(log, mapping, shown=not (as_json or quiet))
     from gtmbench.study.log.watch import watch_log
@@ -123,9 +125,14 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
 
 
 def _watcher(
-    detector: str | None, calibrated: Path | None, inputs: str | None, outputs: str | None, look: float
+    detector: str | None,
+    calibrated: Path | None,
+    inputs: str | None,
+    outputs: str | None,
+    look: float,
+    healthy: tuple[str, ...],
 ) -> Any | None:
-    """Return what watches: a detector, a monitor, a bank, or None where nothing was said."""
+    """Return what watches: a detector, a monitor, a bank, bank auto with --identify alone, or None without a word."""
     if detector is not None and (inputs or outputs):
         raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
     if detector is not None:
@@ -133,7 +140,7 @@ def _watcher(
     if calibrated is not None:
         raise InputError(f"--calibrated {calibrated} holds the figures of a --detector of your own; name that, too")
     if not inputs and not outputs:
-        return None
+        return find_detector(AUTO) if healthy else None
     if not inputs or not outputs:
         missing = "--outputs" if inputs else "--inputs"
         raise InputError(
@@ -180,7 +187,12 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
     if no_use:
         return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")
     allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
-    banks = f"give --detector {' or '.join(allowed)}, or" if allowed else "no bank's channels are there; give"
+    named = f"--detector {' or '.join(allowed)}, " if allowed else ""
+    try:
+        composed_bank(channels)
+        banks = f"give --identify T0:T1, what of it is healthy (bank {AUTO} watches the rest), {named}or"
+    except InputError:
+        banks = f"give {named}or" if allowed else "no bank's channels are there; give"
     return InputError(
         f"nothing was said about how to watch {log.name}: {banks} --inputs ... --outputs ... of "
         f"{', '.join(channels[:30])}"
@@ -189,7 +201,11 @@ def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) ->
 
 def _possible(channels: Iterable[str]) -> list[str]:
     """Say which banks and pseudo inputs some channels allow."""
-    there, lines = set(channels), []
+    there = set(channels)
+    try:
+        lines = [f"bank {AUTO}: possible ({composed_bank(there).title})"]
+    except InputError as error:
+        lines = [str(error).replace(f"bank {AUTO}", f"bank {AUTO}: no, it", 1)]
     for name in shipped_banks():
         bank = load_bank(name)
         missing = [channel for channel in bank.channels if channel not in there]

@@ -14,6 +14,7 @@ from typing import Any
 
 from gtmbench.checks import shown, text
 from gtmbench.detectors.adapt import installed, installed_names
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.tables import keys, table_of
@@ -123,7 +124,7 @@ def kind_of(detector: Detector | Monitor) -> str:
     InputError
         Where somebody's own goes by a name that is gtmbench's.
     """
-    if isinstance(detector, BankDetector | BankMonitor):
+    if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"
     if isinstance(detector, DissertationOperator | NormMonitor):
         return "dissertation"

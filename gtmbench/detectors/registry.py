@@ -11,7 +11,9 @@ from typing import Any
 
 from gtmbench.checks import shown
 from gtmbench.detectors.adapt import adapted, installed, installed_names
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.files import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
@@ -28,9 +30,10 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     Parameters
     ----------
     source : str or Path
-        ``dissertation``, the name of a shipped bank or of an installed detector; a bank's TOML file; a monitor's JSON
-        file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a Detector, a Monitor, a
-        class of either that needs no arguments, a Bank, or a function from a Record to the times of its alarms.
+        ``dissertation``, ``auto``, the name of a shipped bank or of an installed detector; a bank's TOML file; a
+        monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a Detector, a
+        Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to the times of its
+        alarms.
     calibrated : str or Path, optional
         A monitor's JSON file whose figures the detector is to restore.
 
@@ -90,6 +93,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     name, suffix = str(source), Path(source).suffix.lower()
     if name == DISSERTATION:
         return DissertationOperator()
+    if name == AUTO:
+        return AutoDetector()
     if name in shipped_banks() or suffix == ".toml":
         return BankDetector(bank=load_bank(source))
     if suffix == ".json":
@@ -108,11 +113,15 @@ def detector_names() -> dict[str, str]:
     """Return every detector that can be named, and what it is in a line; installed ones aren't imported.
 
     >>> list(detector_names())[:3]
-    ['dissertation', 'B', 'C-early']
+    ['dissertation', 'auto', 'B']
     """
     banks = {name: load_bank(name).title for name in shipped_banks()}
     others = {name: f"installed: {value}" for name, value in installed_names().items()}
-    ours = {DISSERTATION: "an operator between sensors, and E(k) of its residual", **banks}
+    ours = {
+        DISSERTATION: "an operator between sensors, and E(k) of its residual",
+        AUTO: "a bank of the relations that the channels allow, of those of banks C and B",
+        **banks,
+    }
     return ours | {name: title for name, title in others.items() if name not in ours}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import SENSORS
+from gtmbench.channels import CHANNELS, SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
@@ -24,6 +24,8 @@ from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.segments import Cut, Track, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.record import Record
+
+_ATTITUDE = ("phi", "theta", "psi")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,22 @@ class LogColumn:
     rate_hz: float
     start_s: float
     end_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogChannels:
+    """What a log can give.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The channels that hold numbers.
+    attitude_from_gyros : bool
+        Whether its attitude is that of an estimator which the gyros drive: known of PX4's and ArduPilot's.
+    """
+
+    names: tuple[str, ...]
+    attitude_from_gyros: bool
 
 
 def open_log(
@@ -226,6 +244,28 @@ def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track
         )
         for group in groups.values()
     ]
+
+
+def log_channels(path: str | Path, *, mapping: Sequence[str] = ()) -> LogChannels:
+    """Return the channels that a log can give, those of the channel table, without bringing them to one clock.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read, or a mapping doesn't fit.
+    """
+    path = Path(path)
+    mapped = split_mapping(mapping)
+    raw = read_raw(path)
+    try:
+        with np.errstate(all="ignore"):
+            raw = with_time(raw, mapped.pop("time", None))
+            chosen = choose_of(list(CHANNELS), raw, mapped)
+            names_there = tuple(each.channel for each in chosen if np.isfinite(each.values()).any())
+    except InputError as error:
+        raise InputError(f"{path}: {one_line(str(error))}") from error
+    own_attitude = not set(_ATTITUDE) <= set(mapped)  # what somebody maps is anybody's
+    return LogChannels(names=names_there, attitude_from_gyros=raw.attitude_from_gyros and own_attitude)
 
 
 def log_columns(path: str | Path) -> tuple[LogColumn, ...]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.channels import SENSORS, unit_of
+from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
@@ -192,8 +193,8 @@ def _groups(bank: Bank, channels: Iterable[str]) -> dict[tuple[str, ...], list[s
 
 def _same(bank: Bank, pattern: Pattern) -> list[str]:
     return [
-        f"{_and(group)} enter the same {_residuals(outputs)}: which of them failed can't be told from which residuals "
-        "rise" + (", only from whose fault explains how they rise." if len(outputs) > 1 else ".")
+        f"{listed(group)} enter the same {_residuals(outputs)}: which of them failed can't be told from which "
+        "residuals rise" + (", only from whose fault explains how they rise." if len(outputs) > 1 else ".")
         for outputs, group in _groups(bank, pattern).items()
         if len(group) > 1
     ]
@@ -205,8 +206,8 @@ def _contained(bank: Bank, pattern: Pattern) -> list[str]:
     for outputs, group in groups.items():
         inside = [name for others, names in groups.items() if set(others) < set(outputs) for name in names]
         if inside:
-            where = f"{_or(group)} has risen in all of {_and(outputs)}"
-            sentences.append(f"Until a fault of {where}, it looks like one of {_or(inside)}.")
+            where = f"{listed(group, 'or')} has risen in all of {listed(outputs)}"
+            sentences.append(f"Until a fault of {where}, it looks like one of {listed(inside, 'or')}.")
     return sentences
 
 
@@ -218,13 +219,15 @@ def _unpredicted(bank: Bank) -> list[str]:
     sentences = []
     if suspects:
         which = "it" if len(suspects) == 1 else "one of them"
-        sentences.append(f"Nothing predicts {_or(suspects)}: an alarm that {which} may explain stays undecided.")
+        sentences.append(
+            f"Nothing predicts {listed(suspects, 'or')}: an alarm that {which} may explain stays undecided."
+        )
     if others:
         raised = {output: None for name in others for output in bank.affects(name)}
         what = "is no suspect" if len(others) == 1 else "are no suspects"
-        where = _and(list(raised))
+        where = listed(list(raised))
         sentences.append(
-            f"{_and(others)} {what}: a fault there rises in {where} and is put down to a suspect, or to none."
+            f"{listed(others)} {what}: a fault there rises in {where} and is put down to a suspect, or to none."
         )
     return sentences
 
@@ -233,7 +236,7 @@ def _cancelled(pattern: Pattern) -> list[str]:
     only = [name for name, entries in pattern.items() if SLOPE in entries and LEVEL not in entries]
     if not only:
         return []
-    return [f"Of {_and(only)} only changes enter: an offset, however large, is seen while it comes and not after."]
+    return [f"Of {listed(only)} only changes enter: an offset, however large, is seen while it comes and not after."]
 
 
 def _driven(bank: Bank) -> list[str]:
@@ -284,29 +287,17 @@ def _unjudged(monitor: CalibratedBank) -> list[str]:
                 never.setdefault(label, []).append(output)
     if not never:
         return []
-    said = ", ".join(f"{label} of {_and(outputs)}" for label, outputs in never.items())
+    said = ", ".join(f"{label} of {listed(outputs)}" for label, outputs in never.items())
     return [f"The records of the calibration were too short for some tests, which raise no alarm: {said}."]
 
 
 def _unused(bank: Bank) -> list[str]:
     unused = [name for name in SENSORS if name not in bank.channels]
-    return [f"No residual holds {_or(unused)}: faults there aren't seen."] if unused else []
+    return [f"No residual holds {listed(unused, 'or')}: faults there aren't seen."] if unused else []
 
 
 def _residuals(outputs: Sequence[str]) -> str:
     return f"residual{'s' if len(outputs) > 1 else ''} ({', '.join(outputs)})"
-
-
-def _and(items: Sequence[str]) -> str:
-    return _joined(items, "and")
-
-
-def _or(items: Sequence[str]) -> str:
-    return _joined(items, "or")
-
-
-def _joined(items: Sequence[str], word: str) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}"
 
 
 def tolerated_shift(monitor: CalibratedBank, output: str) -> float:

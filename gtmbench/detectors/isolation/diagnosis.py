@@ -112,8 +112,8 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         likeliest = ranking[0].channel if ranking else told.candidates[0]
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
-    untestable = _untestable(case)
-    best, order = explained[0], tuple(dict.fromkeys([*_rivals(explained), *untestable]))
+    best, rivals, untestable = explained[0], _rivals(explained), _untestable(case)
+    order = tuple(dict.fromkeys([*rivals, *untestable]))
     least_s = _ESTIMATED_S if best.channel in ANGLES else _LASTING_S
     if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
@@ -128,7 +128,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         errors=best.errors(),
         kind_margin=max(min(others, default=float("inf")) - best.bic, 0.0),
         partner=best.partner,
-        reason="" if sensor else _reason(best, order, untestable, ()),
+        reason="" if sensor else _reason(best, rivals, untestable, ()),
     )
 
 

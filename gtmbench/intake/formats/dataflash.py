@@ -100,6 +100,7 @@ def read_dataflash(path: Path) -> RawLog:
         clocks=clocks,
         notes=notes,
         by_name=False,
+        attitude_from_gyros=True,
         events=partial(_events, path, tables, clocks),
     )
 

@@ -84,6 +84,8 @@ class RawLog:
         Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
     time : tuple of str or None
         The column that tells the time, and its unit; None where the container does.
+    attitude_from_gyros : bool
+        Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
     events : function
         Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
     """
@@ -95,6 +97,7 @@ class RawLog:
     notes: tuple[str, ...] = ()
     by_name: bool = True
     time: tuple[str, str] | None = None
+    attitude_from_gyros: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:

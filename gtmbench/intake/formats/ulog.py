@@ -122,6 +122,7 @@ def read_ulog(path: Path) -> RawLog:
         clocks=clocks,
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
+        attitude_from_gyros=True,
         events=functools.partial(ulog_events, topics, clocks),
     )
 

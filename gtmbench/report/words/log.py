@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.faults.additive import Bias
@@ -28,6 +29,7 @@ from gtmbench.report.watched import (
     stretches,
 )
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
+from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
@@ -196,7 +198,8 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
         return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
-    return [title, *origin, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
+    told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, BankMonitor) else []
+    return [title, *origin, *told, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
 
 
 def _explained_lines(explained: Sequence[Explained]) -> list[str]:

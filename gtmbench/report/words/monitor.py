@@ -8,6 +8,7 @@ from typing import Any
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
+from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
@@ -55,6 +56,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
         known |= {
             "bank": monitor.bank.name,
             "title": monitor.bank.title,
+            "told_apart": isolability(monitor.bank).table(),
             "residuals": {output: _residual(monitor, output) for output in monitor.operators},
         }
     return known

@@ -17,6 +17,7 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
@@ -31,6 +32,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
+from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
@@ -195,7 +197,7 @@ def watch_log(
     path : str or Path
         As `open_log` takes it.
     detector : Detector, Monitor, Bank, or what names one
-        As `find_detector` takes it.
+        As `find_detector` takes it; ``auto`` is the bank that the channels of the log, and of the healthy ones, allow.
     healthy : sequence of (start, end), str or Path
         For a detector: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
         first 40 % of this log, 300 s at most.
@@ -228,6 +230,10 @@ def watch_log(
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
     watcher = prepared(detector)
+    unwatched: tuple[str, ...] = ()
+    if isinstance(watcher, AutoDetector):
+        logs = [Path(given) for given in (path, *healthy) if isinstance(given, (str, Path))]
+        watcher, unwatched = bank_for_logs(logs, mapping)
     if is_ready(watcher):
         return _by_monitor(path, watcher, healthy, mapping, rate_hz, progress)
     assert is_recipe(watcher)
@@ -236,10 +242,10 @@ def watch_log(
     same_rate_hz = 1.0 / log.sample_period_s
     paths = [_other(given, log) for given in healthy if isinstance(given, (str, Path))]
     spans = healthy_spans(log, [given for given in healthy if not isinstance(given, (str, Path))])
-    reasons = []
+    reasons = list(unwatched)
     if not healthy:
         spans = (first_part(log),)
-        reasons = [f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said"]
+        reasons.append(f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said")
     others = [open_for(other, watcher, mapping=mapping, rate_hz=same_rate_hz) for other in paths]
     healthy_of = [(other, other.segments) for other in others] + ([(log, within(log, spans))] if spans else [])
     stretches, too_short = healthy_stretches(healthy_of, watcher.channels)
