@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.bank_detector import BankWatch
+from gtmbench.detectors.monitor.excursions import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import FloatArray, Record, Span
@@ -113,6 +115,7 @@ class State(StrEnum):
     ARMING = "before the test is armed"
     DISARMED = "after an alarm that left nothing to watch"
     LOST = "without a residual (samples missing, look-ahead)"
+    OUTSIDE = "outside of what was identified"
     LEFT_OUT = "left out"
     GAP = "gap"
 
@@ -123,6 +126,7 @@ TINTS = {
     State.ARMING: "#dadada",
     State.DISARMED: "#f4c28a",
     State.LOST: "#b5b5b5",
+    State.OUTSIDE: "#e8b7d4",
     State.LEFT_OUT: "#8c8c8c",
     State.GAP: "#ffffff",
 }
@@ -189,4 +193,8 @@ def _of_watch(watch: Watch) -> NDArray[np.int8]:
     states[armed] = _STATES.index(State.WATCHED)
     if watch.scores and set(watch.disarmed) == set(watch.scores):
         states[last + 1 :] = _STATES.index(State.DISARMED)
+    for excursion in watch.outside if isinstance(watch, BankWatch) else ():
+        if not excursion.is_judged:
+            rows = rows_of(excursion, watch.record)
+            states[rows.start : rows.stop] = _STATES.index(State.OUTSIDE)
     return states

@@ -33,10 +33,10 @@ class Case:
     ----------
     record : Record
         From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
-    source : str
-        Whose residual alarmed.
     others : frozenset of str
         Residuals with an alarm of their own that began at another time.
+    together : frozenset of str
+        Those whose alarm began when this one did, its own among them.
     onset, sure : int
         Rows of it: where the fault may have begun as far as the test tells, and from where on it is surely there.
     start : int
@@ -52,7 +52,6 @@ class Case:
     monitor: CalibratedBank
     record: Record
     residuals: BankResiduals = field(repr=False)
-    source: str
     start: int
     onset: int
     sure: int
@@ -60,6 +59,7 @@ class Case:
     habits: Mapping[str, Habit]
     referees: Mapping[str, Referee] = field(default_factory=dict)
     others: frozenset[str] = frozenset()
+    together: frozenset[str] = frozenset()
 
     def with_record(self, record: Record) -> Case:
         """Return the case had another record been read."""

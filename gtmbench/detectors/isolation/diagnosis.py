@@ -52,7 +52,11 @@ _EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
 _LASTING_S = 4.0  # of the case, until a sensor is named whose readings don't show it
 _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
-_MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay")  # attitude filters and mounts err like this
+_ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
+# what attitude filters, mounts and vibration do
+_MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
+_ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
+_SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
 EARLY = "it is too early to tell"
 DOUBT = "motion or model"
 
@@ -107,9 +111,8 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
     best, order = explained[0], _rivals(explained)
-    if best.kind == "scale_factor" and best.channel in ANGLES:  # what an attitude hardly does, and its gyro may
-        order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
-    if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < _LASTING_S:
+    least_s = _ESTIMATED_S if best.channel in ANGLES else _LASTING_S
+    if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
     sensor = best.channel if set(order) == {best.channel} else None
     others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
@@ -128,11 +131,11 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
 
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
-    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED):
+    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
         return False
     worst = max(case.sickness.values())
     sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
-    sick = (sick - case.others) | {case.source}
+    sick = (sick - case.others) | case.together
     if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
     if fit.kind == "noise":
@@ -148,13 +151,18 @@ def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
 
 
 def _is_steady(case: Case, channel: str) -> bool:
-    """Tell whether a sensor's residual is stronger than it was, all through the case: noise that came to stay."""
+    """Tell whether a sensor's residual alone is stronger than it was, all through the case: noise that came to stay."""
     if channel not in case.residuals.raw:
         return False
-    squares = np.square(np.clip(case.white[channel][case.judged], -MOST, MOST))
-    quarters = [float(np.nanmean(part)) for part in np.array_split(squares, 4) if np.isfinite(part).any()]
-    whole = float(np.nanmean(squares)) if quarters else 0.0
-    return len(quarters) > 2 and whole > case.monitor.tolerances[channel].high and min(quarters) > _EVEN * whole
+    squares = {
+        output: np.square(np.clip(case.white[output][case.judged], -MOST, MOST)) for output in case.residuals.raw
+    }
+    power = {output: float(np.nanmean(of)) if np.isfinite(of).any() else 0.0 for output, of in squares.items()}
+    parts = np.array_split(squares[channel], 4)
+    quarters = [float(np.nanmean(part)) for part in parts if np.isfinite(part).any()]
+    shared = max((of for output, of in power.items() if output not in (channel, *case.others)), default=0.0)
+    rose = power[channel] > case.monitor.tolerances[channel].high and shared < 1.0 + _SHARED * (power[channel] - 1.0)
+    return rose and len(quarters) > 2 and min(quarters) > _EVEN * power[channel]
 
 
 def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:

@@ -50,7 +50,7 @@ from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import Referee, referees_of
-from gtmbench.detectors.monitor.excursions import Excursions
+from gtmbench.detectors.monitor.excursions import Excursion, Excursions
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
@@ -161,6 +161,7 @@ class OpenFault:
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
     held: FittedHypothesis | None = None  # the last that was decisive
+    settling: Excursion | None = None  # just before
 
 
 class AlarmLogic:
@@ -213,6 +214,7 @@ class AlarmLogic:
         self.due = NEVER  # when a judgement is
         self.row = 0  # the next
         self._open: list[OpenFault] = []
+        self._raised: list[OpenFault] = []  # lately
         self._diagnosed: list[int] = []  # rows
         self._told: dict[int, Alarm] = {}
 
@@ -288,6 +290,9 @@ class AlarmLogic:
             habits={},
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
+            settling=self._excursions.just_before(time_s, self._memory.time_s(crossing.onset_row))
+            if self._excursions
+            else None,
         )
         if fault.is_diagnosed:
             self._diagnosed.append(row)
@@ -298,12 +303,15 @@ class AlarmLogic:
         leader = self._leader(fault)
         if leader is None:
             signature = by_signature(self._monitor, self._trusted(fault), output, time_s)
+            if fault.settling is not None:
+                signature = replace(signature, sensor=None, doubt=fault.settling.reason)
             self._tell(fault, judgements=(signature,))
             fault.habits = self._habits(start)
             fault.referees = referees_of(self._bank, record, before.predicted)
         else:
             self._tell(fault, fault=leader.alarm.number)
         self._open.append(fault)
+        self._raised = [*self._raised[-_MOST:], fault]
         for each in self.arming:
             if each.source == output:
                 each.disarm(row + 1, row)
@@ -423,6 +431,9 @@ class AlarmLogic:
         fault.ruled_out |= hopeless(case, ranking, suspects)
         first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
+        settling = fault.settling
+        if settling is not None and judged.candidates and case.end_s < settling.end_s + settling.settles_s:
+            judged = replace(judged, sensor=None, partner=None, doubt=settling.reason)
         fault.is_judged = True
         self._tell(fault, judgements=(*fault.alarm.judgements, judged))
         if judged.sensor is not None and judged.kind_margin > DECISIVE:
@@ -448,25 +459,19 @@ class AlarmLogic:
             monitor=self._monitor,
             record=record,
             residuals=residuals,
-            source=fault.crossing.output,
             start=start - first,
             onset=max(fault.crossing.onset_row, start) - first,
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
             habits=fault.habits,
             referees=fault.referees,
-            others=self._apart(fault),
+            others=frozenset(each.crossing.output for each in self._open if not self._are_together(each, fault)),
+            together=frozenset(each.crossing.output for each in self._raised if self._are_together(each, fault)),
         )
 
-    def _apart(self, fault: OpenFault) -> frozenset[str]:
-        """Return the residuals whose own alarm is another matter, for it began at another time."""
-        rows = self._rows_of(_APART_S)
-        return frozenset(
-            each.crossing.output
-            for each in self._open
-            if each.crossing.output != fault.crossing.output
-            and abs(each.crossing.onset_row - fault.crossing.onset_row) > rows
-        )
+    def _are_together(self, one: OpenFault, other: OpenFault) -> bool:
+        """Tell whether two alarms began at about the same time."""
+        return abs(one.crossing.onset_row - other.crossing.onset_row) <= self._rows_of(_APART_S)
 
     def _has_calmed(self, case: Case) -> bool:
         """Tell whether nothing is wrong any more: what raised a doubtful alarm has gone, so watching goes on."""

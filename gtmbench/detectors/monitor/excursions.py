@@ -19,6 +19,8 @@ from gtmbench.detectors.monitor.scores import ResidualScore, residual_scores
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
+_SOON_S = 10.0  # after an excursion: what begins then may come of it
+
 
 @dataclass(frozen=True, kw_only=True)
 class Excursion:
@@ -29,11 +31,18 @@ class Excursion:
     start_s, end_s : float
     reason : str
         What it is: ``touchdown``, ``reset``, ``motion beyond what was identified``.
+    settles_s : float
+        How long after it an alarm that began with it may be its own: estimators take their time.
+    is_judged : bool
+        Whether residuals are judged all the same: it is told, and nothing need come of it. Only an alarm that begins
+        there can't be told.
     """
 
     start_s: float
     end_s: float
     reason: str
+    settles_s: float = 10.0
+    is_judged: bool = False
 
 
 def rows_of(excursion: Excursion, record: Record) -> range:
@@ -50,7 +59,8 @@ def rows_of(excursion: Excursion, record: Record) -> range:
 def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursion]) -> list[tuple[str, range]]:
     """Return which rows of which residual stand on samples of an excursion."""
     reach = {output: round(monitor.history_of(output) / record.sample_period_s) for output in monitor.operators}
-    spans = [rows for excursion in excursions if (rows := rows_of(excursion, record))]
+    silent = [rows_of(excursion, record) for excursion in excursions if not excursion.is_judged]
+    spans = [rows for rows in silent if rows]
     return [
         (output, range(max(rows.start - reach[output], 0), min(rows.stop + reach[output], len(record))))
         for output in reach
@@ -86,9 +96,22 @@ class Excursions:
         residuals: BankResiduals,
         excursions: Sequence[Excursion],
     ) -> None:
-        scores = residual_scores(monitor, record, residuals) if excursions else {}
-        told = [alarm for excursion in excursions for alarm in _first(monitor, record, scores, excursion)]
-        self._alarms = sorted(told, key=lambda each: each[0])
+        silent = [excursion for excursion in excursions if not excursion.is_judged]
+        scores = residual_scores(monitor, record, residuals) if silent else {}
+        pairs = [(excursion, alarm) for excursion in silent for alarm in _first(monitor, record, scores, excursion)]
+        self._alarms = sorted((alarm for _, alarm in pairs), key=lambda each: each[0])
+        self._shaken = [(excursion, excursion.end_s + _SOON_S) for excursion, _ in pairs]
+        self._shaken += [(excursion, excursion.end_s) for excursion in excursions if excursion.is_judged]
+
+    def just_before(self, time_s: float, since_s: float) -> Excursion | None:
+        """Return the excursion that an alarm, which tells of something since another time, may be the settling after.
+
+        Only one in which a score would have risen; or where it is judged all the same.
+        """
+        for excursion, until_s in self._shaken:
+            if excursion.start_s <= time_s and since_s < until_s:
+                return excursion
+        return None
 
     @property
     def due(self) -> int:

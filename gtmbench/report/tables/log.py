@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.plain import plain
@@ -49,11 +50,18 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
         "left_out_of_identification": [asdict(each) for each in watched.left_out],
+        "excursions": [_excursion(each) for each in watched.excursions],
         "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
     return dict(plain(table))
+
+
+def _excursion(excursion: Excursion) -> Mapping[str, Any]:
+    """Return a stretch in which nothing can be told, or, where residuals are judged all the same, no alarm can."""
+    told = asdict(excursion)
+    return told | {"settles_s": told["settles_s"] if np.isfinite(told["settles_s"]) else None}
 
 
 def _certificate(certificate: Certificate) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from gtmbench.channels import unit_of
-from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
+from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
@@ -181,6 +181,8 @@ def source_text(alarm: Alarm, watch: Watch) -> str:
     if alarm.test == MISSING:
         return f"missing samples of {alarm.source}"
     source = f"residual of {alarm.source}" if alarm.source in watch.residuals else alarm.source
+    if alarm.test == OUTSIDE:
+        return f"{source}, which isn't judged there"
     return f"{source}, {alarm.test}" if alarm.test else source
 
 
@@ -238,12 +240,13 @@ def alarm_events(alarm: Alarm, watch: Watch, what: str) -> list[Event]:
     events: list[Event] = [(alarm.time_s, "ERROR", f"{what}: {source}" if source else what)]
     before = None
     for judged in alarm.judgements:
-        now = judged.sensor, judged.candidates, judged.kind, judged.partner, judged.reason
+        now = judged.sensor, judged.candidates, judged.kind, judged.partner, judged.reason, judged.doubt
         if now != before:
             events.append((judged.time_s, "INFO", judgement_text(judged)))
         before = now
     if alarm.last is not None and events[-1][0] < alarm.last.time_s:
         events.append((alarm.last.time_s, "INFO", f"last word: {alarm_text(alarm)}"))
     if alarm.ended_s is not None and alarm.end_known_s is not None:
-        events.append((alarm.end_known_s, "INFO", f"the fault has gone, since {alarm.ended_s:.2f} s"))
+        what = "it is calm again" if alarm.doubt else "the fault has gone"
+        events.append((alarm.end_known_s, "INFO", f"{what}, since {alarm.ended_s:.2f} s"))
     return events

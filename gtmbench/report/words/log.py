@@ -65,11 +65,24 @@ def outcome_text(watched: WatchedLog) -> str:
     why it can't be told.
     """
     if watched.outcome is Outcome.UNKNOWN:
-        return f"could not tell: {'; '.join(watched.reasons) or 'no stretch is long enough to be watched'}"
+        why = [*_doubts(watched), *watched.reasons] or ["no stretch is long enough to be watched"]
+        return f"could not tell: {'; '.join(why)}"
     faults = faults_of(watched).values()
     passed = passed_alarms(watched)
     alarms = f" ({counted(passed, 'alarm')} that nothing explains)" if passed else ""
     return "; ".join(map(_fault_text, faults)) or f"no fault found{alarms}; {certificate_text(watched.certificate)}"
+
+
+def _doubts(watched: WatchedLog) -> list[str]:
+    """Say which alarms may be no fault's, a line a doubt."""
+    doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
+    lines = []
+    for doubt in dict.fromkeys(alarm.doubt for alarm in doubtful):
+        same = [alarm for alarm in doubtful if alarm.doubt == doubt]
+        told = ", ".join(f"of {alarm.source} at {alarm.time_s:.2f} s" for alarm in same[:_MOST_SPANS])
+        more = f" and {len(same) - _MOST_SPANS} more" if len(same) > _MOST_SPANS else ""
+        lines.append(f"{doubt} (alarm {told}{more})")
+    return lines
 
 
 def _fault_text(same: Sequence[Alarm]) -> str:
@@ -254,7 +267,7 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
     elif alarm.last is not None and alarm.last.time_s > alarm.time_s:
         known.append(f"as known at {alarm.last.time_s:.2f} s")
     if alarm.ended_s is not None:
-        known.append(f"gone since {alarm.ended_s:.2f} s")
+        known.append(f"{'calm' if alarm.doubt else 'gone'} since {alarm.ended_s:.2f} s")
     elif alarm.candidates:
         known.append("not seen to end")
     if disarmed := disarmed_by(alarm, watch):
@@ -267,8 +280,20 @@ def _unwatched_lines(watched: WatchedLog) -> list[str]:
     lines, parts = [], stretches(watched)
     for state in State:
         own = [(stretch.start_s, stretch.end_s) for stretch in parts if stretch.state is state]
-        if own and state is not State.WATCHED:
+        if own and state not in (State.WATCHED, State.OUTSIDE):
             lines.append(f"not watched, {state}: {_spans(own)}")
+    return [*lines, *_excursion_lines(watched)]
+
+
+def _excursion_lines(watched: WatchedLog) -> list[str]:
+    """Say where motion, or what the log tells of, lets nothing be told, a line a reason."""
+    silent = [excursion for excursion in watched.excursions if not excursion.is_judged]
+    total_s = sum(len(watch.record) * watch.record.sample_period_s for watch in watched.watches)
+    lines = []
+    for reason in dict.fromkeys(excursion.reason for excursion in silent):
+        own = [(excursion.start_s, excursion.end_s) for excursion in silent if excursion.reason == reason]
+        share = 100.0 * sum(end_s - start_s for start_s, end_s in own) / max(total_s, 1e-9)
+        lines.append(f"not judged, {reason}: {_spans(own)} ({share:.2g} % of what was left to watch)")
     return lines
 
 
@@ -276,6 +301,8 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
     if watched.outcome is Outcome.UNKNOWN:
         silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
+        if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
+            return [f"nothing else{_alarms_text(watched)}"]
         return [silence if watched.armed_hours else "no false-alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]

@@ -9,13 +9,14 @@ crash and a tumble look like faults.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.intake.events import Event, EventKind
 from gtmbench.record import BoolArray, FloatArray, Record
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
 
@@ -25,6 +26,16 @@ _BEFORE_S, _AFTER_S = 0.3, 1.0  # of such a row, that count with it
 _KEYS = ("rate_deg_s", "acceleration_deg_s2", "force_g")
 
 MOTION, IMPACT = "motion beyond what was identified", "impact or touchdown"
+TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
+_TELLING = (FAILURE, TOUCHDOWN, IMPACT, RESET, MOTION)  # the more telling first
+_LASTING = (FAILURE, TOUCHDOWN, IMPACT)  # afterwards nothing may be as it was
+_SETTLES_S = 10.0
+# what is about an event, from so long before to so long after; a touchdown is told when it is sure
+_ABOUT = {
+    EventKind.RESET: (RESET, 0.5, 2.5),
+    EventKind.TOUCHDOWN: (TOUCHDOWN, 3.0, 2.5),
+    EventKind.FAILURE: (FAILURE, 2.5, 2.5),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,22 +70,55 @@ class Regime:
                 limits[key] = float(np.quantile(values, _COVERED))
         return cls(limits=limits)
 
-    def excursions(self, record: Record) -> tuple[Excursion, ...]:
-        """Return the stretches of a record that are beyond it, in time."""
+    def excursions(self, record: Record, events: Iterable[Event] = ()) -> tuple[Excursion, ...]:
+        """Return the stretches of a record that are beyond it, and those about what the log tells of, in time."""
         sizes = _sizes(record)
         beyond = {key: sizes[key] > _BEYOND * limit for key, limit in self.limits.items() if key in sizes}
         turning = np.logical_or.reduce([beyond.get(key, np.zeros(len(record), dtype=bool)) for key in _KEYS[:2]])
         force = beyond.get("force_g", np.zeros(len(record), dtype=bool))
-        return _stretches(record, turning, force)
+        told = [excursion for event in events if (excursion := _told(event, record)) is not None]
+        return _joined([*_stretches(record, turning, force), *told])
 
 
-def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> tuple[Excursion, ...]:
+def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> list[Excursion]:
     found = []
     for first, stop in _runs(_widened(turning | force, record.sample_period_s)):
-        reason = IMPACT if force[first:stop].any() else MOTION
-        times = record.time_s[[first, stop - 1]].tolist()
-        found.append(Excursion(start_s=times[0], end_s=times[1], reason=reason))
-    return tuple(found)
+        start_s, end_s = record.time_s[[first, stop - 1]].tolist()
+        found.append(_excursion(start_s, end_s, IMPACT if force[first:stop].any() else MOTION))
+    return found
+
+
+def _told(event: Event, record: Record) -> Excursion | None:
+    """Return the stretch about an event; None where it lies beside the record, or changes nothing."""
+    if event.kind not in _ABOUT:
+        return None
+    reason, before_s, after_s = _ABOUT[event.kind]
+    start_s, end_s = max(event.time_s - before_s, record.start_s), min(event.time_s + after_s, record.end_s)
+    if start_s >= end_s:
+        return None
+    return replace(_excursion(start_s, end_s, reason), is_judged=event.kind is not EventKind.RESET)
+
+
+def _excursion(start_s: float, end_s: float, reason: str) -> Excursion:
+    settles_s = np.inf if reason in _LASTING else _SETTLES_S
+    return Excursion(start_s=start_s, end_s=end_s, reason=reason, settles_s=settles_s)
+
+
+def _joined(excursions: Iterable[Excursion]) -> tuple[Excursion, ...]:
+    """Return excursions in time; of those that meet one takes the reason of the more telling, those alike are one."""
+    joined: list[Excursion] = []
+    for each in sorted(excursions, key=lambda each: (each.is_judged, each.start_s)):
+        last = next((other for other in joined if each.start_s <= other.end_s and other.start_s <= each.end_s), None)
+        if last is None:
+            joined.append(each)
+            continue
+        reason = min((last.reason, each.reason), key=_TELLING.index)
+        end_s = last.end_s if each.is_judged > last.is_judged else max(last.end_s, each.end_s)
+        widened = replace(_excursion(last.start_s, end_s, reason), is_judged=last.is_judged)
+        joined[joined.index(last)] = widened
+        if each.is_judged > last.is_judged:
+            joined.append(each)
+    return tuple(sorted(joined, key=lambda each: each.start_s))
 
 
 def _widened(beyond: BoolArray, period_s: float) -> BoolArray:

@@ -383,7 +383,7 @@ def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
     if not isinstance(monitor, BankMonitor):
         return ()
     regime = Regime.told(monitor.provenance)
-    return tuple(excursion for record in left.motion for excursion in regime.excursions(record))
+    return tuple(excursion for record in left.motion for excursion in regime.excursions(record, left.log.events))
 
 
 def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], mapping: Sequence[str]) -> Part:
