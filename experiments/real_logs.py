@@ -56,7 +56,8 @@ has its folders). Synthetic logs are those of `docs/mechanisms.md`; the number i
   passed). *times*, in the table by kinds: faults of the certificate's own size, too, which it promises to be found in
   90 % of what was watched.
 - *misread*: in how many wrong ways the flight is read. How many end as *refused* (3) or with *exit 0*; causes named
-  that are *right*, and other ones.
+  that are *right*, and other ones. Of synthetic logs whose attitude is late or held a cause is right, and they aren't
+  misread further.
 """
 
 

@@ -73,11 +73,15 @@ def _drawn(watches: Sequence[BankWatch], within_s: float, share: float) -> tuple
 
 
 def _onsets_s(watch: BankWatch, left_s: float) -> np.ndarray:
-    """Return when an alarm was possible, none came for some time without a fault, and that time was left."""
+    """Return when an alarm was possible, none came for some time without a fault, and that time was left.
+
+    And up to where a sensor is accused though none failed: that can't be named right any more.
+    """
     time_s = watch.record.time_s
     own_s = _own_s(watch)
     quiet = own_s[np.searchsorted(own_s, time_s)] > time_s + left_s
-    return time_s[watch.armed & quiet & (time_s <= watch.record.end_s - left_s)]
+    accused_s = min((alarm.time_s for alarm in watch.faults if _is_left(alarm) and not alarm.doubt), default=np.inf)
+    return time_s[watch.armed & quiet & (time_s <= watch.record.end_s - left_s) & (time_s < accused_s)]
 
 
 def _own_s(watch: BankWatch) -> np.ndarray:
@@ -95,6 +99,7 @@ def _tried(watch: BankWatch, onset_s: float, row: Smallest, times: int, *, is_tu
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
     alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]
+    of = {alarm.fault for alarm in alarms}
     return Tried(
         sensor=row.sensor,
         kind=row.kind,
@@ -102,13 +107,13 @@ def _tried(watch: BankWatch, onset_s: float, row: Smallest, times: int, *, is_tu
         size=size,
         onset_s=onset_s,
         found=any(alarm.time_s <= onset_s + row.within_s for alarm in alarms),
-        said=_said([alarm for alarm in alarms if alarm.is_first], row.sensor),
+        said=_said([alarm for alarm in again.alarms if alarm.number in of], row.sensor),
     )
 
 
 def _said(alarms: Sequence[Alarm], sensor: str) -> str:
-    """Sum up what some alarms say of a sensor that failed."""
-    left = [alarm for alarm in alarms if not alarm.has_passed]
+    """Sum up what some alarms say in the end of a sensor that failed."""
+    left = list(filter(_is_left, alarms))
     names = {name for alarm in left for name in _accused(alarm)}
     open_between = [alarm.candidates for alarm in left if alarm.sensor is None and not alarm.doubt]
     if names - {sensor} or any(sensor not in candidates for candidates in open_between):
@@ -118,6 +123,11 @@ def _said(alarms: Sequence[Alarm], sensor: str) -> str:
     if open_between:
         return EITHER_OR
     return CANT_TELL if left else NOTHING
+
+
+def _is_left(alarm: Alarm) -> bool:
+    """Tell whether something is left to explain."""
+    return not alarm.has_passed
 
 
 def _accused(alarm: Alarm) -> set[str]:

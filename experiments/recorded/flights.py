@@ -18,6 +18,7 @@ from gtmbench.testing.mutations import Mutation
 BANK = "C"
 GYROS = ("p", "q", "r")
 CHANNELS = (*GYROS, "phi", "theta", "psi")
+WITH_CAUSE = ("held samples", "hardly fresh", "late attitude")  # mechanisms that a self-check should name
 FASTEST_HZ = 100.0
 AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual
 SHORTEST_S, PIECE_S = 14.0, 5.5  # of a flight, of a stretch without gaps
@@ -31,6 +32,7 @@ class LogFile:
 
     path: Path
     name: str
+    has_cause = False
 
     def parts(self) -> Parts:
         """Return the stretches in which it flies: 3 % of the rows that move lie before, 3 % behind.
@@ -68,6 +70,11 @@ class SyntheticLog:
     def name(self) -> str:
         """What its row is called."""
         return f"{self.mechanism} {self.seed}"
+
+    @property
+    def has_cause(self) -> bool:
+        """Whether its attitude is late or held, so that a self-check may say so."""
+        return self.mechanism in WITH_CAUSE
 
     def parts(self) -> Parts:
         """Return all of it."""

@@ -80,7 +80,7 @@ def studied(task: Task) -> Rows:
         "duration_s": sum(part.end_s - part.start_s for part in parts),
     }
     whose = {"group": task.group, "log": task.log.name}
-    readings = [{**whose, **misread(parts, name)} for name in task.size.readings]
+    readings = [{**whose, **misread(parts, name)} for name in task.size.readings if not task.log.has_cause]
     return Rows([{**whose, **flight}], [{**whose, **asdict(each)} for each in faults], readings)
 
 
@@ -96,7 +96,7 @@ def as_it_is(task: Task, parts: Parts) -> tuple[Row, list[Tried]]:
         "verdict": verdict(said),
         "explained": "/".join(f"{100.0 * share:.0f}" for share in shares),
         "is_explained": min(shares, default=0.0) >= ENOUGH,
-        "is_cause_claimed": bool(said.check.causes),
+        "is_cause_claimed": bool(said.check.causes) and not task.log.has_cause,
         "uncertified": sum(row.size is None for row in said.certificate.rows),
         **times_s(said),
     }
