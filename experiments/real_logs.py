@@ -13,6 +13,7 @@ code 1 where a target is missed (never with --quick).
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -48,7 +49,8 @@ has its folders). Synthetic logs are those of `docs/mechanisms.md`; the number i
   to the stretch's end where they don't end. *outside*: the former alone.
 - *all of the log*: the log itself with its events, from before takeoff until after landing, identified on the same
   half. All other columns are of flights that are written as tables, which hold accelerometers where the log has them,
-  and no events; so are synthetic logs.
+  and no events; so are synthetic logs. What a low-pass takes about a pause of some channels is left out of these
+  tables, which would tell it as a dropout; of a log that is there twice, the second.
 - *faults*: bias, drift, scale factor, deadzone and noise of each gyro, {TIMES} times the certificate's size, from
   times drawn from equal shares of what was watched. *found*: an alarm within the certificate's time. By the end of the
   stretch (or the next alarm that comes without a fault) it is *{NAMED}*, *{EITHER_OR}* with the right one among them,
@@ -199,17 +201,17 @@ def figures_of(study: Study) -> dict[str, float]:
 
 
 def tasks(folders: Sequence[Path], size: Size, *, synthetic: bool) -> list[Task]:
-    """Return every file of some folders, each a group, and synthetic logs."""
+    """Return every file of some folders, each a group, and synthetic logs; of files that are alike, the first."""
     wrong = [f"{folder} is no folder" for folder in folders if not folder.is_dir()]
     if wrong or not (folders or synthetic):
         raise InputError(f"{', '.join(wrong) or 'nothing is given'}; give folders of logs, --synthetic, or both")
-    found = [
-        Task(LogFile(path, str(path.relative_to(folder))), folder.resolve().name, size)
-        for folder in folders
-        for path in sorted(path for path in folder.rglob("*") if path.is_file())
-    ]
+    once: dict[bytes, Task] = {}
+    for folder in folders:
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            task = Task(LogFile(path, str(path.relative_to(folder))), folder.resolve().name, size)
+            once.setdefault(hashlib.sha256(path.read_bytes()).digest(), task)
     made = [Task(SyntheticLog(name, seed), SYNTHETIC, size) for name in MECHANISMS for seed in range(size.seeds)]
-    return found + (made if synthetic else [])
+    return [*once.values(), *(made if synthetic else [])]
 
 
 def conduct(campaign: Campaign) -> Findings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +37,8 @@ class LogFile:
     def parts(self) -> Parts:
         """Return the stretches in which it flies: 3 % of the rows that move lie before, 3 % behind.
 
-        None where it hardly does. Raises InputError where it can't be opened, or lacks a channel.
+        What a low-pass takes about a pause of some channels is left out: a table would tell it as a dropout. None where
+        it hardly flies. Raises InputError where it can't be opened, or lacks a channel.
         """
         log = gb.open_log(self.path, needs=CHANNELS, witnesses=ACCELEROMETERS)
         if log.sample_period_s < 0.99 / FASTEST_HZ:
@@ -50,7 +51,8 @@ class LogFile:
         if len(moving_s) < 50:
             return []
         first_s, last_s = np.quantile(moving_s, [0.03, 0.97])
-        spans = [(record, max(record.start_s, first_s), min(record.end_s, last_s)) for record in log.segments]
+        known = [piece for record in log.segments for piece in _known(record)]
+        spans = [(record, max(record.start_s, first_s), min(record.end_s, last_s)) for record in known]
         parts = [record.between(start_s, end_s) for record, start_s, end_s in spans if end_s - start_s > PIECE_S]
         return parts if sum(part.end_s - part.start_s for part in parts) > SHORTEST_S else []
 
@@ -86,6 +88,14 @@ class SyntheticLog:
 
 
 Log = LogFile | SyntheticLog
+
+
+def _known(record: gb.Record) -> Iterator[gb.Record]:
+    """Yield the stretches of a record in which no channel lacks a sample."""
+    known = np.isfinite(record.matrix(CHANNELS)).all(axis=1)
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, stop in edges.reshape(-1, 2):
+        yield record.between(record.time_s[first], record.time_s[stop - 1])
 
 
 def half_s(parts: Parts) -> float:

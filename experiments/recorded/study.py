@@ -117,7 +117,7 @@ def verdict(said: WatchedLog) -> str:
     left = [alarm for alarm in said.alarms if not alarm.has_passed]
     accused = [alarm for alarm in left if not alarm.doubt]
     if accused:
-        return "; ".join(dict.fromkeys(f"{alarm.verdict} ({alarm.time_s:.1f} s)" for alarm in accused))
+        return shortened("; ".join(dict.fromkeys(f"{alarm.verdict} ({alarm.time_s:.1f} s)" for alarm in accused)))
     if said.outcome is Outcome.HEALTHY:
         return "no fault found"
     if said.check.causes:
