@@ -28,6 +28,8 @@ import pandas as pd
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
+from gtmbench.bench.excitation import Excitation
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.faults.distortions import lagged
 from gtmbench.processes import spread
 from gtmbench.progress import progress_bar
@@ -37,19 +39,20 @@ from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import false_alarms
 
 SENSORS = {  # bias, vibration and noise (RMS) and quantum in deg/s, deg or g
-    # JSBSim's property              lag (s)  gain    bias  vibration  noise  quantum
-    "p": ("velocities/p-rad_sec",     0.02,  1.010,  0.150,  0.060,   0.060,  0.0200),
-    "q": ("velocities/q-rad_sec",     0.02,  0.990, -0.100,  0.040,   0.040,  0.0200),
-    "r": ("velocities/r-rad_sec",     0.02,  1.008,  0.080,  0.030,   0.030,  0.0200),
-    "beta": ("aero/beta-rad",         0.06,  1.120, -0.600,  0.000,   0.060,  0.0200),
-    "phi": ("attitude/phi-rad",       0.04,  1.000,  0.300,  0.000,   0.010,  0.0200),
-    "theta": ("attitude/theta-rad",   0.04,  1.000,  0.200,  0.000,   0.010,  0.0200),
-    "psi": ("attitude/psi-rad",       0.04,  1.000,  1.000,  0.000,   0.020,  0.0200),
-    "ny": ("accelerations/Ny",        0.02,  1.000, -0.004,  0.002,   0.002,  0.0005),
+    #       lag (s)  gain    bias  vibration  noise  quantum
+    "p":     (0.02,  1.010,  0.150,  0.060,   0.060,  0.0200),
+    "q":     (0.02,  0.990, -0.100,  0.040,   0.040,  0.0200),
+    "r":     (0.02,  1.008,  0.080,  0.030,   0.030,  0.0200),
+    "beta":  (0.06,  1.120, -0.600,  0.000,   0.060,  0.0200),
+    "phi":   (0.04,  1.000,  0.300,  0.000,   0.010,  0.0200),
+    "theta": (0.04,  1.000,  0.200,  0.000,   0.010,  0.0200),
+    "psi":   (0.04,  1.000,  1.000,  0.000,   0.020,  0.0200),
+    "ny":    (0.02,  1.000, -0.004,  0.002,   0.002,  0.0005),
 }  # fmt: skip
 VIBRATION_HZ = (4.0, 8.0)
-SAMPLE_S, STEPS = 0.04, 8  # JSBSim takes so many steps a sample
+SAMPLE_S, STEPS = 0.04, 4  # flights take so many steps a sample
 DURATION_S, ONSET_S = 30.0, 15.0
+ALTITUDE_FT, TAS_KT = 15_000.0, 345.0
 TIME_S = np.arange(round(DURATION_S / SAMPLE_S) * STEPS + 1) * SAMPLE_S / STEPS
 DRIFT = 0.3  # deg/s²
 
@@ -72,7 +75,6 @@ BROKEN = ("rudder 3-2-1-1", "aileron 3-2-1-1", "all three", "elevator doublet") 
 
 FIRST, LATER = ("737", "A320"), ("B747", "global5000")
 WEATHERS = ("calm", "turbulent")
-GUSTS = 12.0  # Milspec: wind at 20 ft above ground, ft/s
 LATERAL = ("aileron bang-bang", "rudder doublet")
 IDENTIFIED = {  # banks; two are operators from these channels to r
     "C": [("all three",), ("elevator 3-2-1-1",), LATERAL[:1], LATERAL[1:], ("elevator 3-2-1-1", *LATERAL)],
@@ -88,11 +90,10 @@ Row = dict[str, object]
 @cache
 def sensed(aircraft: str, weather: str, manoeuvre: str, seed: int) -> gb.Record:
     """Fly a manoeuvre and read it with imperfect sensors; the seed is that of turbulence and noise."""
-    truth, channels = fly(aircraft, weather, manoeuvre, seed), []
-    for number, (name, (_, lag_s, gain, bias, vibration, noise, quantum)) in enumerate(SENSORS.items()):
+    truth, channels = flown(aircraft, weather, manoeuvre, seed), []
+    for number, (name, (lag_s, gain, bias, vibration, noise, quantum)) in enumerate(SENSORS.items()):
         random = np.random.default_rng([seed, number])
-        values = truth[:, number] if name == "ny" else np.rad2deg(np.unwrap(truth[:, number]))
-        read = gain * lagged(values, lag_s, SAMPLE_S / STEPS)[0][::STEPS] + bias
+        read = gain * lagged(truth[name], lag_s, SAMPLE_S / STEPS)[0][::STEPS] + bias
         read += vibration * shaken(random, len(read)) + noise * random.standard_normal(len(read))
         channels.append(np.rint(read / quantum) * quantum)
     return gb.Record(np.column_stack(channels), channels=list(SENSORS), sample_period_s=SAMPLE_S)
@@ -105,35 +106,16 @@ def shaken(random: np.random.Generator, samples: int) -> np.ndarray:
     return values / np.std(values)
 
 
-def fly(aircraft: str, weather: str, manoeuvre: str, seed: int) -> np.ndarray:
-    """Return the sensors' properties at every step, from trim at 15,000 ft and 280 kt on."""
-    os.environ.setdefault("JSBSIM_DEBUG", "0")  # it would print what it loads
-    fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
-    fdm.set_dt(SAMPLE_S / STEPS)
-    fdm.load_model(aircraft)
-    fdm.disable_output()  # some of these aircraft write CSV
-    for name, value in {"h-sl-ft": 15_000, "vc-kts": 280, "gamma-deg": 0, "psi-true-deg": 40}.items():
-        fdm[f"ic/{name}"] = value
-    fdm.run_ic()
-    fdm["propulsion/set-running"] = -1
-    fdm.do_trim(1)
-    if weather == "turbulent":
-        fdm["simulation/randomseed"] = seed
-        fdm["atmosphere/turb-type"] = 3
-        fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = GUSTS
-        fdm["atmosphere/turbulence/milspec/severity"] = 3
-    moved = {f"fcs/{name}-cmd-norm": added for name, added in commands(manoeuvre).items()}
-    trim, rows = {name: fdm[name] for name in moved}, []
-    for step in range(len(TIME_S)):
-        for name, added in moved.items():
-            fdm[name] = trim[name] + added[step]
-        fdm.run()
-        rows.append([fdm[reads] for reads, *_ in SENSORS.values()])
-    return np.array(rows)
+def flown(aircraft: str, weather: str, manoeuvre: str, seed: int) -> gb.Record:
+    """Fly a manoeuvre from trim."""
+    limits = load_aircraft(aircraft).limits
+    surfaces = {name: limits[name][1] * share for name, share in commands(manoeuvre).items()}
+    moved = Excitation(surfaces=surfaces, turbulence=weather == "turbulent")
+    return gb.fly(aircraft, moved, DURATION_S, seed, altitude_ft=ALTITUDE_FT, tas_kt=TAS_KT)
 
 
 def commands(manoeuvre: str) -> dict[str, np.ndarray]:
-    """Return what a manoeuvre adds to the trimmed controls, step by step."""
+    """Return what a manoeuvre adds to the trimmed controls, as shares of full deflection, step by step."""
     added = {name: np.zeros(len(TIME_S)) for name in ("elevator", "aileron", "rudder")}
     for control, pulses, begin_s, unit_s, share in MANOEUVRES[manoeuvre]:
         edges_s = begin_s + unit_s * np.cumsum([0, *map(abs, PULSES[pulses])])
@@ -236,11 +218,6 @@ def judged(monitor: gb.Monitor, healthy: gb.Record, fault: gb.Fault) -> Row:
     }
 
 
-def quiet() -> None:
-    """Keep what JSBSim's parser says of an aircraft off the terminal: workers print nothing themselves."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
 # ---- the report ----
 
 
@@ -259,8 +236,8 @@ def report(rows: pd.DataFrame, *, quick: bool) -> str:
     return f"""# Half a minute of flight of another aircraft, at {1.0 / SAMPLE_S:g} Hz
 
 {said}Written by `python experiments/short_records.py`, with JSBSim {jsbsim.__version__} and its own airliners.
-A record is {DURATION_S:g} s long and holds one manoeuvre, calm or in turbulence (Milspec, {GUSTS:g} ft/s), as
-imperfect sensors read it (the script's table says how imperfect). A bank is identified on one manoeuvre, or on
+A record is {DURATION_S:g} s long and holds one manoeuvre, calm or in moderate turbulence (Milspec), as imperfect
+sensors read it (the script's table says how imperfect). A bank is identified on one manoeuvre, or on
 three, and watches the others. Faults begin after {ONSET_S:g} s: jam, drift of {DRIFT:g} deg/s², deadzone of the
 record's RMS (0.5 deg/s or more), saturation at half of it (0.3 deg/s or more).
 
@@ -354,7 +331,7 @@ def main() -> int:
     began, todo = time.monotonic(), example() if given.quick else cases()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come
     with progress_bar() as tell:
-        done = spread(rows_of, todo, processes=jobs, step="short records", progress=tell, begin=quiet)
+        done = spread(rows_of, todo, processes=jobs, step="short records", progress=tell)
     text = report(pd.DataFrame([row for rows in done for row in rows]), quick=given.quick)
     print(text)
     if given.out:

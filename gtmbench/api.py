@@ -2,12 +2,16 @@
 
 from typing import Any
 
+from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.bench.equilibrium import Trim
+from gtmbench.bench.excitation import Excitation
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
@@ -71,6 +75,7 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Aircraft",
     "Alarm",
     "AlarmStream",
     "Alarms",
@@ -93,6 +98,7 @@ __all__ = [
     "EnvelopeError",
     "Event",
     "EventKind",
+    "Excitation",
     "ExcitationCount",
     "Fault",
     "FlightLog",
@@ -170,6 +176,7 @@ __all__ = [
     "inject",
     "inject_log",
     "innovations",
+    "load_aircraft",
     "load_bank",
     "load_monitor",
     "load_scenario",

@@ -8,8 +8,9 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 import gtmbench as gb
-from gtmbench.bench.aircraft import engine, load_aircraft
-from gtmbench.bench.trim import set_condition, trimmed_engine
+from gtmbench.bench.engine import engine, set_condition
+from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.shipped import share
 
 CRAFT = load_aircraft("gtm")
@@ -191,8 +192,8 @@ def test_servos_stand_where_commanded_after_run_ic_and_lag_in_flight():
 
 
 def test_unknown_aircraft_is_refused_with_the_known_ones():
-    with pytest.raises(gb.InputError, match=r"no aircraft 'f16'; there are gtm"):
-        gb.trim("f16")
+    with pytest.raises(gb.InputError, match=r"no aircraft 'f17'; there are gtm and JSBSim's own"):
+        gb.trim("f17")
 
 
 @pytest.fixture

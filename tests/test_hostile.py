@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench import logs
-from gtmbench.bench.aircraft import load_aircraft
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.check.baseline import read_reference
 from gtmbench.shipped import share
 from tests.hostile import Tried, altered, damaged, refused, unchanged

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from gtmbench.bench import flight as flight_module
-from gtmbench.bench.aircraft import engine, load_aircraft
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
+from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import ACCELERATIONS, TOLERANCE, set_condition, trimmed_engine
 
 KERNELS = ["Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX"]
 NEEDS = {"Sandybridge": "avx", "Haswell": "fma", "Zen": "fma", "SkylakeX": "avx512f"}
@@ -81,7 +82,7 @@ def test_a_flight_depends_on_its_trim_without_jumps(monkeypatch):
     reference = fly(excitation="turbulence", duration_s=20.0, seed=4)
     for change in (1e-13, 1e-11, 1e-9):
 
-        def nudged(craft, change=change):
+        def nudged(craft, change=change, **_):
             _, trim = trimmed_engine(craft)
             at = {"altitude": trim.altitude_ft, "tas": craft.tas_kt, "psi": trim.yaw_deg, "beta": 0.0}
             at |= {"alpha": trim.alpha_deg + change, "phi": trim.roll_deg, "theta": trim.pitch_deg, **trim.commands}

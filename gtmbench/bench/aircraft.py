@@ -1,40 +1,54 @@
-"""Aircraft: where they stand, what is known of them, and a JSBSim engine with one loaded."""
+"""An aircraft: its model's folder, and what is known of it beyond the model, as `aircraft.toml` says it."""
 
 from __future__ import annotations
 
-import ctypes
-import io
-import os
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, redirect_stdout
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+import re
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
-import jsbsim
-
-from gtmbench.channels import CHANNELS, COMMANDS
-from gtmbench.checks import number, one_line, shown, text
-from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import check_size, is_file, read_toml
+from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
+from gtmbench.checks import keys, number, shown, text
+from gtmbench.errors import InputError
 from gtmbench.record import Span
-from gtmbench.shipped import share, shipped_aircraft
 
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
-_ADAMS_BASHFORTH_2 = 3
-_LARGEST_MODEL_BYTES = 20_000_000
-_DEEPEST = 100  # elements in elements: JSBSim's reader calls itself
-_REACH_OUT = ("input", "output")  # JSBSim would write files anywhere, listen on ports and connect to hosts
+_MOST_TIMES = 1e3
+_STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
+_PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """How a command reaches the model: the property that is set, and what 1 of it is in the channel's unit."""
+
+    property: str
+    unit: float = 1.0
+
+
+def _in_own_units() -> dict[str, Command]:
+    return {name: Command(property=CHANNELS[name].jsbsim) for name in COMMANDS}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aircraft:
-    """One aircraft: its folder (with ``NAME/NAME.xml`` and ``NAME/aircraft.toml``) and the facts of the latter.
+    """One aircraft: its model's folder (with ``NAME/NAME.xml``) and the facts of its ``aircraft.toml``.
 
-    ``limits`` bound the commands and ``envelope`` the flight, by channel, in the channel's unit.
+    Attributes
+    ----------
+    altitude_ft, tas_kt, psi_deg, latitude_deg, guess
+        Where it is trimmed, and where the search begins.
+    limits, envelope : dict
+        What commands and flights are bounded by, by channel, in the channel's unit.
+    commands : dict
+        By channel, how each reaches the model.
+    excitation : dict
+        By surface, how many times what an excitation moves on the GTM it moves here.
+    properties : dict
+        What is set when the model has been loaded.
+    without_io : bool
+        Whether the model's input and output sections are left out; else a model that has some is refused.
     """
 
     name: str
@@ -47,6 +61,15 @@ class Aircraft:
     guess: dict[str, float]
     limits: dict[str, Span]
     envelope: dict[str, Span]
+    commands: dict[str, Command] = field(default_factory=_in_own_units)
+    excitation: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SURFACES, 1.0))
+    properties: dict[str, float] = field(default_factory=dict)
+    without_io: bool = False
+
+    @property
+    def model(self) -> Path:
+        """The model's file."""
+        return self.folder / f"{self.name}.xml"
 
     @property
     def searched(self) -> dict[str, Span]:
@@ -54,27 +77,14 @@ class Aircraft:
         return {"alpha": self.envelope["alpha"], "phi": (-60.0, 60.0), **{name: self.limits[name] for name in COMMANDS}}
 
 
-def load_aircraft(name: str | Path) -> Aircraft:
-    """Return an aircraft by name (one of the package's) or by the path of its folder.
+def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
+    """Return the aircraft of a model's folder and the tables of an ``aircraft.toml``.
 
     Raises
     ------
     InputError
-        Where there is no such aircraft or its ``aircraft.toml`` is incomplete.
+        Naming what is missing, or can't be meant.
     """
-    shipped = shipped_aircraft()
-    folder = share() / "aircraft" / name if str(name) in shipped else Path(os.path.realpath(name))
-    path = folder / "aircraft.toml"
-    if not is_file(path):
-        raise InputError(f"no aircraft {shown(str(name))}; there are {', '.join(shipped)}, or give a folder's path")
-    facts = read_toml(path, "aircraft")
-    try:
-        return _aircraft(folder, facts)
-    except InputError as error:
-        raise InputError(f"{path}: {error}; see the GTM's for every key") from error
-
-
-def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
     trim, limits, envelope = (_table(facts, key) for key in ("trim", "limits", "envelope"))
     guess = _table(trim, "guess")
     for table, wanted, given in (
@@ -87,6 +97,9 @@ def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
             raise InputError(f"[{table}] lacks {', '.join(missing)}")
     if unknown := envelope.keys() - CHANNELS.keys():
         raise InputError(f"[envelope] names no channel: {', '.join(sorted(unknown))}")
+    commands = keys(_table(facts, "commands", {}), COMMANDS, section="commands")
+    excitation = keys(_table(facts, "excitation", {}), SURFACES, section="excitation")
+    properties = _table(facts, "properties", {})
     aircraft = Aircraft(
         name=text("the folder's name", folder.name),
         title=text("title", facts.get("title")),
@@ -98,6 +111,13 @@ def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
         guess={key: number(f"trim.guess.{key}", guess[key]) for key in UNKNOWNS},
         limits={key: _span(f"limits.{key}", limits[key]) for key in COMMANDS},
         envelope={key: _span(f"envelope.{key}", value) for key, value in envelope.items()},
+        commands=_in_own_units() | {key: _command(f"commands.{key}", commands, key) for key in commands},
+        excitation=dict.fromkeys(SURFACES, 1.0)
+        | {key: number(f"excitation.{key}", value, 0.0, _MOST_TIMES) for key, value in excitation.items()},
+        properties={
+            _property("properties", key): number(f"properties.{key}", value) for key, value in properties.items()
+        },
+        without_io=_flag("without_io", facts.get("without_io", False)),
     )
     for key, (low, high) in aircraft.searched.items():
         if not low <= aircraft.guess[key] <= high:
@@ -105,10 +125,48 @@ def _aircraft(folder: Path, facts: dict[str, Any]) -> Aircraft:
     return aircraft
 
 
-def _table(facts: dict[str, Any], key: str) -> dict[str, Any]:
-    if not isinstance(facts.get(key), dict):
-        raise InputError(f"{key} is {shown(facts.get(key))}; it must be a table")
-    return dict(facts[key])
+def facts_of(aircraft: Aircraft) -> dict[str, Any]:
+    """Return an aircraft's facts as the tables of an ``aircraft.toml``, the inverse of `aircraft_of`."""
+    return {
+        "title": aircraft.title,
+        "without_io": aircraft.without_io,
+        "trim": {
+            **{key: getattr(aircraft, key) for key in ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg")},
+            "guess": dict(aircraft.guess),
+        },
+        "limits": {name: list(span) for name, span in aircraft.limits.items()},
+        "envelope": {name: list(span) for name, span in aircraft.envelope.items()},
+        "commands": {name: asdict(command) for name, command in aircraft.commands.items()},
+        "excitation": dict(aircraft.excitation),
+        "properties": dict(aircraft.properties),
+    }
+
+
+def _table(facts: dict[str, Any], key: str, otherwise: dict[str, Any] | None = None) -> dict[str, Any]:
+    value = facts.get(key, otherwise)
+    if not isinstance(value, dict):
+        raise InputError(f"{key} is {shown(value)}; it must be a table")
+    return dict(value)
+
+
+def _command(name: str, commands: dict[str, Any], key: str) -> Command:
+    given = keys(_table(commands, key), ("property", "unit"), section=name)
+    unit = number(f"{name}.unit", given.get("unit", 1.0), -1e6, 1e6)
+    if abs(unit) < 1e-6:
+        raise InputError(f"{name}.unit is {unit:g}; it must be what 1 of the property is in {CHANNELS[key].unit}")
+    return Command(property=_property(f"{name}.property", given.get("property")), unit=unit)
+
+
+def _property(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not _PROPERTY.fullmatch(value):
+        raise InputError(f"{name} is {shown(value)}; it must be the name of a property, such as fcs/flap-cmd-norm")
+    return value
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{name} is {shown(value)}; it must be true or false")
+    return value
 
 
 def _span(name: str, value: Any) -> Span:
@@ -118,112 +176,3 @@ def _span(name: str, value: Any) -> Span:
     if not low < high:
         raise InputError(f"{name} is {shown(value)}; the first must be less than the second")
     return low, high
-
-
-@contextmanager
-def silenced() -> Iterator[io.StringIO]:
-    """Give what JSBSim prints, which is kept off stdout; not in threads, for stdout is everybody's."""
-    printed = io.StringIO()
-    with redirect_stdout(printed) if threading.current_thread() is threading.main_thread() else nullcontext():
-        yield printed
-
-
-@contextmanager
-def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
-    """Turn what JSBSim throws into an error of ours.
-
-    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
-    """
-    try:
-        yield
-    except RuntimeError as error:  # JSBSim's own errors are among these
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
-        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
-
-
-def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
-    """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
-
-    Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
-
-    Raises
-    ------
-    GtmbenchError
-        Where JSBSim can't load the model.
-    """
-    model = aircraft.folder / f"{aircraft.name}.xml"
-    check_model(model)
-    # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
-    # ends, without Python's lock, and takes the process with it.
-    os.environ.setdefault("JSBSIM_DEBUG", "0")
-    fdm = jsbsim.FGFDMExec(str(aircraft.folder.parent.parent))
-    fdm.set_output_path(str(aircraft.folder))
-    fdm.set_aircraft_path(str(aircraft.folder.parent))
-    for integrator in ("rate", "position"):
-        # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
-        fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
-    fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
-    with simulating(fdm, aircraft), silenced() as printed:
-        loaded = fdm.load_model(aircraft.name)
-    if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
-    fdm.disable_output()
-    properties = fdm.get_property_manager()
-    for channel in CHANNELS.values():
-        if properties.get_node(channel.jsbsim) is None:
-            raise GtmbenchError(f"{model} has no property '{channel.jsbsim}', which channel '{channel.name}' needs")
-    return fdm
-
-
-def check_model(path: Path) -> None:
-    """Refuse a model, and what it includes from its folder, that isn't whole or reaches outside.
-
-    Raises
-    ------
-    InputError
-        Naming the file and what is wrong with it.
-    """
-    if not is_file(path):
-        raise InputError(f"{path}: no such file; an aircraft's folder NAME holds its model, NAME.xml")
-    for name in _checked(path):
-        if {"/", ".."}.intersection(PurePosixPath(name.replace("\\", "/")).parts):
-            raise InputError(f"{path} includes '{name}'; a model's parts stand in its own folder")
-        part = path.parent / name
-        part = part if part.suffix == ".xml" else Path(f"{part}.xml")
-        if part.exists():
-            if not is_file(part):
-                raise InputError(f"{path} includes {part}, which isn't a file")
-            _checked(part)
-
-
-def _checked(path: Path) -> list[str]:
-    """Return the names of the files that a file includes."""
-    open_elements: list[str] = []
-    included: list[str] = []
-
-    def begin(name: str, attributes: dict[str, str]) -> None:
-        if len(open_elements) == 1 and name in _REACH_OUT:
-            raise InputError(f"{path} has an <{name}> section, which would reach outside (files, ports); take it out")
-        open_elements.append(name)
-        if len(open_elements) > _DEEPEST:
-            raise InputError(f"{path} has elements in elements, more than {_DEEPEST} deep; no model needs that")
-        if "file" in attributes:
-            included.append(attributes["file"])
-
-    def end(_: str) -> None:
-        open_elements.pop()
-
-    def declares(*_: Any) -> None:
-        raise InputError(f"{path} declares a document type; a model needs no entities, take it out")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    parser.StartDoctypeDeclHandler = declares
-    check_size(path, "model", _LARGEST_MODEL_BYTES)
-    try:
-        parser.Parse(path.read_bytes(), True)
-    except InputError:
-        raise
-    except (expat.ExpatError, LookupError, ValueError) as error:  # the last two: an encoding that nobody knows
-        raise InputError(f"{path} isn't whole XML: {error}") from error
-    return included

@@ -6,7 +6,7 @@ An excitation adds to the trimmed commands. Its name is one of `EXCITATIONS`, or
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,11 @@ class Excitation:
 
     surfaces: dict[str, FloatArray] = field(default_factory=dict)
     turbulence: bool = False
+
+    def scaled(self, factors: Mapping[str, float]) -> Excitation:
+        """Return it with every surface moved so many times as much; the air stays as it is."""
+        moved = {surface: values * factors[surface] for surface, values in self.surfaces.items()}
+        return Excitation(surfaces=moved, turbulence=self.turbulence)
 
 
 def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:

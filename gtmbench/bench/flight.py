@@ -11,8 +11,10 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench import excitation as excitations
-from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, load_aircraft, simulating
-from gtmbench.bench.trim import Trim, trimmed_engine
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.engine import simulating, writers
+from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import number, whole
 from gtmbench.errors import EnvelopeError
@@ -26,11 +28,19 @@ _TURBULENCE = {
     "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
     "atmosphere/turbulence/milspec/severity": 3,
 }
+_LOOKED_STEPS = 100  # how often a flight looks whether it is within its envelope
+_SUMMED = ("psi", "north", "east")  # made of what is read when all has been flown
 _BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
 
 
 def fly(
-    aircraft: str | Path = "gtm", excitation: str = "dissertation", duration_s: float = 500.0, seed: int = 1
+    aircraft: str | Path | Aircraft = "gtm",
+    excitation: str | excitations.Excitation = "dissertation",
+    duration_s: float = 500.0,
+    seed: int = 1,
+    *,
+    altitude_ft: float | None = None,
+    tas_kt: float | None = None,
 ) -> Record:
     """Trim, fly and record: every channel of the table, noise-free, at 100 Hz.
 
@@ -38,15 +48,18 @@ def fly(
 
     Parameters
     ----------
-    aircraft : str or Path
-        A name that ``gtmbench list`` shows, or the path of an aircraft's folder.
-    excitation : str
-        A name that ``gtmbench list`` shows, or a sum such as ``multisine+turbulence``.
+    aircraft : str, Path or Aircraft
+        A name that ``gtmbench list --all`` shows, or the path of an aircraft's folder.
+    excitation : str or Excitation
+        A name that ``gtmbench list`` shows, or a sum such as ``multisine+turbulence``, which is scaled to the aircraft;
+        an `Excitation` is flown as it is.
     duration_s : float
         Seconds; the record has 100 samples a second and one more.
     seed : int
         Of multisine phases and turbulence. The same arguments give the same bits, in any process; on a CPU without
         fused multiply-add, where sines end in other bits, the same flight to 1e-9.
+    altitude_ft, tas_kt : float, optional
+        Another condition than the aircraft's own.
 
     Raises
     ------
@@ -68,16 +81,24 @@ def fly(
     craft = load_aircraft(aircraft)
     steps = round(duration_s / SAMPLE_PERIOD_S)
     time_s = np.round(np.arange(steps + 1) * SAMPLE_PERIOD_S, 9)
-    moved = excitations.excitation(excitation, time_s, seed)
-    fdm, trimmed = trimmed_engine(craft)
+    moved = _moved(craft, excitation, time_s, seed)
+    fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     commands = _commands(craft, trimmed, moved, len(time_s))
     if moved.turbulence:
         _set_turbulence(fdm, craft.psi_deg, seed)
     with simulating(fdm, craft):
-        read = _fly(fdm, commands)
-    record = _record(read, commands, trimmed)
-    _check_envelope(record, craft, excitation)
+        read = _fly(fdm, craft, commands)
+    record = _record(read, commands[: len(read)], trimmed)
+    _check_envelope(record, craft, f"excitation '{excitation}'" if isinstance(excitation, str) else "the excitation")
     return record
+
+
+def _moved(
+    aircraft: Aircraft, excitation: str | excitations.Excitation, time_s: FloatArray, seed: int
+) -> excitations.Excitation:
+    if not isinstance(excitation, str):
+        return excitation
+    return excitations.excitation(excitation, time_s, seed).scaled(aircraft.excitation)
 
 
 def _commands(aircraft: Aircraft, trimmed: Trim, moved: excitations.Excitation, samples: int) -> FloatArray:
@@ -105,8 +126,11 @@ def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> Non
         fdm[name] = value
 
 
-def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
-    """Step through the commands; return the properties of the channels before each step and after the last."""
+def _fly(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, commands: FloatArray) -> FloatArray:
+    """Step through the commands; return the properties of the channels before each step and after the last.
+
+    A flight that leaves the envelope ends within a second of that.
+    """
     properties = fdm.get_property_manager()
 
     def node(name: str) -> jsbsim.FGPropertyNode:
@@ -114,20 +138,24 @@ def _fly(fdm: jsbsim.FGFDMExec, commands: FloatArray) -> FloatArray:
         assert known is not None  # the engine has checked every channel's
         return known
 
-    read = [node(c.jsbsim).get_double_value for c in CHANNELS.values() if c.role is not Role.COMMAND]
-    to_elevator, to_aileron, to_rudder, to_throttle = (
-        node(CHANNELS[name].jsbsim).set_double_value for name in COMMANDS
-    )
+    flown = [channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND]
+    read = [node(channel.jsbsim).get_double_value for channel in flown]
+    columns, factors, write = zip(*writers(fdm, aircraft), strict=True)
+    bounds = [
+        (node(channel.jsbsim).get_double_value, channel.scale, *aircraft.envelope[channel.name])
+        for channel in flown
+        if channel.name in aircraft.envelope and channel.name not in _SUMMED
+    ]
     run = fdm.run
     samples = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
     keep = samples.extend
-    for elevator, aileron, rudder, throttle in commands[:-1].tolist():
+    for step, values in enumerate((commands[:-1, columns] * factors).tolist(), start=1):
         keep(map(call, read))
-        to_elevator(elevator)
-        to_aileron(aileron)
-        to_rudder(rudder)
-        to_throttle(throttle)
+        for to_property, value in zip(write, values, strict=True):
+            to_property(value)
         run()
+        if step % _LOOKED_STEPS == 0 and not all(low <= now() * scale <= high for now, scale, low, high in bounds):
+            break
     keep(map(call, read))
     return np.array(samples).reshape(-1, len(read))
 
@@ -149,7 +177,7 @@ def _record(read: FloatArray, commands: FloatArray, trimmed: Trim) -> Record:
     return Record(np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S)
 
 
-def _check_envelope(record: Record, aircraft: Aircraft, name: str) -> None:
+def _check_envelope(record: Record, aircraft: Aircraft, what: str) -> None:
     outside = []
     for channel, (low, high) in aircraft.envelope.items():
         values = record[channel]
@@ -160,7 +188,7 @@ def _check_envelope(record: Record, aircraft: Aircraft, name: str) -> None:
         first, channel, value, low, high = min(outside)
         unit = CHANNELS[channel].unit
         raise EnvelopeError(
-            f"excitation '{name}' throws '{aircraft.name}' out of its envelope: {channel} is {value:.4g} {unit} at "
+            f"{what} throws '{aircraft.name}' out of its envelope: {channel} is {value:.4g} {unit} at "
             f"t = {record.time_s[first]:g} s, the model holds from {low:g} to {high:g} {unit}; "
             "fly shorter, or choose a gentler excitation"
         )

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.bench.aircraft import load_aircraft
-from gtmbench.bench.trim import set_condition, trimmed_engine
+from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.engine import set_condition
+from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.channels import CHANNELS
 from gtmbench.record import FloatArray
 
@@ -39,7 +41,9 @@ class Mode:
     time_constant_s: float
 
 
-def modes(aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None) -> list[Mode]:
+def modes(
+    aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> list[Mode]:
     """Return the modes of an aircraft about its trim, fastest first.
 
     The eigenvalues of the state matrix of u, v, w, p, q, r, phi and theta, by central differences of the nonlinear
@@ -83,7 +87,7 @@ def _mode(name: str, value: complex) -> Mode:
 
 
 def state_matrix(
-    aircraft: str | Path = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
+    aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[FloatArray, float]:
     """Return d(x')/dx at trim, shape (8, 8), in the order of `STATES`, and the airspeed; ft/s, rad/s and rad."""
     craft = load_aircraft(aircraft)

@@ -53,6 +53,7 @@ _DEFAULT = CalibrationFlights()
 @click.option("--flights", type=int, help=f"How many are flown, without logs.  [default: {_DEFAULT.flights}]")
 @click.option("--duration", type=float, help=f"Seconds each.  [default: {_DEFAULT.duration_s:g}]")
 @click.option("--excitation", help=f"A name of `gtmbench list`, or a sum.  [default: {_DEFAULT.excitation}]")
+@click.option("--aircraft", help=f"A name of `gtmbench list --all`, or a folder.  [default: {_DEFAULT.aircraft}]")
 @click.option(
     "--tolerate",
     metavar="TEXT",
@@ -70,6 +71,7 @@ def calibrate_command(
     flights: int | None,
     duration: float | None,
     excitation: str | None,
+    aircraft: str | None,
     tolerate: str | None,
     seed: int,
     force: bool,
@@ -78,8 +80,8 @@ def calibrate_command(
 ) -> None:
     """Calibrate a detector on healthy records (a bank: identify, and set thresholds), and write a monitor.
 
-    Logs as `gtmbench monitor` reads them; without any: GTM flights with the T2's sensor noise. The file holds numbers
-    and names only, and another process or machine that loads it judges bit for bit alike.
+    Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
+    The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
     """
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
@@ -87,7 +89,7 @@ def calibrate_command(
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else _DEFAULT.imperfections
-    of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation}
+    of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation, "aircraft": aircraft}
     given = {key: value for key, value in of_flights.items() if value is not None}
     usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
     if logs and given:

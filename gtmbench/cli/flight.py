@@ -7,13 +7,15 @@ from pathlib import Path
 
 import click
 
-from gtmbench.bench.aircraft import load_aircraft
+from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import EXCITATIONS
+from gtmbench.bench.fleet import jsbsim_facts, jsbsim_titles, load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS
+from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import detector_names
@@ -27,21 +29,22 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_scenarios
 from gtmbench.study.scenario import load_scenario
 
-_aircraft_option = click.option(
-    "--aircraft", default="gtm", show_default=True, help="A name of `gtmbench list`, or an aircraft's folder."
-)
-
 
 @click.command("trim")
-@_aircraft_option
-@click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]")
-@click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]")
+@aircraft_options
 @click.option("--modes", "with_modes", is_flag=True, help="Also the linear modes: natural frequency and damping.")
 @common_options
 def trim_command(
-    aircraft: str, altitude: float | None, tas: float | None, with_modes: bool, as_json: bool, quiet: bool
+    name: str,
+    altitude: float | None,
+    tas: float | None,
+    without_io: bool,
+    with_modes: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
+    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
     if as_json:
@@ -81,7 +84,7 @@ def _print_modes(linear: list[Mode]) -> None:
 
 @click.command("fly")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
-@_aircraft_option
+@aircraft_options
 @click.option("--excitation", default="dissertation", show_default=True, help="A name of `gtmbench list`, or a sum.")
 @click.option("--duration", default=500.0, show_default=True, help="Seconds.")
 @click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")
@@ -91,7 +94,10 @@ def _print_modes(linear: list[Mode]) -> None:
 @common_options
 def fly_command(
     out: Path,
-    aircraft: str,
+    name: str,
+    altitude: float | None,
+    tas: float | None,
+    without_io: bool,
     excitation: str,
     duration: float,
     seed: int,
@@ -106,7 +112,8 @@ def fly_command(
     check_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
-    record = fly(aircraft, excitation, duration, seed)
+    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    record = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
     if noise is not None:
         record = measure(record, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
     write_log(record, out)
@@ -124,11 +131,13 @@ def _ratio(text: str) -> float:
 
 
 @click.command("list")
+@click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
 @common_options
-def list_command(as_json: bool, quiet: bool) -> None:
+def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     """List aircraft, channels, excitations, faults, scenarios, detectors, banks and pseudo inputs."""
     sections = {
-        "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()},
+        "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()}
+        | (jsbsim_titles() if with_all else {}),
         "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
         "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
         "faults": {name: _first_line(of) for name, of in loaded_faults().items()}
@@ -145,6 +154,8 @@ def list_command(as_json: bool, quiet: bool) -> None:
             echo(title, bold=True)
             for name, meaning in entries.items():
                 echo(f"  {name:<16} {meaning}")
+            if title == "aircraft" and not with_all:
+                echo(f"  and {len(jsbsim_facts())} that come with JSBSim (--all), or a folder of yours")
 
 
 def _first_line(of: object) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
@@ -214,18 +215,33 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
 
 
 @click.command("new")
-@click.argument("name", metavar="NAME.toml", type=click.Path(path_type=Path))
+@click.argument("name", metavar="[NAME.toml]", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--aircraft",
+    help="Instead of a scenario: what is known of an aircraft, a name of `gtmbench list --all` or a folder. It is "
+    "written as aircraft.toml into the folder NAME, or the aircraft's own.",
+)
+@click.option("--without-io", is_flag=True, help="With --aircraft: leave out its model's input and output sections.")
 @common_options
-def new_command(name: Path, as_json: bool, quiet: bool) -> None:
-    """Write a commented scenario to edit, every key at its default."""
-    if name.suffix != ".toml":
+def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_json: bool, quiet: bool) -> None:
+    """Write a commented scenario to edit, every key at its default; or an aircraft's facts."""
+    if aircraft is not None:
+        target, text = aircraft_file(aircraft, name, without_io=without_io)
+        target.parent.mkdir(exist_ok=True)
+        how = f"gtmbench trim --aircraft {target.parent}"
+    elif name is None:
+        raise InputError("give the scenario's name, NAME.toml, or --aircraft")
+    elif name.suffix != ".toml":
         raise InputError(f"'{name}' should end in .toml")
-    if name.exists():
-        raise InputError(f"{name} exists; give another name")
-    check_file(name, force=False)
-    with atomic_write(name) as aside:
-        aside.write_text((files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    else:
+        text = (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8")
+        target, how = name, f"gtmbench run {name}"
+    if target.exists():
+        raise InputError(f"{target} exists; give another name")
+    check_file(target, force=False)
+    with atomic_write(target) as aside:
+        aside.write_text(text, encoding="utf-8")
     if as_json:
-        print_json({"scenario": str(name)})
+        print_json({"aircraft" if aircraft is not None else "scenario": str(target)})
     elif not quiet:
-        echo(f"{name}: edit it, then: gtmbench run {name}")
+        echo(f"{target}: edit it, then: {how}")

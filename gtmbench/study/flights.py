@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
+from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim, trim
+from gtmbench.bench.trim import trim
 from gtmbench.channels import COMMANDS, SENSORS, unit_of
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from gtmbench.bench.aircraft import load_aircraft
 from gtmbench.bench.excitation import parts_of
+from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import LONGEST_S
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from typing import cast
 
-from gtmbench.bench.trim import Trim
+from gtmbench.bench.equilibrium import Trim
 from gtmbench.channels import unit_of
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from gtmbench.bench import flight
-from gtmbench.bench.aircraft import load_aircraft
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.excitation import excitation
-from gtmbench.bench.trim import trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
 
 from .timing import seconds
 
@@ -25,7 +25,7 @@ def measure(rounds: int) -> dict:
     for _ in range(rounds):
         fdm, trimmed = trimmed_engine(craft)
         commands = flight._commands(craft, trimmed, moved, STEPS + 1)
-        ours = seconds(lambda fdm=fdm, commands=commands: flight._fly(fdm, commands))
+        ours = seconds(lambda fdm=fdm, commands=commands: flight._fly(fdm, craft, commands))
         fdm, _ = trimmed_engine(craft)
         ratios.append(ours / seconds(lambda run=fdm.run: _bare(run)))
     return {"ratio": statistics.median(ratios)}

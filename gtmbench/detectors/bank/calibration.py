@@ -40,7 +40,6 @@ _FOLDS = 5  # stretches of one or two records; of more, each record is one
 _MOST_FOLDS = 10
 _NOISE_DEVIATIONS = 4.0  # of a window's mean square: chance
 _NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
-_MARGIN = 2.0  # on thresholds of energies: mostly the model's error, which other motion may well double
 _BASELINES = 5.0  # in the shortest record
 _SHORTEST_S = 5.0
 _LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
@@ -92,10 +91,7 @@ def calibrate_bank(
         operators={output: each.operator for output, each in learnt.items()},
         whiteners={output: each.whitener for output, each in learnt.items()},
         tolerances=tolerances,
-        thresholds={
-            output: {label: plan.margin * threshold for label, threshold in own.items()}
-            for output, own in thresholds.items()
-        },
+        thresholds=thresholds,
         uncertainties={output: each.uncertainty for output, each in learnt.items() if each.uncertainty is not None},
         sample_period_s=period_s,
         provenance={
@@ -243,9 +239,8 @@ class Plan:
         Which operators judge which rows; those of `learn` itself are the monitor's own.
     order : int
         Of the whitening filters.
-    deviations, power, margin : float
-        What isn't held against a healthy residual: so many deviations of a window's mean square; so much of it; and a
-        factor on thresholds.
+    deviations, power : float
+        What isn't held against a healthy residual: so many deviations of a window's mean square, and so much of it.
     """
 
     bank: Bank
@@ -255,7 +250,6 @@ class Plan:
     order: int
     deviations: float = 0.0
     power: float = 1.0
-    margin: float = 1.0
 
 
 def _divided(records: Sequence[Record], bank: Bank) -> Plan:
@@ -301,7 +295,6 @@ def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
         order=min(round(bank.whitening_s / period_s), samples // _A_COEFFICIENT),
         deviations=_NOISE_DEVIATIONS,
         power=_NOISE_POWER,
-        margin=_MARGIN if bank.statistic.name == "energy" else 1.0,
     )
 
 

@@ -35,6 +35,7 @@ from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
+from gtmbench.method.estimators.bayesian import reproduces
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY = 0.97  # of what is wrong
@@ -56,6 +57,7 @@ _ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't sh
 # what attitude filters, mounts and vibration do
 _MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
 _ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
+_TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
 EARLY = "it is too early to tell"
 DOUBT = "motion or model"
@@ -110,7 +112,8 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         likeliest = ranking[0].channel if ranking else told.candidates[0]
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
-    best, order = explained[0], _rivals(explained)
+    untestable = _untestable(case)
+    best, order = explained[0], tuple(dict.fromkeys([*_rivals(explained), *untestable]))
     least_s = _ESTIMATED_S if best.channel in ANGLES else _LASTING_S
     if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
@@ -125,13 +128,15 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         errors=best.errors(),
         kind_margin=max(min(others, default=float("inf")) - best.bic, 0.0),
         partner=best.partner,
-        reason="" if sensor else _reason(best, order, (), ()),
+        reason="" if sensor else _reason(best, order, untestable, ()),
     )
 
 
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
     if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
+        return False
+    if fit.kind in _TIED and not _is_kinematic(case, fit.channel):
         return False
     worst = max(case.sickness.values())
     sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
@@ -141,6 +146,14 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     if fit.kind == "noise":
         return _is_steady(case, fit.channel)
     return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
+
+
+def _is_kinematic(case: Case, channel: str) -> bool:
+    """Tell whether kinematics say what a sensor of an axis should read."""
+    specs = case.monitor.bank.diagnostic
+    return any(
+        spec.output in axis_of(channel) and any(reproduces(name, spec.output) for name in spec.inputs) for spec in specs
+    )
 
 
 def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:

@@ -83,7 +83,8 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
 
 def _left_by_shapes(fitter: Fitter) -> float:
     """Return about the least that a suspect leaves without noise; of one that holds or clips shapes don't tell."""
-    return -np.inf if fitter.is_straight else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
+    is_traced = fitter.is_straight or fitter.is_at_limit
+    return -np.inf if is_traced else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
 
 
 def _leaves_more(fitter: Fitter, most: float) -> bool:

@@ -26,6 +26,7 @@ _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
 _MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
+_AGAIN, _PILED = 10, 0.05  # rows, and of those judged, at the readings' ends
 WORTH = 10.0  # of -2 log likelihood, that a search is worth
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
@@ -225,6 +226,14 @@ class Fitter:
         """Whether it is dead straight more often than it was."""
         suspect = self.suspect
         return is_straighter(suspect.measured[suspect.judged], suspect.case.habits.get(suspect.channel))
+
+    @cached_property
+    def is_at_limit(self) -> bool:
+        """Whether its greatest and smallest readings come again and again: coarse ones may never run straighter."""
+        judged = self.suspect.measured[self.suspect.judged]
+        there = judged[np.isfinite(judged)]
+        extreme = int(np.count_nonzero((there == there.max()) | (there == there.min()))) if len(there) else 0
+        return extreme >= max(_AGAIN, _PILED * len(there))
 
     @cached_property
     def straight_step(self) -> float:

@@ -134,15 +134,19 @@ def _held(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _clipping(fitter: Fitter) -> Iterator[Fit]:
-    if not fitter.is_straight:  # what clips or holds readings leaves traces in them
+    if not fitter.is_straight and not fitter.is_at_limit:  # what clips or holds readings leaves traces in them
         return
     virtual = fitter.virtual[fitter.suspect.sure :]
     reach = float(np.max(np.abs(virtual), initial=0.0))
+    saturation = Search(kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach)
+    if not fitter.is_straight:
+        yield from saturation.fits(fitter)
+        return
     slew = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
     step = fitter.straight_step / fitter.period_s
     for search in (
         Search(kind="deadzone", family="clipping", name="half_width", low=reach / 100.0, high=reach),
-        Search(kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach),
+        saturation,
         Search(
             kind="rate_saturation",
             family="clipping",

@@ -96,8 +96,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independen
     crossings_per_block : float
         For rare crossings, their rate times the length of a block.
     independent : float
-        What share of the maxima counts for k: those of a window longer than a block tell of the same samples. Infinite
-        is returned where too few are left.
+        What share of the maxima tells of samples that no other does: those of a window longer than a block share most.
+        Infinite is returned where too few are left.
 
     Examples
     --------
@@ -111,8 +111,8 @@ def tail_threshold(maxima: FloatArray, *, crossings_per_block: float, independen
     if share <= 1.0:
         return float(ordered[-1])
     scale, shape = _pareto(np.asarray(above) - u)
-    count = independent * len(above)
-    if independent < 1.0 and count < _FEWEST:
+    count = len(above)
+    if independent < 1.0 and independent * count < _FEWEST:
         return float("inf")
     with np.errstate(over="ignore"):
         far = count * np.expm1(np.log(share) / count)

@@ -41,6 +41,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "verdict": outcome_text(watched),
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
+        "hardly_watched": watched.hardly_watched,
         "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),

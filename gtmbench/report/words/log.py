@@ -12,6 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch, is_ready
+from gtmbench.faults.additive import Bias
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.record import Span
@@ -65,12 +66,22 @@ def outcome_text(watched: WatchedLog) -> str:
     why it can't be told.
     """
     if watched.outcome is Outcome.UNKNOWN:
-        why = [*_doubts(watched), *watched.reasons] or ["no stretch is long enough to be watched"]
+        why = [*_doubts(watched), *_unseen(watched), *watched.reasons] or ["no stretch is long enough to be watched"]
         return f"could not tell: {'; '.join(why)}"
     faults = faults_of(watched).values()
     passed = passed_alarms(watched)
     alarms = f" ({counted(passed, 'alarm')} that nothing explains)" if passed else ""
     return "; ".join(map(_fault_text, faults)) or f"no fault found{alarms}; {certificate_text(watched.certificate)}"
+
+
+def _unseen(watched: WatchedLog) -> list[str]:
+    """Say whose silence says nothing."""
+    lines = []
+    for name in watched.hardly_watched if watched.watches else ():
+        row = watched.certificate.of(name, Bias.kind)
+        from_size = "no bias" if row is None or row.size is None else f"no bias below {row.size:.2g} {unit_of(name)}"
+        lines.append(f"{name} is hardly watched, {from_size} would have been seen")
+    return lines
 
 
 def _doubts(watched: WatchedLog) -> list[str]:

@@ -21,6 +21,8 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
+from gtmbench.method.estimators.bayesian import reproduces
+from gtmbench.study.log.self_check.motion import GYROS
 
 SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
@@ -33,6 +35,7 @@ _HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
 _NAMED_OF = 3  # onsets that are watched anew
 _TIMES = (1.0, 1.5, 2.0, 3.0, 5.0)  # the size that is seen
 _ARMING_S = 5.0  # before what statistics look back at, where a record is watched anew
+_BEYOND_MOTION, _SMALL_DEG_S = 2.0, 5.0  # times a gyro's own motion, and at least: a bias that no silence may hide
 _JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
 
 
@@ -239,6 +242,32 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
                 rows.append(_smallest(trials, named=named))
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+
+
+def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
+    """Return the gyros whose silence says nothing: no bias would have been seen that isn't beyond all their motion.
+
+    Of those that kinematics predict: other operators hold for one way of exciting the aircraft, and what they are
+    worth, the certificate says.
+
+    Parameters
+    ----------
+    certificate : Certificate
+    watches : sequence of Watch
+        What it was worked out for.
+    """
+    names = []
+    for row in certificate.rows:
+        if row.kind == Bias.kind and row.sensor in GYROS and _is_kinematic(watches[0].monitor, row.sensor):
+            motion = float(np.nanstd(np.concatenate([watch.record[row.sensor] for watch in watches])))
+            if row.size is None or row.size > max(_BEYOND_MOTION * motion, _SMALL_DEG_S):
+                names.append(row.sensor)
+    return tuple(names)
+
+
+def _is_kinematic(monitor: Monitor, sensor: str) -> bool:
+    specs = monitor.bank.residuals if isinstance(monitor, BankMonitor) else ()
+    return any(spec.output == sensor and any(reproduces(name, sensor) for name in spec.inputs) for spec in specs)
 
 
 def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:

@@ -31,7 +31,7 @@ from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
-from gtmbench.study.log.certificate import Certificate, certificate_of
+from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
 from gtmbench.study.log.regime import Regime
@@ -47,6 +47,7 @@ from gtmbench.study.log.self_check.check import (
     rests_on_motion,
 )
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS
+from gtmbench.study.log.starts import steady
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
@@ -120,18 +121,23 @@ class WatchedLog:
     def outcome(self) -> Outcome:
         """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
 
-        Unknown, too, where an alarm may be no fault's, or the self-check has found that silence says nothing.
+        Unknown, too, where an alarm may be no fault's, or silence says nothing: by the self-check, or the certificate.
         """
         left = [alarm for alarm in self.alarms if not alarm.has_passed]
         if any(not alarm.doubt for alarm in left):
             return Outcome.FAILED
         could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
-        return Outcome.HEALTHY if could_tell else Outcome.UNKNOWN
+        return Outcome.HEALTHY if could_tell and not self.hardly_watched else Outcome.UNKNOWN
 
     @cached_property
     def certificate(self) -> Certificate:
         """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
         return certificate_of(self.monitor, self.watches, named=self.asks_names)
+
+    @property
+    def hardly_watched(self) -> tuple[str, ...]:
+        """The gyros whose silence says nothing, by the certificate."""
+        return hardly_watched(self.certificate, self.watches)
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that says what would have been named, too: that takes seconds."""
@@ -361,9 +367,10 @@ def _watched(
     excursions = _excursions(monitor, _part(monitor, log, left, mapping))
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
-        watches.append(
-            monitor.watch(part, outside=excursions) if isinstance(monitor, BankMonitor) else monitor.watch(part)
-        )
+        if isinstance(monitor, BankMonitor):
+            watches.append(steady(monitor, monitor.watch(part, outside=excursions)))
+        else:
+            watches.append(monitor.watch(part))
     progress("watched", len(parts), len(parts))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)

@@ -1,0 +1,81 @@
+"""Facts of aircraft as files: one `aircraft.toml`, commented to be edited, and the list of many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import tomlkit
+from tomlkit.items import Item
+
+Facts = Mapping[str, Any]
+
+_SECTIONS = {
+    "trim": "where it is trimmed, and where the search for that begins (deg, percent of throttle)",
+    "commands": "how commands reach the model: a property, and what 1 of it is in deg (of the throttle: in percent)",
+    "limits": "what can be commanded: deg, percent",
+    "excitation": "how many times what an excitation moves on the GTM (a multisine: 0.7 deg RMS) it moves here",
+    "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
+    "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
+}
+
+
+def commented(facts: Facts, model: str | None = None) -> str:
+    """Return facts as an ``aircraft.toml`` that says what each means.
+
+    Parameters
+    ----------
+    facts : mapping
+        As `survey` finds them.
+    model : str, optional
+        The name or the path of the model; without it, the model stands beside the file.
+
+    Examples
+    --------
+    >>> print(commented({"title": "A kite", "without_io": False, "trim": {"altitude_ft": 300.0}}, "../kite"))
+    # What gtmbench knows of this aircraft beyond its JSBSim model. Every figure is to be edited.
+    title = "A kite"
+    model = "../kite"  # a name of `gtmbench list --all`, or a folder's path
+    without_io = false  # true: leave out input and output sections, which would open ports and write files
+    <BLANKLINE>
+    # where it is trimmed, and where the search for that begins (deg, percent of throttle)
+    [trim]
+    altitude_ft = 300.0
+    <BLANKLINE>
+    """
+    lines = [
+        "# What gtmbench knows of this aircraft beyond its JSBSim model. Every figure is to be edited.",
+        f"title = {_value(facts['title'])}",
+        *([f"model = {_value(model)}  # a name of `gtmbench list --all`, or a folder's path"] if model else []),
+        f"without_io = {_value(facts['without_io'])}  # true: leave out input and output sections, which would open "
+        "ports and write files",
+    ]
+    for section, what in _SECTIONS.items():
+        if table := facts.get(section):
+            lines += ["", f"# {what}", f"[{section}]"]
+            lines += [f"{tomlkit.key(key).as_string()} = {_value(value)}" for key, value in table.items()]
+    return "\n".join(lines) + "\n"
+
+
+def listed(entries: Mapping[str, Facts], head: str) -> str:
+    """Return the facts of many aircraft, a table each, each fact in a line; `head` are lines of comment."""
+    document = tomlkit.parse(head)
+    for name in sorted(entries, key=str.casefold):
+        table = tomlkit.table()
+        table.update({key: _inline(value) for key, value in entries[name].items()})
+        document[name] = table
+    return tomlkit.dumps(document)
+
+
+def _value(value: Any) -> str:
+    return _inline(value).as_string()
+
+
+def _inline(value: Any) -> Item:
+    """Return what stands in one line, tables too."""
+    if not isinstance(value, Mapping):
+        item: Item = tomlkit.item(value)
+        return item
+    table = tomlkit.inline_table()
+    table.update({key: _inline(each) for key, each in value.items()})
+    return table

@@ -1,0 +1,158 @@
+"""A JSBSim engine with an aircraft loaded: made, told its initial condition, and commanded."""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from itertools import count
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.model_file import loadable
+from gtmbench.channels import CHANNELS, COMMANDS, Role
+from gtmbench.checks import one_line
+from gtmbench.errors import GtmbenchError
+
+# The six accelerations that vanish in trim, with what each is driven by.
+ACCELERATIONS = {
+    "accelerations/udot-ft_sec2": "forward acceleration (thrust against drag)",
+    "accelerations/vdot-ft_sec2": "sideward acceleration (side force against bank)",
+    "accelerations/wdot-ft_sec2": "downward acceleration (lift against weight)",
+    "accelerations/pdot-rad_sec2": "roll acceleration (ailerons)",
+    "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
+    "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
+}
+_ADAMS_BASHFORTH_2 = 3
+_RUNNING = "propulsion/engine[{}]/set-running"
+_ALL_RUN = ("propulsion/set-running", -1)
+# How often initial conditions are taken over before one gives up waiting for servos, filters and propellers to stand
+_MOST_RUNS = 40
+_STANDS = 1e-10  # ft/s2 and rad/s2
+
+
+@contextmanager
+def silenced() -> Iterator[io.StringIO]:
+    """Give what JSBSim prints, which is kept off stdout; not in threads, for stdout is everybody's."""
+    printed = io.StringIO()
+    with redirect_stdout(printed) if threading.current_thread() is threading.main_thread() else nullcontext():
+        yield printed
+
+
+@contextmanager
+def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
+    """Turn what JSBSim throws into an error of ours.
+
+    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
+    """
+    try:
+        yield
+    except RuntimeError as error:  # JSBSim's own errors are among these
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
+
+
+def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
+    """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
+
+    Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
+
+    Raises
+    ------
+    InputError
+        Where the model's file is refused.
+    GtmbenchError
+        Where JSBSim can't load it.
+    """
+    # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
+    # ends, without Python's lock, and takes the process with it.
+    os.environ.setdefault("JSBSIM_DEBUG", "0")
+    own = aircraft.folder.parent.parent
+    fdm = jsbsim.FGFDMExec(str(own))
+    fdm.set_output_path(str(aircraft.folder))
+    if not (own / "engine").is_dir():  # motors and propellers of JSBSim's, unless there are others beside the aircraft
+        fdm.set_engine_path(str(Path(jsbsim.get_default_root_dir()) / "engine"))
+    for integrator in ("rate", "position"):
+        # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
+        fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
+    fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
+    model = aircraft.model
+    with loadable(model, without_io=aircraft.without_io) as file:
+        fdm.set_aircraft_path(str(file.parent.parent))
+        with simulating(fdm, aircraft), silenced() as printed:
+            loaded = fdm.load_model(aircraft.name)
+    if not loaded:
+        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
+    fdm.disable_output()
+    with simulating(fdm, aircraft):
+        for name, value in aircraft.properties.items():
+            fdm[name] = value
+    properties = fdm.get_property_manager()
+    needed = {channel.name: channel.jsbsim for channel in CHANNELS.values() if channel.role is not Role.COMMAND}
+    for name, jsbsims in (needed | {name: command.property for name, command in aircraft.commands.items()}).items():
+        if properties.get_node(jsbsims) is None:
+            gliding = name == "throttle" and not fdm.get_propulsion().get_num_engines()
+            why = "; it has no motor, and nothing keeps it level" if gliding else ""
+            raise GtmbenchError(f"{model} has no property '{jsbsims}', which channel '{name}' needs{why}")
+    return fdm
+
+
+def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, float]) -> None:
+    """Put an engine at a condition: angles in deg, speed in kt, body rates in deg/s, commands in their units."""
+    fdm["ic/lat-geod-deg"] = aircraft.latitude_deg
+    fdm["ic/long-gc-deg"] = 0.0
+    fdm["ic/h-sl-ft"] = wanted["altitude"]
+    fdm["ic/vt-kts"] = wanted["tas"]
+    # JSBSim turns the attitude when alpha or beta are set, but keeps these when the attitude is: so it comes last, and
+    # what the engine stood in before leaves no trace
+    fdm["ic/alpha-deg"] = wanted["alpha"]
+    fdm["ic/beta-deg"] = wanted["beta"]
+    fdm["ic/psi-true-deg"] = wanted["psi"]
+    fdm["ic/phi-deg"] = wanted["phi"]
+    fdm["ic/theta-deg"] = wanted["theta"]
+    for rate in ("p", "q", "r"):
+        fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
+    for column, factor, write in writers(fdm, aircraft):
+        write(wanted[COMMANDS[column]] * factor)
+    stand(fdm)
+
+
+def stand(fdm: jsbsim.FGFDMExec) -> None:
+    """Take over the initial condition, motors running, until nothing moves any more but the aircraft."""
+    fdm.run_ic()
+    propulsion = fdm.get_propulsion()
+    motors = range(propulsion.get_num_engines())
+    before = np.full(len(ACCELERATIONS), np.nan)
+    for _ in range(_MOST_RUNS):
+        if motors:
+            if not all(fdm[_RUNNING.format(motor)] for motor in motors):
+                fdm[_ALL_RUN[0]] = _ALL_RUN[1]
+            propulsion.get_steady_state()
+        fdm.run_ic()
+        now = np.array([fdm[name] for name in ACCELERATIONS])
+        if np.all(np.abs(now - before) < _STANDS):
+            return
+        before = now
+
+
+def writers(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> list[tuple[int, float, Callable[[float], object]]]:
+    """Return how commands reach an engine: for every property the command's column, a factor, and what writes it.
+
+    A command goes to all motors: ``fcs/throttle-cmd-norm`` and ``fcs/throttle-cmd-norm[1]`` and on.
+    """
+    properties = fdm.get_property_manager()
+    found: list[tuple[int, float, Callable[[float], object]]] = []
+    for column, name in enumerate(COMMANDS):
+        command = aircraft.commands[name]
+        for number in count():
+            node = properties.get_node(f"{command.property}[{number}]" if number else command.property)
+            if node is None:
+                break
+            found.append((column, 1.0 / command.unit, node.set_double_value))
+    return found

@@ -1,0 +1,216 @@
+"""Equilibrium: the steady, level, straight flight from which every flight starts, and an engine that stands in it."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+
+import jsbsim
+import numpy as np
+
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
+from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
+from gtmbench.channels import CHANNELS
+from gtmbench.checks import number
+from gtmbench.errors import GtmbenchError, TrimError
+from gtmbench.record import FloatArray
+
+TOLERANCE = 1e-6  # ft/s2 and rad/s2
+_TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
+_MOST_STEPS = 100  # the GTM takes three
+_JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
+_USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
+_SAME = 0.03
+_FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
+# Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
+# unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
+_DECIMALS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names."""
+
+    altitude_ft: float
+    eas_kt: float
+    tas_kt: float
+    alpha_deg: float
+    beta_deg: float
+    gamma_deg: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    ground_track_deg: float
+    elevator_deg: float
+    aileron_deg: float
+    rudder_deg: float
+    throttle_percent: float
+
+    @property
+    def commands(self) -> dict[str, float]:
+        """The trimmed commands by channel, in the channel's unit."""
+        return {
+            "elevator": self.elevator_deg,
+            "aileron": self.aileron_deg,
+            "rudder": self.rudder_deg,
+            "throttle": self.throttle_percent,
+        }
+
+
+def trimmed_engine(
+    aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that couldn't be brought to zero, and a condition in other units where that was meant.
+    """
+    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
+    tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
+    try:
+        return searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    except TrimError as error:
+        fixed = _fixed(aircraft, altitude_ft, tas_kt)
+        found = trimmed_by_jsbsim(aircraft, fixed | aircraft.guess | {"theta": aircraft.guess["alpha"]})
+        if found and np.all(np.abs(_accelerations(found[0])) < _JSBSIMS_TOLERANCE):
+            return found[0], _read(*found)
+        raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
+
+
+def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Return a fresh engine that stands in trim, and the trim, found by least squares.
+
+    Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
+    on another CPU. Only where a model's controls remember the search (an integrator), it is that one.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+    """
+    from scipy.optimize import least_squares  # half a second to import
+
+    fixed = _fixed(aircraft, altitude_ft, tas_kt)
+
+    def condition(unknowns: FloatArray) -> dict[str, float]:
+        values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
+        # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
+        theta = math.atan(math.tan(math.radians(values["alpha"])) * math.cos(math.radians(values["phi"])))
+        return {**fixed, **values, "theta": math.degrees(theta)}
+
+    def accelerations(fdm: jsbsim.FGFDMExec, unknowns: FloatArray) -> FloatArray:
+        set_condition(fdm, aircraft, condition(unknowns))
+        return _accelerations(fdm)
+
+    low, high = (np.array(bound) for bound in zip(*(aircraft.searched[name] for name in UNKNOWNS), strict=True))
+    guess = np.array([aircraft.guess[name] for name in UNKNOWNS])
+    searched = engine(aircraft)
+    try:
+        with simulating(searched, aircraft), silenced():
+            search = partial(accelerations, searched)
+            solution = least_squares(
+                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), max_nfev=_MOST_STEPS, **_TOLERANCES
+            )
+    except ValueError as error:
+        raise TrimError(
+            f"no trim for '{aircraft.name}': its accelerations aren't all numbers; check the model"
+        ) from error
+    x = np.round(solution.x, _DECIMALS)
+    for fdm in (engine(aircraft), searched):
+        with simulating(fdm, aircraft), silenced():
+            left = accelerations(fdm, x)
+        if np.all(np.abs(left) < TOLERANCE):
+            return fdm, _read(fdm, condition(x))
+    raise TrimError(_failure(aircraft, fixed, x, left, low, high))
+
+
+def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, float]:
+    return {
+        "altitude": number("altitude_ft", altitude_ft, *aircraft.envelope["altitude"]),
+        "tas": number("tas_kt", tas_kt, 0.0, 2000.0, above=True),
+        "psi": aircraft.psi_deg,
+        "beta": 0.0,
+    }
+
+
+def _accelerations(fdm: jsbsim.FGFDMExec) -> FloatArray:
+    return np.array([fdm[name] for name in ACCELERATIONS])
+
+
+def mistaken_units(aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None) -> str:
+    """Say which figure of a condition is the aircraft's own in metres or m/s, if one is; else ""."""
+    said = []
+    if altitude_ft and math.isclose(altitude_ft * _FT_PER_M, aircraft.altitude_ft, rel_tol=_SAME):
+        said.append(f"{altitude_ft:g} m is {aircraft.name}'s own altitude; altitudes are in ft")
+    if tas_kt and math.isclose(tas_kt * _KT_PER_M_S, aircraft.tas_kt, rel_tol=_SAME):
+        said.append(f"{tas_kt:g} m/s is {aircraft.name}'s own speed; speeds are in kt")
+    return "; ".join(said)
+
+
+def _remedy(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> str:
+    """Say what to try: the same numbers in other units, where these are usual for the aircraft and trim."""
+    in_feet, in_knots = altitude_ft * _FT_PER_M, tas_kt * _KT_PER_M_S
+    metres = _is_usual(in_feet, aircraft.altitude_ft)
+    metres_per_second = _is_usual(in_knots, aircraft.tas_kt)
+    for altitude, tas, possible, meant in (
+        (altitude_ft, in_knots, metres_per_second, f"{tas_kt:g} m/s"),
+        (in_feet, tas_kt, metres, f"{altitude_ft:g} m"),
+        (in_feet, in_knots, metres and metres_per_second, f"{altitude_ft:g} m and {tas_kt:g} m/s"),
+    ):
+        if possible:
+            with suppress(GtmbenchError):
+                searched_engine(aircraft, altitude_ft=altitude, tas_kt=tas)
+                return f"{meant} would trim: if that was meant, give {altitude:.6g} ft and {tas:.6g} kt"
+    return "try another speed or altitude"
+
+
+def _is_usual(value: float, own: float) -> bool:
+    return own / _USUAL < value < own * _USUAL
+
+
+def _failure(
+    aircraft: Aircraft, fixed: dict[str, float], x: FloatArray, left: FloatArray, low: FloatArray, high: FloatArray
+) -> str:
+    worst = int(np.argmax(np.abs(left)))
+    name, what = list(ACCELERATIONS.items())[worst]
+    margin = 1e-3 * (high - low)
+    stuck = [
+        f"{unknown} at its limit of {value:.4g}"
+        for unknown, value, bottom, top, slack in zip(UNKNOWNS, x, low, high, margin, strict=True)
+        if value < bottom + slack or value > top - slack
+    ]
+    return (
+        f"no trim for '{aircraft.name}' at {fixed['altitude']:g} ft and {fixed['tas']:g} kt true airspeed: the {what} "
+        f"stays at {left[worst]:.3g} {name.rsplit('-', 1)[1].replace('_sec2', '/s2')}"
+        f"{', with ' + ' and '.join(stuck) if stuck else ''}"
+    )
+
+
+def _rounded(angle_deg: float) -> float:
+    """Return an angle as the unknowns are given; level flight isn't -0 deg."""
+    return round(angle_deg, _DECIMALS) + 0.0
+
+
+def _read(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
+    knots = CHANNELS["tas"].scale
+    return Trim(
+        altitude_ft=at["altitude"],
+        eas_kt=float(fdm["velocities/vt-fps"] * knots * np.sqrt(fdm["atmosphere/sigma"])),
+        tas_kt=fdm["velocities/vt-fps"] * knots,
+        alpha_deg=at["alpha"],
+        beta_deg=at["beta"],
+        gamma_deg=_rounded(math.degrees(fdm["flight-path/gamma-rad"])),
+        roll_deg=at["phi"],
+        pitch_deg=at["theta"],
+        yaw_deg=at["psi"],
+        ground_track_deg=_rounded(math.degrees(fdm["flight-path/psi-gt-rad"])),
+        elevator_deg=at["elevator"],
+        aileron_deg=at["aileron"],
+        rudder_deg=at["rudder"],
+        throttle_percent=at["throttle"],
+    )

@@ -1,0 +1,226 @@
+"""A survey: what `aircraft.toml` would say of a JSBSim model that has none, found by trying."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, aircraft_of
+from gtmbench.bench.engine import engine, set_condition, silenced, simulating, stand, writers
+from gtmbench.bench.equilibrium import Trim, searched_engine, trimmed_engine
+from gtmbench.bench.excitation import multisine
+from gtmbench.bench.model_file import check_model, description
+from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
+from gtmbench.checks import printable
+from gtmbench.errors import GtmbenchError
+
+Facts = dict[str, Any]
+
+_NORMALISED = {  # each model has them; 1 of JSBSim's aileron rolls right, 1 deg of the channel's left
+    "elevator": ("fcs/elevator-cmd-norm", 1.0),
+    "aileron": ("fcs/aileron-cmd-norm", -1.0),
+    "rudder": ("fcs/rudder-cmd-norm", 1.0),
+}
+_THROTTLE = "fcs/throttle-cmd-norm"
+_POSITIONS = {
+    "elevator": ("fcs/elevator-pos-deg",),
+    "aileron": ("fcs/left-aileron-pos-deg", "fcs/right-aileron-pos-deg"),
+    "rudder": ("fcs/rudder-pos-deg",),
+}
+_NOMINAL_DEG = 20.0  # full deflection, where a model doesn't tell it
+# Gear up; and no fuel is burnt: else weight and trim change, and motors whose tank is small stop within the minute.
+_CRUISE = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0, "propulsion/fuel_freeze": 1.0}
+_MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
+_MISSING = re.compile(r"property (\S+) does not exist")
+_MOST_MISSING = 60
+
+_LIFT = (0.4, 0.6, 0.3, 0.8, 0.2)  # lift coefficients at which a trim is looked for
+_LONGEST_S = 20.0  # to look for one
+_HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
+_ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
+_GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 50.0}
+
+_TURNED = {"elevator": "q", "aileron": "p", "rudder": "r"}
+_TURNED_DEG_S = 2.0  # RMS, of the axis that a surface is for, by an excitation on that surface alone
+_TRIED_S, _TRIED_SHARE = 30.0, 0.05  # s, of full deflection
+_MOST_SHARE = 0.4  # of full deflection, for 1 deg of the GTM: doublets then take four fifths
+
+
+def survey(
+    folder: Path,
+    *,
+    without_io: bool = False,
+    at: tuple[float, float] | None = None,
+    properties: Mapping[str, float] | None = None,
+) -> Facts:
+    """Return the facts of a model, as its ``aircraft.toml`` would have them.
+
+    Commands are JSBSim's normalised ones unless the model has the channel table's own; full deflection is what the
+    model's surfaces do at full command; trim is looked for at speeds that the wing loading suggests; excitations are
+    scaled so that a multisine on one surface turns the aircraft by 2 deg/s (RMS) about that surface's axis.
+
+    Parameters
+    ----------
+    folder : Path
+        With ``NAME/NAME.xml``.
+    without_io : bool
+        Whether input and output sections are left out.
+    at : tuple of float, optional
+        Altitude (ft) and true airspeed (kt) of the trim, instead of looking for one.
+    properties : mapping, optional
+        What is set when the model has been loaded, beside what the survey finds.
+
+    Where no trim is found, the likeliest condition stands there, and no ``excitation``: what trims there will say why.
+    """
+    facts = outline(folder, without_io=without_io, properties=properties or {})
+    tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
+    found = _trim_at_one_of(tried, folder, facts)
+    if found is None:
+        facts["trim"] |= dict(zip(("altitude_ft", "tas_kt"), tried[0], strict=True))
+        return facts
+    guess = {"alpha": found.alpha_deg, "phi": found.roll_deg, **found.commands}
+    facts["trim"] |= {"altitude_ft": found.altitude_ft, "tas_kt": round(found.tas_kt, 6)}
+    facts["trim"]["guess"] = {name: round(value, 4) + 0.0 for name, value in guess.items()}
+    return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
+
+
+def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
+    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
+    until = time.monotonic() + _LONGEST_S
+    for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
+        for altitude_ft, tas_kt in some:
+            if time.monotonic() < until:
+                with suppress(GtmbenchError):
+                    return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+    return None
+
+
+def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, float] | None = None) -> Facts:
+    """Return what is known of a model before a trim is: the facts, with a condition that may be none."""
+    model = folder / f"{folder.name}.xml"
+    check_model(model)
+    facts: Facts = {
+        "title": printable(description(model))[:60] or folder.name,
+        "without_io": without_io,
+        "trim": {"altitude_ft": 5000.0, "tas_kt": 150.0, "psi_deg": 45.0, "latitude_deg": 37.0, "guess": dict(_GUESS)},
+        "limits": {name: [-_NOMINAL_DEG, _NOMINAL_DEG] for name in SURFACES} | {"throttle": [0.0, 100.0]},
+        "envelope": dict(_ENVELOPE),
+        "commands": {
+            name: {"property": property_, "unit": sign * _NOMINAL_DEG}
+            for name, (property_, sign) in _NORMALISED.items()
+        }
+        | {"throttle": {"property": _THROTTLE, "unit": 100.0}},
+        "properties": dict(_CRUISE),
+    }
+    try:
+        fdm = engine(aircraft_of(folder, facts | {"commands": {}}))  # the channel table's, as the GTM has them
+        facts["commands"] = {}
+    except GtmbenchError:
+        fdm = engine(aircraft_of(folder, facts))
+        for motor in range(fdm.get_propulsion().get_num_engines()):
+            facts["properties"] |= {f"{name}[{motor}]" if motor else name: value for name, value in _MOTOR.items()}
+    facts["properties"] |= properties or {}
+    facts["properties"] |= dict.fromkeys(_missing(folder, facts), 0.0)
+    for name, full_deg in _full_deflections(aircraft_of(folder, facts)).items():
+        if name in facts["commands"]:
+            facts["commands"][name]["unit"] = math.copysign(full_deg, facts["commands"][name]["unit"])
+        facts["limits"][name] = [-full_deg, full_deg]
+    return facts
+
+
+def _missing(folder: Path, facts: Facts) -> list[str]:
+    """Return the properties that the model reads and nobody has: another simulator's, which JSBSim names one by one."""
+    missing: list[str] = []
+    while len(missing) < _MOST_MISSING:
+        craft = aircraft_of(folder, facts | {"properties": facts["properties"] | dict.fromkeys(missing, 0.0)})
+        fdm = engine(craft)  # one that has missed a property flies no more
+        try:
+            with simulating(fdm, craft), silenced():
+                _level(fdm, craft, {})
+                for _ in range(3):
+                    fdm.run()
+        except GtmbenchError as error:
+            found = _MISSING.search(str(error))
+            if not found:
+                raise
+            missing.append(found[1])
+        else:
+            break
+    return missing
+
+
+def _level(fdm: Any, craft: Aircraft, commands: dict[str, float]) -> None:
+    at = {
+        "altitude": craft.altitude_ft,
+        "tas": craft.tas_kt,
+        "alpha": 3.0,
+        "beta": 0.0,
+        "psi": craft.psi_deg,
+        "phi": 0.0,
+    }
+    set_condition(fdm, craft, at | {"theta": 3.0, **dict.fromkeys(SURFACES, 0.0), "throttle": 50.0} | commands)
+
+
+def _full_deflections(craft: Aircraft) -> dict[str, float]:
+    """Return by surface the mean of what it does at full command to either side, in deg."""
+    fdm, full = engine(craft), {}
+    properties = fdm.get_property_manager()
+    with simulating(fdm, craft), silenced():
+        for name, positions in _POSITIONS.items():
+            sides = []
+            for command in craft.limits[name]:
+                _level(fdm, craft, {name: command})
+                sides.append(
+                    max(abs(fdm[position]) if properties.get_node(position) else 0.0 for position in positions)
+                )
+            full[name] = round(sum(sides) / 2.0, 1) or _NOMINAL_DEG
+    return full
+
+
+def _conditions(craft: Aircraft) -> Iterator[tuple[float, float]]:
+    """Give altitudes (ft) and true airspeeds (kt), the likeliest first, by the wing loading."""
+    fdm = engine(craft)
+    with simulating(fdm, craft), silenced():
+        stand(fdm)
+        loading = fdm["inertia/weight-lbs"] / max(fdm["metrics/Sw-sqft"], 0.1)
+        altitude_ft = 10_000.0 if loading > _HEAVY_LBS_FT2 else 5_000.0
+        fdm["ic/h-sl-ft"] = altitude_ft
+        stand(fdm)
+        density = fdm["atmosphere/rho-slugs_ft3"]
+    for lift in _LIFT:
+        tas_kt = math.sqrt(2.0 * loading / (density * lift)) * CHANNELS["tas"].scale
+        yield altitude_ft, float(np.clip(round(tas_kt), 5.0, 2000.0))
+
+
+def _scaled(craft: Aircraft) -> dict[str, float]:
+    """Return by surface how many times what excitations move on the GTM turns this aircraft as much as is wanted."""
+    time_s = np.arange(0.0, _TRIED_S, SAMPLE_PERIOD_S)
+    moved = multisine(time_s, 1).surfaces
+    scale = {}
+    for column, name in enumerate(COMMANDS):
+        if name not in SURFACES:
+            continue
+        fdm, trim = trimmed_engine(craft)
+        full = craft.limits[name][1]
+        commands = np.tile(list(trim.commands.values()), (len(time_s), 1))
+        commands[:, column] += _TRIED_SHARE * full * moved[name]
+        rate = CHANNELS[_TURNED[name]]
+        columns, factors, write = zip(*writers(fdm, craft), strict=True)
+        turned = []
+        with simulating(fdm, craft), silenced():
+            for values in (commands[:, columns] * factors).tolist():
+                for to_property, value in zip(write, values, strict=True):
+                    to_property(value)
+                fdm.run()
+                turned.append(fdm[rate.jsbsim] * rate.scale)
+        rms = float(np.std(turned))
+        wanted = _TURNED_DEG_S / rms * _TRIED_SHARE * full if rms > 0.0 else np.inf
+        scale[name] = float(f"{min(wanted, _MOST_SHARE * full):.3g}") if np.isfinite(wanted) else 1.0
+    return scale
