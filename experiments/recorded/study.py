@@ -124,8 +124,9 @@ def verdict(said: WatchedLog) -> str:
         return f"{REFUSED}: " + shortened(" or ".join(cause.text for cause in said.check.causes))
     if said.check.stops:
         return f"{REFUSED}: " + shortened(said.check.stops[0])
-    doubts = [f"{alarm.doubt} ({alarm.time_s:.1f} s)" for alarm in left] or [*said.check.doubts, *said.reasons]
-    return "can't tell: " + shortened("; ".join(dict.fromkeys(doubts)))
+    told = [f"{alarm.doubt} ({alarm.time_s:.1f} s)" for alarm in left]
+    hardly = [f"{name} is hardly watched" for name in said.hardly_watched]
+    return "can't tell: " + shortened("; ".join(dict.fromkeys(told or said.check.doubts or hardly or said.reasons)))
 
 
 def shortened(text: str) -> str:
