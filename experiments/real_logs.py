@@ -1,147 +1,249 @@
-"""Recorded flights and 24 things that can be wrong with them: what the self-check of `gtmbench monitor` makes of each.
+"""Recorded flights, one row a log: what bank C says of each, of faults that are put on it, and of wrong readings of it.
 
-    python experiments/real_logs.py FOLDER ... [--out DIR] [--quick]
+    python experiments/real_logs.py [FOLDER ...] [--synthetic] [--faults N] [--quick] [--out DIR] [--jobs N]
 
 Opens every log below the folders that holds p, q, r, phi, theta and psi, and takes the flight: from where 3 % of the
-rows that move have gone by until 97 % have. It is written as it is and with each of `gtmbench.testing.mutations`,
-bank C is identified on its first half, and the second half is watched. Prints a row a log; writes report.md into DIR.
-No log is kept. *Refused* is exit code 3, *right* the cause that was put in (or its mirror image), or the dead channel.
+rows that move have gone by until 97 % have. It is written as a table, bank C is identified on its first half and
+watches the second: as it is; with faults of every gyro, of its certificate's size and three times that; misread in 23
+ways (`gtmbench.testing.mutations`). With --synthetic the same of the healthy logs of `gtmbench.testing.mechanisms`,
+whole. Prints tables; writes report.md, flights.csv, faults.csv and readings.csv into DIR. No log is kept. Ends with
+code 1 where a target is missed (never with --quick).
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
-import tempfile
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 
-import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.self_check.explained import ENOUGH
-from gtmbench.study.log.watch import Outcome, WatchedLog, watch_log
-from gtmbench.testing.mutations import MUTATIONS, Mutation, is_cause
+from gtmbench.processes import spread
+from gtmbench.report.campaign import Campaign, Findings, conducted
+from gtmbench.report.tables.markdown import grouped, markdown, share_text
+from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.study.log.watch import Outcome
+from gtmbench.testing.mechanisms import MECHANISMS
+from recorded.faults import CANT_TELL, EITHER_OR, NAMED, NOTHING, WRONG
+from recorded.flights import LogFile, SyntheticLog
+from recorded.study import OF_FLIGHT, QUICK, REFUSED, Row, Size, Task, studied
 
-CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
-FASTEST_HZ = 100.0
-AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual
-SHORTEST_S, PIECE_S = 14.0, 5.5  # of a flight, of a stretch without gaps
-WRONG = {name: mutation for name, mutation in MUTATIONS.items() if name != "none"}
-WHERE = (
-    "The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs "
-    "(`crates/converter/tests/fixtures/`), dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis "
-    "(`sample.bin`, a `log_0036`) and erlerobot/logs (a name has its folders). *as it is*: exit code of the flight "
-    "itself, 1 an alarm, 3 can't tell."
+SYNTHETIC = "synthetic"
+TIMES = 3  # the certificate's size: of the faults that are to be found, and named
+SAID_QUICK = "**Quick: few faults and readings of each log. It shows that the script runs, and bounds nothing.**\n\n"
+INTRODUCTION = f"""Bank C, identified on the first half of a flight, watches the second. No sensor failed in any of
+these flights, as far as is known; some of them crash, and in some an estimator fails.
+
+The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
+dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`) and erlerobot/logs (a name
+has its folders). Synthetic logs are those of `docs/mechanisms.md`; the number is the seed.
+
+- *exit*: 0 healthy, 1 a fault, 3 can't tell, 2 nothing can be identified on.
+- *explained*: how much of the slow motion of p, q and r, where identified.
+- *can't tell (% of time)*: motion outside of what was identified, and what doubtful alarms cover, of whatever sensor,
+  to the stretch's end where they don't end. *outside*: the former alone.
+- *all of the log*: the log itself with its events, from before takeoff until after landing, identified on the same
+  half. All other columns are of flights that are written as tables, which hold accelerometers where the log has them,
+  and no events; so are synthetic logs. What a low-pass takes about a pause of some channels is left out of these
+  tables, which would tell it as a dropout; of a log that is there twice, the second.
+- *faults*: bias, drift, scale factor, deadzone and noise of each gyro, {TIMES} times the certificate's size, from
+  times drawn from equal shares of what was watched. *found*: an alarm within the certificate's time. By the end of the
+  stretch (or the next alarm that comes without a fault) it is *{NAMED}*, *{EITHER_OR}* with the right one among them,
+  *{CANT_TELL}*, *{WRONG}* (another sensor, or an either-or without the right one), or *{NOTHING}* (no alarm, or it
+  passed). *times*, in the table by kinds: faults of the certificate's own size, too, which it promises to be found in
+  90 % of what was watched.
+- *misread*: in how many wrong ways the flight is read. How many end as *refused* (3) or with *exit 0*; causes named
+  that are *right*, and other ones. Of synthetic logs whose attitude is late or held a cause is right, and they aren't
+  misread further.
+"""
+
+
+class Study(NamedTuple):
+    """Rows of a group of logs: a flight, a fault, a reading each."""
+
+    flights: pd.DataFrame
+    faults: pd.DataFrame
+    readings: pd.DataFrame
+
+    def of(self, column: str, value: str) -> Study:
+        """Return the rows with a value."""
+        return Study(*(frame[frame[column] == value] for frame in self))
+
+
+COLUMNS = (
+    ["group", "log", *OF_FLIGHT],
+    ["group", "log", "sensor", "kind", "times", "size", "onset_s", "found", "said"],
+    ["group", "log", "reading", "exit", "is_right", "is_wrong"],
 )
-QUICK = ("-q", "p, r swapped", "attitude 0.3 s late", "r dead")
+Cell = Callable[[pd.DataFrame], int]
 
 
-def flight(path: Path) -> list[gb.Record]:
-    """Return the stretches of a log in which it flies; none where it hardly does."""
-    log = gb.open_log(path, needs=CHANNELS)
-    if log.sample_period_s < 0.99 / FASTEST_HZ:
-        log = gb.open_log(path, needs=CHANNELS, rate_hz=FASTEST_HZ)
-    gyros = [record.matrix(CHANNELS[:3]) for record in log.segments]
-    middle = np.nanmedian(np.concatenate(gyros), axis=0)
-    rates = np.concatenate([np.linalg.norm(values - middle, axis=1) for values in gyros])
-    time_s = np.concatenate([record.time_s for record in log.segments])
-    moving_s = time_s[rates > max(AT_REST, 0.1 * float(np.nanquantile(rates, 0.9)))]
-    if len(moving_s) < 50:
-        return []
-    first_s, last_s = np.quantile(moving_s, [0.03, 0.97])
-    spans = [(record, max(record.start_s, first_s), min(record.end_s, last_s)) for record in log.segments]
-    parts = [record.between(start_s, end_s) for record, start_s, end_s in spans if end_s - start_s > PIECE_S]
-    return parts if sum(part.end_s - part.start_s for part in parts) > SHORTEST_S else []
+# ---- tables ----
 
 
-def watched(parts: Sequence[gb.Record], mutation: Mutation, folder: Path) -> WatchedLog:
-    """Return what is said of a flight with something wrong."""
-    path, lines = folder / "log.csv", []
-    for part in (mutation.mutate(part) for part in parts):
-        gb.write_log(part, path)
-        header, *rows = path.read_text().splitlines()
-        lines += rows if lines else [header, *rows]
-    path.write_text("\n".join(lines) + "\n")
-    half_s = 0.5 * (parts[0].start_s + parts[-1].end_s)
-    return watch_log(path, "C", healthy=[(-np.inf, half_s)])
+def counted(column: str, value: object = True) -> Cell:
+    """Return what counts the rows with a value."""
+    return lambda of: int((of[column] == value).sum())
 
 
-def is_right(mutation: Mutation, said: WatchedLog) -> bool:
-    """Tell whether the cause was named."""
-    if mutation.dead:
-        return any(f"{mutation.dead} reads" in stop for stop in said.check.stops)
-    return any(is_cause(mutation, cause.changes) for cause in said.check.causes)
+OF_FAULTS: dict[str, Cell] = {"faults": len, "found": counted("found")} | {
+    name: counted("said", name) for name in (NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING)
+}
+OF_READINGS: dict[str, Cell] = {
+    "misread": len,
+    "refused": counted("exit", Outcome.UNKNOWN),
+    "exit 0": counted("exit", Outcome.HEALTHY),
+    "right": counted("is_right"),
+    "wrong cause": counted("is_wrong"),
+}
 
 
-def row_of(path: Path, names: Sequence[str]) -> dict[str, object] | None:
-    """Return a log's row; None where nothing can be made of it."""
-    try:
-        parts = flight(path)
-        if not parts:
-            return None
-        with tempfile.TemporaryDirectory() as folder:
-            healthy = watched(parts, Mutation(), Path(folder))
-            wrong = {name: watched(parts, WRONG[name], Path(folder)) for name in names}
-    except InputError:
-        return None
-    right = [name for name, said in wrong.items() if is_right(WRONG[name], said)]
-    claimed = [name for name, said in wrong.items() if said.check.causes and name not in right]
-    shares = [f"{100.0 * max(each.share, 0.0):.0f}" for each in healthy.check.explained if each.where == "identified"]
+def large(faults: pd.DataFrame) -> pd.DataFrame:
+    """Return the faults that are to be found."""
+    return faults[faults["times"] == TIMES]
+
+
+def row_of(flight: Row, study: Study) -> Row:
+    """Return a log's row of the table."""
+    own = study.of("log", flight["log"])
     return {
-        "log": path.name,
-        "Hz": f"{1.0 / parts[0].sample_period_s:.3g}",
-        "s": f"{sum(part.end_s - part.start_s for part in parts):.0f}",
-        "explained (%)": "/".join(shares) or "0",
-        "as it is": int(healthy.outcome),
-        "cause claimed": "yes" if healthy.check.causes else "no",
-        "refused": sum(said.outcome is Outcome.UNKNOWN for said in wrong.values()),
-        "exit 0": sum(said.outcome is Outcome.HEALTHY for said in wrong.values()),
-        "right": len(right),
-        "wrong cause": len(claimed),
-        "not named": ", ".join(name for name in names if name not in right) if len(right) > len(names) / 2 else "",
+        "log": flight["log"],
+        "Hz": f"{flight['rate_hz']:.3g}",
+        "s": f"{flight['duration_s']:.0f}",
+        "explained (%)": flight["explained"],
+        "exit": flight["exit"],
+        "verdict": flight["verdict"],
+        "can't tell (% of time)": percent(flight["cant_tell_s"], flight["watched_s"]),
+        "outside (%)": percent(flight["outside_s"], flight["watched_s"]),
+        "all of the log": flight["whole"],
+        **{name: cell(large(own.faults)) for name, cell in OF_FAULTS.items()},
+        **{name: cell(own.readings) for name, cell in OF_READINGS.items()},
     }
 
 
-def report(rows: Sequence[dict[str, object]], folder: Path, names: Sequence[str]) -> str:
-    """Return a folder's table, with the totals over it."""
-    frame = pd.DataFrame(rows)
-    told = frame[[min(map(int, shares.split("/")), default=0) >= 100.0 * ENOUGH for shares in frame["explained (%)"]]]
-    total = [
-        f"{len(frame)} flights, {len(names) * len(frame)} wrong readings of them: {frame['refused'].sum()} refused, "
-        f"{frame['exit 0'].sum()} end with exit code 0; causes: {frame['right'].sum()} right, "
-        f"{frame['wrong cause'].sum()} wrong.",
-        f"A cause is claimed of {(frame['cause claimed'] == 'yes').sum()} of the flights as they are. Of the "
-        f"{len(told)} flights in whose first half the attitude explains half of every gyro's motion or more, "
-        f"{told['right'].sum()} of {len(names) * len(told)} causes are right.",
+def percent(part: float, of: float) -> str:
+    """Write a share; a dash where there is nothing to share."""
+    return f"{100.0 * part / of:.1f}" if of else "-"
+
+
+def totals(study: Study) -> str:
+    """Say what came of a group."""
+    flights, faults = study.flights, large(study.faults)
+    ends = ", ".join(f"{count} with {code}" for code, count in flights["exit"].value_counts().sort_index().items())
+    refused = flights["verdict"].str.startswith(REFUSED).sum()
+    said = "; ".join(f"{name} {share_text(cell(faults), len(faults))}" for name, cell in list(OF_FAULTS.items())[1:])
+    return (
+        f"{len(flights)} flights, {flights['watched_s'].sum() / 3600.0:.2f} h watched, end {ends}; of them "
+        f"the self-check refuses {refused}.\n\n{len(faults)} faults, {TIMES} times the certificate's size: {said}. "
+        f"None was put of {flights['uncertified'].sum()} gyros and kinds without a size that is seen often enough."
+    )
+
+
+def section(group: str, study: Study) -> str:
+    """Return what is told of a group of logs."""
+    if not len(study.flights):
+        return f"## {group}\n\nno flight"
+    rows = pd.DataFrame([row_of(flight, study) for flight in study.flights.to_dict("records")])
+    parts = [
+        f"## {group}",
+        totals(study),
+        markdown(held(targets_of(group), {group: figures_of(study)})),
+        markdown(rows),
     ]
-    return f"## {folder.name}\n\n{' '.join(total)}\n\n{markdown(frame)}\n"
+    if len(study.faults):
+        parts.append(markdown(grouped(study.faults, {"kind": "kind", "times": "times"}, OF_FAULTS)))
+    return "\n\n".join([*parts, markdown(grouped(study.readings, {"reading": "reading"}, OF_READINGS))])
 
 
-def main() -> int:
-    """Open, break, watch, report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", type=Path, help="folders of logs")
-    parser.add_argument("--quick", action="store_true", help="four things wrong, not 23")
-    parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
-    given = parser.parse_args()
-    began, names = time.monotonic(), QUICK if given.quick else tuple(WRONG)
-    texts = [f"# Recorded flights, and what can be wrong with them\n\n{WHERE}\n"]
-    for folder in given.folders:
-        paths = sorted(path for path in folder.rglob("*") if path.is_file())
-        rows = [row for path in paths if (row := row_of(path, names)) is not None]
-        texts.append(report(rows, folder, names) if rows else f"## {folder.name}\n\nno flight\n")
-        print("\n".join(texts[-1:]), flush=True)
-    if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
-        (given.out / "report.md").write_text("\n".join(texts))
-    print(f"{time.monotonic() - began:.0f} s" + (f"; report in {given.out}" if given.out else ""))
-    return 0
+# ---- targets ----
+
+
+def targets_of(group: str) -> tuple[Target, ...]:
+    """Return what is asked of a group."""
+    asked = [
+        ("healthy flights accused", "accused", "<=", 0.0),
+        ("faults named wrong", "named wrong", "<=", 0.0),
+        (f"faults {TIMES} times the certificate's size that are found, share", "found", ">=", 0.95),
+        ("of the same, that are named, share", "named", ">=", 0.85),
+        ("can't tell, share of the time watched", "can't tell", "<=", 0.1),
+        ("causes claimed of flights as they are", "claimed", "<=", 0.0),
+        ("wrong readings that end with 0", "exit 0", "<=", 0.0),
+        ("right causes, share, in flights that the attitude explains as they are", "causes", ">=", 0.95),
+    ]
+    if group != SYNTHETIC:
+        asked.insert(1, ("healthy logs accused, all of a log watched", "accused whole", "<=", 0.0))
+    return tuple(Target(text, group, which, sense, bound) for text, which, sense, bound in asked)
+
+
+def figures_of(study: Study) -> dict[str, float]:
+    """Return the figures that the targets are of."""
+    flights, faults, readings = study.flights, large(study.faults), study.readings
+    explained = readings["log"].isin(flights.loc[flights["is_explained"].eq(True), "log"])
+    return {
+        "accused": (flights["exit"] == Outcome.FAILED).sum(),
+        "accused whole": flights["whole"].str.startswith("1").sum(),
+        "named wrong": (faults["said"] == WRONG).sum(),
+        "found": faults["found"].astype(float).mean(),
+        "named": (faults["said"] == NAMED).mean(),
+        "can't tell": flights["cant_tell_s"].sum() / flights["watched_s"].sum(),
+        "claimed": flights["is_cause_claimed"].eq(True).sum(),
+        "exit 0": (readings["exit"] == Outcome.HEALTHY).sum(),
+        "causes": readings.loc[explained, "is_right"].astype(float).mean(),
+    }
+
+
+# ---- all of it ----
+
+
+def tasks(folders: Sequence[Path], size: Size, *, synthetic: bool) -> list[Task]:
+    """Return every file of some folders, each a group, and synthetic logs; of files that are alike, the first."""
+    wrong = [f"{folder} is no folder" for folder in folders if not folder.is_dir()]
+    if wrong or not (folders or synthetic):
+        raise InputError(f"{', '.join(wrong) or 'nothing is given'}; give folders of logs, --synthetic, or both")
+    once: dict[bytes, Task] = {}
+    for folder in folders:
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            task = Task(LogFile(path, str(path.relative_to(folder))), folder.resolve().name, size)
+            once.setdefault(hashlib.sha256(path.read_bytes()).digest(), task)
+    made = [Task(SyntheticLog(name, seed), SYNTHETIC, size) for name in MECHANISMS for seed in range(size.seeds)]
+    return [*once.values(), *(made if synthetic else [])]
+
+
+def conduct(campaign: Campaign) -> Findings:
+    """Watch, break, misread, report."""
+    given = campaign.given
+    size = QUICK if campaign.quick else replace(Size(), faults=given.faults)
+    todo = tasks(given.folders, size, synthetic=given.synthetic)
+    done = spread(studied, todo, processes=campaign.jobs, step="logs", progress=campaign.tell)
+    study = Study(
+        *(
+            pd.DataFrame([row for rows in each for row in rows], columns=columns)
+            for each, columns in zip(zip(*done, strict=True), COLUMNS, strict=True)
+        )
+    )
+    groups = {name: study.of("group", name) for name in dict.fromkeys(task.group for task in todo)}
+    head = ["# Recorded flights: verdicts, faults, wrong readings", SAID_QUICK * campaign.quick + INTRODUCTION]
+    text = "\n\n".join([*head, *(section(name, own) for name, own in groups.items())]) + "\n"
+    missed = any(is_missed(targets_of(name), {name: figures_of(own)}) for name, own in groups.items())
+
+    def write(out: Path) -> None:
+        for name, frame in study._asdict().items():
+            frame.to_csv(out / f"{name}.csv", index=False)
+
+    return Findings(text, missed, write)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is watched."""
+    parser.add_argument("folders", nargs="*", type=Path, help="folders of logs")
+    parser.add_argument("--synthetic", action="store_true", help="synthetic logs, too")
+    parser.add_argument("--faults", type=int, default=Size.faults, help="of every gyro and kind (default: %(default)s)")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(conducted(conduct, __doc__, quick="one fault of a kind, four readings, one seed", arguments=arguments))

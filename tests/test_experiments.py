@@ -8,11 +8,14 @@ import sys
 
 import matplotlib.image
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.stats
 from scripts import EXPERIMENTS
+from scripts import script as defined_in
 
 import gtmbench as gb
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
@@ -70,7 +73,6 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
     assert {path.stem for path in EXPERIMENTS.glob("*.py")} == {
         *PARTS,
         *BEYOND,
-        "certificates",
         "fault_gallery",
         "real_logs",
         "__main__",
@@ -122,14 +124,48 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     done = run("real_logs", "logs", "--quick", "--out", "report", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     said = (tmp_path / "report/report.md").read_text()
-    assert re.search(r"1 flights, 4 wrong readings of them: 4 refused, 0 end with exit code 0; causes: 4 right", said)
-    assert re.search(r"\| flight.csv +\| 25 +\|", said)
-    assert said.partition("## logs")[2].strip() in done.stdout
-    done = run("certificates", "logs", "--faults", "1", "--out", "seen", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    said = (tmp_path / "seen/report.md").read_text()
-    assert "1 flights without an alarm; of 0 of their gyros and kinds no size would have been seen." in said
-    assert re.search(r"\| flight.csv +\| 3 +\| 15 +\| 15 +\|", said)
+    assert said.strip() in done.stdout
+    assert "1 flights, 0.01 h watched, end 1 with 0; of them the self-check refuses 0." in said
+    faults = pd.read_csv(tmp_path / "report/faults.csv")
+    assert len(faults) == 2 * 15  # of both sizes, one of each of five kinds of three gyros
+    assert faults.loc[faults["times"] == 3, "found"].all()
+    assert not (faults["said"] == "named wrong").any()
+    assert re.search(r"\| flight.csv +\| 25 +\| 37 .* no fault found +\| 0.0 .* \| 0: no fault found", said)
+    readings = pd.read_csv(tmp_path / "report/readings.csv")
+    assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"), [(["nonsense"], "nonsense is no folder"), ([], "nothing is given")], ids=["no folder", "nothing"]
+)
+def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, tmp_path):
+    done = run("real_logs", *given, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
+
+
+def alarm(sensor, *candidates, doubt=""):
+    judged = Judgement(time_s=5.0, sensor=sensor, candidates=candidates, doubt=doubt)
+    return Alarm(number=0, time_s=4.0, onset_s=3.0, source="q", judgements=(judged,))
+
+
+@pytest.mark.parametrize(
+    ("alarms", "said"),
+    [
+        ([alarm("q", "q")], "named"),
+        ([alarm("theta", "theta")], "named wrong"),
+        ([alarm("q", "q"), alarm("p", "p")], "named wrong"),
+        ([alarm(None, "q", "theta")], "either-or"),
+        ([alarm(None, "phi", "theta")], "named wrong"),
+        ([alarm(None, "q", "theta"), alarm("q", "q")], "named"),
+        ([alarm(None, "q", "theta", doubt="motion or model")], "can't tell"),
+        ([alarm(None, "p", "phi", doubt="motion or model"), alarm("q", "q")], "named"),
+        ([alarm(None)], "nothing"),  # it has passed
+        ([], "nothing"),
+    ],
+)
+def test_what_is_said_of_a_fault_of_q_is_summed_up(alarms, said):
+    assert defined_in("recorded/faults")["_said"](alarms, "q") == said
 
 
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():

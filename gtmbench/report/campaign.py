@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import click
 
+from gtmbench.errors import InputError
 from gtmbench.progress import Progress, progress_bar
 
 
@@ -33,15 +34,34 @@ class Findings(NamedTuple):
 
 
 class Campaign(NamedTuple):
-    """How much is to be done: seconds' worth, by how many processes, and whom to tell of progress."""
+    """How much is to be done: seconds' worth, by how many processes, whom to tell of progress, and what else is given.
+
+    Attributes
+    ----------
+    quick : bool
+    jobs : int
+    tell : callable
+    given : Namespace
+        Every argument.
+    """
 
     quick: bool
     jobs: int
     tell: Progress
+    given: argparse.Namespace
+
+
+def _no_more(parser: argparse.ArgumentParser) -> None:
+    """Add nothing."""
 
 
 def conducted(
-    conduct: Callable[[Campaign], Findings], description: str | None, *, quick: str, beside: str = "rows"
+    conduct: Callable[[Campaign], Findings],
+    description: str | None,
+    *,
+    quick: str,
+    beside: str = "rows",
+    arguments: Callable[[argparse.ArgumentParser], object] = _no_more,
 ) -> int:
     """Conduct a study with ``--quick``, ``--out`` and ``--jobs``; return 1 where it misses a target, else 0.
 
@@ -55,16 +75,22 @@ def conducted(
         What ``--quick`` does.
     beside : str
         What is written beside the report.
+    arguments : callable
+        Adds further arguments to the parser.
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments(parser)
     parser.add_argument("--quick", action="store_true", help=f"{quick}: shows that it runs")
     parser.add_argument("--out", type=Path, help="folder of the report; without it only the tables are printed")
     parser.add_argument("--jobs", type=int, help="processes (default: all cores; one with --quick)")
     given, began = parser.parse_args(), time.monotonic()
     jobs = given.jobs or (1 if given.quick else os.cpu_count() or 1)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
-    with progress_bar() as tell:
-        findings = conduct(Campaign(quick=given.quick, jobs=jobs, tell=tell))
+    try:
+        with progress_bar() as tell:
+            findings = conduct(Campaign(quick=given.quick, jobs=jobs, tell=tell, given=given))
+    except InputError as error:
+        parser.error(str(error))
     click.echo(findings.text)
     if given.out:
         given.out.mkdir(parents=True, exist_ok=True)

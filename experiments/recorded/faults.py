@@ -1,0 +1,138 @@
+"""Faults that are put on what a monitor watched, of a size that it should find, and what it says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import gtmbench as gb
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.study.log.certificate import KINDS, Smallest
+from gtmbench.study.log.watch import WatchedLog
+
+TIMES = (1, 3)  # the certificate's size
+LEFT_S = 12.0  # of a stretch, after the onset: time to judge
+NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
+
+_KIND = {kind.fault.kind: kind for kind in KINDS}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """A fault that was put on a flight.
+
+    Attributes
+    ----------
+    sensor, kind : str
+    times : int
+        The certificate's size.
+    size, onset_s : float
+    found : bool
+        Whether an alarm was raised within the certificate's time.
+    said : str
+        `NAMED`; `EITHER_OR`, among others; `CANT_TELL`, by every alarm; `WRONG`, another sensor, or an either-or
+        without the one that failed; `NOTHING`, for no alarm was raised, or all have passed.
+    """
+
+    sensor: str
+    kind: str
+    times: int
+    size: float
+    onset_s: float
+    found: bool
+    said: str
+
+
+def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
+    """Yield so many faults of every gyro and kind that has a size in a log's certificate, as large and larger.
+
+    Each begins in another equal share of what was watched, at a time that is drawn, whatever its size.
+    """
+    random = np.random.default_rng(seed)
+    watches = [watch for watch in said.watches if isinstance(watch, BankWatch)]
+    for row in said.certificate.rows:
+        for i in range(count if row.size is not None else 0):
+            place = _drawn(watches, row.within_s, (i + random.random()) / count)
+            is_turned = bool(random.integers(2))
+            if place is not None:
+                yield from (_tried(*place, row, times, is_turned=is_turned) for times in TIMES)
+
+
+def _drawn(watches: Sequence[BankWatch], within_s: float, share: float) -> tuple[BankWatch, float] | None:
+    """Return the time by when a share of all that may be an onset has gone by, with its watch; None without any."""
+    places = [(watch, _onsets_s(watch, max(within_s, LEFT_S))) for watch in watches]
+    at = int(share * sum(len(onsets_s) for _, onsets_s in places))
+    for watch, onsets_s in places:
+        if at < len(onsets_s):
+            return watch, float(onsets_s[at])
+        at -= len(onsets_s)
+    return None
+
+
+def _onsets_s(watch: BankWatch, left_s: float) -> np.ndarray:
+    """Return when an alarm was possible, none came for some time without a fault, and that time was left.
+
+    And up to where a sensor is accused though none failed: that can't be named right any more.
+    """
+    time_s = watch.record.time_s
+    own_s = _own_s(watch)
+    quiet = own_s[np.searchsorted(own_s, time_s)] > time_s + left_s
+    accused_s = min((alarm.time_s for alarm in watch.faults if _is_left(alarm) and not alarm.doubt), default=np.inf)
+    return time_s[watch.armed & quiet & (time_s <= watch.record.end_s - left_s) & (time_s < accused_s)]
+
+
+def _own_s(watch: BankWatch) -> np.ndarray:
+    """Return when alarms come without a fault; at last never."""
+    return np.array([*sorted(alarm.time_s for alarm in watch.alarms), np.inf])
+
+
+def _tried(watch: BankWatch, onset_s: float, row: Smallest, times: int, *, is_turned: bool) -> Tried:
+    """Put a fault, watch anew, and sum up what is said until an alarm comes that would have come without it."""
+    assert isinstance(watch.monitor, BankMonitor)
+    assert row.size is not None
+    size = times * row.size
+    fault = _KIND[row.kind].at(row.sensor, onset_s, size, is_turned=is_turned)
+    again = watch.monitor.watch(gb.inject(watch.record, fault), outside=watch.outside)
+    own_s = _own_s(watch)
+    until_s = own_s[np.searchsorted(own_s, onset_s)]
+    alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]
+    of = {alarm.fault for alarm in alarms}
+    return Tried(
+        sensor=row.sensor,
+        kind=row.kind,
+        times=times,
+        size=size,
+        onset_s=onset_s,
+        found=any(alarm.time_s <= onset_s + row.within_s for alarm in alarms),
+        said=_said([alarm for alarm in again.alarms if alarm.number in of], row.sensor),
+    )
+
+
+def _said(alarms: Sequence[Alarm], sensor: str) -> str:
+    """Sum up what some alarms say in the end of a sensor that failed."""
+    left = list(filter(_is_left, alarms))
+    names = {name for alarm in left for name in _accused(alarm)}
+    open_between = [alarm.candidates for alarm in left if alarm.sensor is None and not alarm.doubt]
+    if names - {sensor} or any(sensor not in candidates for candidates in open_between):
+        return WRONG
+    if names:
+        return NAMED
+    if open_between:
+        return EITHER_OR
+    return CANT_TELL if left else NOTHING
+
+
+def _is_left(alarm: Alarm) -> bool:
+    """Tell whether something is left to explain."""
+    return not alarm.has_passed
+
+
+def _accused(alarm: Alarm) -> set[str]:
+    """Return the sensors that an alarm names: both of two that have changed places."""
+    if alarm.last is None or alarm.sensor is None:
+        return set()
+    both = (alarm.sensor, alarm.last.partner if alarm.last.swapped else None)
+    return {name for name in both if name is not None}

@@ -1,0 +1,116 @@
+"""The flights that `real_logs.py` watches: of logs, and synthetic ones; as they are, or misread."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import gtmbench as gb
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.study.log.watch import WatchedLog, watch_log
+from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.testing.mutations import Mutation
+
+BANK = "C"
+GYROS = ("p", "q", "r")
+CHANNELS = (*GYROS, "phi", "theta", "psi")
+WITH_CAUSE = ("held samples", "hardly fresh", "late attitude")  # mechanisms that a self-check should name
+FASTEST_HZ = 100.0
+AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual
+SHORTEST_S, PIECE_S = 14.0, 5.5  # of a flight, of a stretch without gaps
+
+Parts = Sequence[gb.Record]  # of a flight, between its gaps
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """A log that somebody has."""
+
+    path: Path
+    name: str
+    has_cause = False
+
+    def parts(self) -> Parts:
+        """Return the stretches in which it flies: 3 % of the rows that move lie before, 3 % behind.
+
+        What a low-pass takes about a pause of some channels is left out: a table would tell it as a dropout. None where
+        it hardly flies. Raises InputError where it can't be opened, or lacks a channel.
+        """
+        log = gb.open_log(self.path, needs=CHANNELS, witnesses=ACCELEROMETERS)
+        if log.sample_period_s < 0.99 / FASTEST_HZ:
+            log = gb.open_log(self.path, needs=CHANNELS, witnesses=ACCELEROMETERS, rate_hz=FASTEST_HZ)
+        gyros = [record.matrix(GYROS) for record in log.segments]
+        middle = np.nanmedian(np.concatenate(gyros), axis=0)
+        rates = np.concatenate([np.linalg.norm(values - middle, axis=1) for values in gyros])
+        time_s = np.concatenate([record.time_s for record in log.segments])
+        moving_s = time_s[rates > max(AT_REST, 0.1 * float(np.nanquantile(rates, 0.9)))]
+        if len(moving_s) < 50:
+            return []
+        first_s, last_s = np.quantile(moving_s, [0.03, 0.97])
+        known = [piece for record in log.segments for piece in _known(record)]
+        spans = [(record, max(record.start_s, first_s), min(record.end_s, last_s)) for record in known]
+        parts = [record.between(start_s, end_s) for record, start_s, end_s in spans if end_s - start_s > PIECE_S]
+        return parts if sum(part.end_s - part.start_s for part in parts) > SHORTEST_S else []
+
+    def whole(self, parts: Parts) -> WatchedLog | None:
+        """Return what is said of all of the log, with its events, but for the first half of its flight."""
+        return watch_log(self.path, BANK, healthy=[(parts[0].start_s, half_s(parts))])
+
+
+@dataclass(frozen=True)
+class SyntheticLog:
+    """A healthy log that `gtmbench.testing.mechanisms` makes."""
+
+    mechanism: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """What its row is called."""
+        return f"{self.mechanism} {self.seed}"
+
+    @property
+    def has_cause(self) -> bool:
+        """Whether its attitude is late or held, so that a self-check may say so."""
+        return self.mechanism in WITH_CAUSE
+
+    def parts(self) -> Parts:
+        """Return all of it."""
+        return [MECHANISMS[self.mechanism](self.seed).record]
+
+    def whole(self, parts: Parts) -> WatchedLog | None:  # noqa: ARG002
+        """Return None: no file holds its events."""
+        return None
+
+
+Log = LogFile | SyntheticLog
+
+
+def _known(record: gb.Record) -> Iterator[gb.Record]:
+    """Yield the stretches of a record in which no channel lacks a sample."""
+    known = np.isfinite(record.matrix(CHANNELS)).all(axis=1)
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, stop in edges.reshape(-1, 2):
+        yield record.between(record.time_s[first], record.time_s[stop - 1])
+
+
+def half_s(parts: Parts) -> float:
+    """Return the middle of a flight."""
+    return 0.5 * (parts[0].start_s + parts[-1].end_s)
+
+
+def watched(parts: Parts, mutation: Mutation = Mutation()) -> WatchedLog:  # noqa: B008  frozen
+    """Return what is said of a flight's second half, identified on its first, with something wrong in all of it."""
+    lines: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "log.csv")
+        for part in map(mutation.mutate, parts):
+            gb.write_log(part, path)
+            header, *rows = path.read_text().splitlines()
+            lines += rows if lines else [header, *rows]
+        path.write_text("\n".join(lines) + "\n")
+        return watch_log(path, BANK, healthy=[(-np.inf, half_s(parts))])
