@@ -143,6 +143,8 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     sick = (sick - case.others) | case.together
     if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
+    if all(case.sickness.get(output, 0.0) <= _QUIET for output in axis_of(fit.channel)):
+        return False
     if fit.kind == "noise":
         return _is_steady(case, fit.channel)
     return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
