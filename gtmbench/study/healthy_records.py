@@ -27,7 +27,8 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
 from gtmbench.study.flights import check_flown
 from gtmbench.study.log.identified import Stretches, undisturbed
-from gtmbench.study.log.records import between_pauses, open_for
+from gtmbench.study.log.records import between_pauses, open_for, outside
+from gtmbench.study.log.regime import Regime
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
@@ -128,7 +129,8 @@ def logged_records(
     ----------
     paths : sequence of Path
         As `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record. What is no
-        flight with a settled attitude is left out (`undisturbed`), and the provenance says so.
+        flight with a settled attitude is left out (`undisturbed`), and the provenance says so; the regime of what is
+        left stands there, too.
     detector : Detector
     mapping : sequence of str
         As `open_log` takes it, for all of them.
@@ -169,11 +171,17 @@ def logged_records(
     healthy = undisturbed(detector, Stretches(records=tuple(records), logs=tuple(opened)))
     if healthy.left_out:  # least squares take no gaps
         records = between_pauses(healthy.records, detector.channels)
-    origin = {"source": "logs", "logs": logs, **_common(added)}
+    flown = [piece for log in {id(log): log for log in opened}.values() for piece in _flown_in(log, healthy)]
+    origin = {"source": "logs", "logs": logs, "regime": dict(Regime.of(flown).limits), **_common(added)}
     return (
         [_with(record, added, seed + number) for number, record in enumerate(records)],
         origin | ({"left_out": healthy.reasons} if healthy.left_out else {}),
     )
+
+
+def _flown_in(log: FlightLog, healthy: Stretches) -> list[Record]:
+    """Return what of a log is taken for flight."""
+    return outside(log.segments, healthy.left_out_of(log))
 
 
 def _common(imperfections: Imperfections) -> dict[str, str]:
