@@ -218,7 +218,7 @@ def test_a_function_of_ones_own_is_a_monitor():
     ("change", "said"),
     [
         ({"detector": 3}, "3 is a int, no detector"),
-        ({"detector": "jim"}, "no detector is called 'jim'; there are dissertation, B"),
+        ({"detector": "jim"}, "no detector is called 'jim'; there are dissertation, auto, B"),
         ({"detector": "mine.json"}, "mine.json: no such file; `gtmbench calibrate` writes one"),
         ({"detector": lambda _: "soon"}, "returned 'soon'; return the times of its alarms in seconds"),
         ({"detector": lambda _: [[1.0]]}, "'<lambda>' returned"),

@@ -282,7 +282,7 @@ def test_one_detector_alone_is_no_list_of_them(given):
 @pytest.mark.parametrize(
     ("detector", "words"),
     [
-        ("jim", "no detector is called 'jim'; there are dissertation, B,"),
+        ("jim", "no detector is called 'jim'; there are dissertation, auto, B,"),
         (3, "3 is a int, no detector"),
         (
             gb.FunctionDetector(spikes, channels=("p", "strain")),

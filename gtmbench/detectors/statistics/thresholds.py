@@ -40,7 +40,7 @@ def thresholds_of(
     hours = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s / 3600.0
     rows = max(round(float(np.clip(hours * 3600.0 / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
     maxima: dict[tuple[str, str], list[FloatArray]] = {}
-    fresh: dict[tuple[str, str], float] = {}  # of a block: the share that isn't in the window of the block before
+    reach: dict[tuple[str, str], float] = {}  # rows of a window
     greatest: dict[tuple[str, str], float] = {}
     least: dict[tuple[str, str], Callable[[float], float]] = {}
     for output, residuals in healthy.items():
@@ -51,12 +51,15 @@ def thresholds_of(
                 # also of blocks that aren't complete
                 greatest[key] = float(np.fmax.reduce(score.values, initial=greatest.get(key, -np.inf)))
                 least[key] = score.least_threshold
-                fresh[key] = min(rows / max(float(np.median(score.reach)), 1.0), 1.0)
+                reach[key] = max(float(np.median(score.reach)), 1.0)
     share = rate / len(maxima) * rows * sample_period_s / 3600.0
     thresholds: dict[str, dict[str, float]] = {output: {} for output in healthy}
     for key, parts in maxima.items():
         output, label = key
-        thresholds[output][label] = max(_threshold(parts, share, fresh[key]), greatest[key], least[key](share / rows))
+        shortest = min(far for (other, _), far in reach.items() if other == output)
+        # of a block, the share that isn't in the window of the block before; the shortest window is judged anyway
+        fresh = 1.0 if reach[key] == shortest else min(rows / reach[key], 1.0)
+        thresholds[output][label] = max(_threshold(parts, share, fresh), greatest[key], least[key](share / rows))
     return thresholds, rows * sample_period_s
 
 
