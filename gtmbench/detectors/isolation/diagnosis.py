@@ -50,13 +50,14 @@ _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak faul
 
 # of a cautious monitor's alarm:
 _EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
-_LASTING_S = 4.0  # of the case, until a sensor is named whose readings don't show it
+_LASTING_S, _SHOWN_S = 8.0, 4.0  # of the case, until a sensor is named; whose readings show it
 _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
 # what attitude filters, mounts and vibration do
 _MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
 _ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
+_RATES = ("drift",)  # of an angle: what a bias of its gyro is
 _TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
 EARLY = "it is too early to tell"
@@ -114,7 +115,9 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
     best, rivals, untestable = explained[0], _rivals(explained), _untestable(case)
     order = tuple(dict.fromkeys([*rivals, *untestable]))
-    least_s = _ESTIMATED_S if best.channel in ANGLES else _LASTING_S
+    if best.channel in ANGLES and best.kind in _RATES:
+        order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
+    least_s = _ESTIMATED_S if best.channel in ANGLES else _SHOWN_S if best.is_shown else _LASTING_S
     if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
     sensor = best.channel if set(order) == {best.channel} else None
@@ -143,7 +146,8 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     sick = (sick - case.others) | case.together
     if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
-    if all(case.sickness.get(output, 0.0) <= _QUIET for output in axis_of(fit.channel)):
+    least = 1.0 if fit.kind == "noise" else _QUIET
+    if all(case.sickness.get(output, 0.0) <= least for output in axis_of(fit.channel)):
         return False
     if fit.kind == "noise":
         return _is_steady(case, fit.channel)
