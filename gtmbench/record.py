@@ -288,3 +288,13 @@ def _numbers(name: str, column: ArrayLike) -> FloatArray:
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"column '{name}' must hold numbers: {error}") from error
+
+
+def runs(true: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where runs of True begin, and where they have ended.
+
+    >>> runs(np.array([True, False, True, True]))
+    (array([0, 2]), array([1, 4]))
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return edges[::2], edges[1::2]

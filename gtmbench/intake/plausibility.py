@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.segments import Track
+from gtmbench.record import runs
 
 _STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to
 _USED_TO = 10  # times the longest of its other stays, but one
@@ -36,7 +36,7 @@ def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remar
     lost = ~np.isfinite(values)
     if not lost.any():
         return []
-    starts, ends = _runs(lost)
+    starts, ends = runs(lost)
     longest = int((ends - starts).max())
     text = (
         f"{channel}: {np.count_nonzero(lost)} of {len(values)} samples are missing (NaN or infinite), in {len(starts)} "
@@ -88,7 +88,7 @@ def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Rem
             return []
         limit = float(extreme(values))
         at_limit = values == limit
-        starts, ends = _runs(at_limit)
+        starts, ends = runs(at_limit)
         levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
         beside = counts[-4:-1] if side == "greatest" else counts[1:4]
         if (
@@ -117,9 +117,3 @@ def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
 def _mean(values: FloatArray) -> float:
     there = values[np.isfinite(values)]
     return float(there.mean()) if len(there) else 0.0
-
-
-def _runs(true: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where runs of True begin, and where they have ended."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
-    return edges[::2], edges[1::2]

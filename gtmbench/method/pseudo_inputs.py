@@ -333,6 +333,11 @@ def check_derivable(name: str, channels: Iterable[str]) -> None:
         )
 
 
+def reproduces(name: str, output: str) -> bool:
+    """Whether a pseudo input reads as a sensor, but for lags and gains."""
+    return name in PSEUDO_INPUTS and PSEUDO_INPUTS[name].reproduces == output
+
+
 def raw_needs(name: str) -> set[str]:
     """Return the measured channels behind a channel or a pseudo input, through all steps.
 

@@ -12,7 +12,7 @@ from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, reproduces
 from gtmbench.shipped import shipped_banks
 
 _MOST_RESIDUALS = 50
@@ -41,6 +41,11 @@ class ResidualSpec:
     def is_early(self) -> bool:
         """Whether it raises alarms only, and diagnoses stand on others: its output isn't a sensor."""
         return self.output in PSEUDO_INPUTS
+
+    @property
+    def is_kinematic(self) -> bool:
+        """Whether kinematics say what its sensor should read: a pseudo input reads as the sensor."""
+        return any(reproduces(name, self.output) for name in self.inputs)
 
     @property
     def source(self) -> str:
@@ -90,6 +95,11 @@ class Bank:
     def diagnostic(self) -> tuple[ResidualSpec, ...]:
         """The residuals that diagnoses stand on: all that aren't early."""
         return tuple(spec for spec in self.residuals if not spec.is_early)
+
+    @property
+    def kinematic(self) -> tuple[str, ...]:
+        """The sensors that kinematics predict."""
+        return tuple(spec.output for spec in self.residuals if spec.is_kinematic)
 
     def sources(self, spec: ResidualSpec) -> set[str]:
         """Return the measured channels that a residual's prediction stands on."""

@@ -35,7 +35,6 @@ from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
-from gtmbench.method.estimators.bayesian import reproduces
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY = 0.97  # of what is wrong
@@ -121,7 +120,6 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
     if not best.is_held and (case.judged.stop - case.judged.start) * case.period_s < least_s:
         return replace(told, sensor=None, candidates=order, partner=None, reason=EARLY, doubt=DOUBT)
     sensor = best.channel if set(order) == {best.channel} else None
-    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
     return replace(
         told,
         sensor=sensor,
@@ -129,7 +127,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         kind=best.kind,
         parameters=dict(best.parameters),
         errors=best.errors(),
-        kind_margin=max(min(others, default=float("inf")) - best.bic, 0.0),
+        kind_margin=_margin(ranking, best, best),
         partner=best.partner,
         reason="" if sensor else _reason(best, rivals, untestable, ()),
     )
@@ -139,7 +137,7 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
     if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
         return False
-    if fit.kind in _TIED and not _is_kinematic(case, fit.channel):
+    if fit.kind in _TIED and not set(axis_of(fit.channel)) & set(case.monitor.bank.kinematic):
         return False
     worst = max(case.sickness.values())
     sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
@@ -152,14 +150,6 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     if fit.kind == "noise":
         return _is_steady(case, fit.channel)
     return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
-
-
-def _is_kinematic(case: Case, channel: str) -> bool:
-    """Tell whether kinematics say what a sensor of an axis should read."""
-    specs = case.monitor.bank.diagnostic
-    return any(
-        spec.output in axis_of(channel) and any(reproduces(name, spec.output) for name in spec.inputs) for spec in specs
-    )
 
 
 def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
@@ -209,7 +199,6 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     is_early = not (case.is_telling or best.is_shown or best.left.heals(case.monitor))
     sensor = first.sensor or (best.channel if alone and not strays and not is_early else None)
     kind = _kind(case, best.channel, ranking, healthy)
-    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
     return Judgement(
         time_s=case.end_s,
         sensor=sensor,
@@ -219,10 +208,16 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
         kind=kind.kind,
         parameters=dict(kind.parameters),
         errors=kind.errors(),
-        kind_margin=max(min(others, default=float("inf")) - kind.bic, 0.0),
+        kind_margin=_margin(ranking, best, kind),
         partner=kind.partner,
         reason="" if sensor else _reason(best, order, untestable, strays),
     )
+
+
+def _margin(ranking: Sequence[FittedHypothesis], best: FittedHypothesis, kind: FittedHypothesis) -> float:
+    """Return by how much BIC the next kind of the best one's sensor is worse than the kind that is told."""
+    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
+    return max(min(others, default=float("inf")) - kind.bic, 0.0)
 
 
 def _named(best: FittedHypothesis, sensor: str) -> tuple[str, ...]:
@@ -370,8 +365,8 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
 
     Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
     explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
-    is `rival`: a saturation that isn't reached
-    ends nothing. For gyros only: where an angle should be, the gyros can't say for long.
+    is `rival`: a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't
+    say for long.
     """
     fault = fault_of(best)
     if fault is None or best.channel in ANGLES:

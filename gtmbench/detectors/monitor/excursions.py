@@ -15,7 +15,7 @@ from gtmbench.clock import even_times_s
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.monitor.missing import NEVER
-from gtmbench.detectors.monitor.scores import ResidualScore, residual_scores
+from gtmbench.detectors.monitor.scores import residual_scores
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
@@ -98,7 +98,12 @@ class Excursions:
     ) -> None:
         silent = [excursion for excursion in excursions if not excursion.is_judged]
         scores = residual_scores(monitor, record, residuals) if silent else {}
-        pairs = [(excursion, alarm) for excursion in silent for alarm in _first(monitor, record, scores, excursion)]
+        rises = [
+            (row, output, score.origins[row][1])
+            for output, score in scores.items()
+            for row in rising(score.values, 1.0).tolist()
+        ]
+        pairs = [(each, alarm) for each in silent for alarm in _first(monitor, record, rises, each)]
         self._alarms = sorted((alarm for _, alarm in pairs), key=lambda each: each[0])
         self._shaken = [(excursion, excursion.end_s + _SOON_S) for excursion, _ in pairs]
         self._shaken += [(excursion, excursion.end_s) for excursion in excursions if excursion.is_judged]
@@ -127,21 +132,21 @@ class Excursions:
 
 
 def _first(
-    monitor: CalibratedBank, record: Record, scores: Mapping[str, ResidualScore], excursion: Excursion
+    monitor: CalibratedBank, record: Record, rises: Sequence[tuple[int, str, int]], excursion: Excursion
 ) -> Iterator[tuple[int, Alarm]]:
-    """Give the first alarm that an excursion would have raised, if any, and the row with which it is known."""
+    """Give the first alarm that an excursion would have raised, if any, and the row with which it is known.
+
+    Of `rises` of scores, each its row, its residual and the row since which something has been there.
+    """
     rows = rows_of(excursion, record)
-    if not rows:
+    within = [
+        (row + round(monitor.look_ahead_of(output) / record.sample_period_s), output, onset)
+        for row, output, onset in rises
+        if row in rows
+    ]
+    if not within:
         return
-    rises = []
-    for output, score in scores.items():
-        ahead = round(monitor.look_ahead_of(output) / record.sample_period_s)
-        row = next((row for row in rising(score.values, 1.0).tolist() if row - rows.start in range(len(rows))), None)
-        if row is not None:
-            rises.append((row + ahead, output, score.origins[row][1]))
-    if not rises:
-        return
-    known, output, onset = min(rises)
+    known, output, onset = min(within)
     time_s, onset_s = (
         float(even_times_s(record.start_s, record.sample_period_s, range(k, k + 1))[0]) for k in (known, onset)
     )

@@ -17,7 +17,7 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimate, Problem
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.method.pseudo_inputs import reproduces
 from gtmbench.method.regression.slow import regressors, slow
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.record import FloatArray
@@ -157,11 +157,6 @@ class Bayesian:
                 delay[places[[now - 1, now + 1]]] = np.array([0.5, -0.5]) * unit / problem.sample_period_s
                 covariance += self.delay_s**2 * np.outer(delay, delay)
         return mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-
-
-def reproduces(name: str, output: str) -> bool:
-    """Whether a pseudo input reads as a sensor, but for lags and gains."""
-    return name in PSEUDO_INPUTS and PSEUDO_INPUTS[name].reproduces == output
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,7 +21,6 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
-from gtmbench.method.estimators.bayesian import reproduces
 from gtmbench.study.log.self_check.motion import GYROS
 
 SHARE = 0.9  # of the time watched
@@ -256,18 +255,15 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
     watches : sequence of Watch
         What it was worked out for.
     """
+    monitor = watches[0].monitor if watches else None
+    asked = {*GYROS} & {*monitor.bank.kinematic} if isinstance(monitor, BankMonitor) else set()
     names = []
     for row in certificate.rows:
-        if row.kind == Bias.kind and row.sensor in GYROS and _is_kinematic(watches[0].monitor, row.sensor):
+        if row.kind == Bias.kind and row.sensor in asked:
             motion = float(np.nanstd(np.concatenate([watch.record[row.sensor] for watch in watches])))
             if row.size is None or row.size > max(_BEYOND_MOTION * motion, _SMALL_DEG_S):
                 names.append(row.sensor)
     return tuple(names)
-
-
-def _is_kinematic(monitor: Monitor, sensor: str) -> bool:
-    specs = monitor.bank.residuals if isinstance(monitor, BankMonitor) else ()
-    return any(spec.output == sensor and any(reproduces(name, sensor) for name in spec.inputs) for spec in specs)
 
 
 def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:

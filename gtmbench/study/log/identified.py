@@ -21,7 +21,7 @@ from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.method.estimators.bayesian import Bayesian, reproduces
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.record import BoolArray, FloatArray, Record, Span
 from gtmbench.study.log.records import between_pauses
 
@@ -157,7 +157,7 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     stretches : Stretches
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
-    specs = [] if bank is None else [spec for spec in bank.residuals if _is_kinematic(spec)]
+    specs = [] if bank is None else [spec for spec in bank.residuals if spec.is_kinematic]
     if bank is None or not specs:
         return stretches
     period_s = stretches.records[0].sample_period_s
@@ -173,10 +173,6 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
         if kept and motion_left - share >= _LEAST_MOTION:
             stretches, motion_left = left, motion_left - share
     return stretches
-
-
-def _is_kinematic(spec: ResidualSpec) -> bool:
-    return any(reproduces(name, spec.output) for name in spec.inputs)
 
 
 def _without(record: Record, span: Span) -> list[Record]:

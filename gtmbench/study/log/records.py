@@ -15,7 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.intake.segments import FEWEST, SHORTEST_S
-from gtmbench.record import Record, Span
+from gtmbench.record import Record, Span, runs
 
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
@@ -116,12 +116,12 @@ def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[R
 
 
 def _complete(record: Record) -> list[Record]:
-    lost = ~record.there.all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
-    long = np.diff(edges)[::2] > _LOST
+    lost = np.asarray(~record.there.all(axis=1))
+    starts, ends = runs(lost)
+    long = ends - starts > _LOST
     if not long.any():
         return [record]
-    bounds = [0, *edges.reshape(-1, 2)[long].ravel().tolist(), len(record)]
+    bounds = [0, *np.column_stack([starts, ends])[long].ravel().tolist(), len(record)]
     known = np.flatnonzero(np.isfinite(record.values).all(axis=1))
     parts = []
     for first, stop in zip(bounds[::2], bounds[1::2], strict=True):

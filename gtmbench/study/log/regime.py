@@ -17,7 +17,7 @@ import numpy as np
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record, runs
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
 
 _COVERED = 0.999  # of the identified rows
@@ -31,7 +31,6 @@ MOTION, IMPACT = "motion beyond what was identified", "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
 _TELLING = (FAILURE, TOUCHDOWN, IMPACT, RESET, MOTION)  # the more telling first
 _LASTING = (FAILURE, TOUCHDOWN, IMPACT)  # afterwards nothing may be as it was
-_SETTLES_S = 10.0
 # what is about an event, from so long before to so long after; a touchdown is told when it is sure
 _ABOUT = {
     EventKind.RESET: (RESET, 0.5, 2.5),
@@ -87,7 +86,8 @@ class Regime:
 
 def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> list[Excursion]:
     found = []
-    for first, stop in _runs(_widened(turning | force, record.sample_period_s, _BEFORE_S, _AFTER_S)):
+    starts, ends = runs(_widened(turning | force, record.sample_period_s, _BEFORE_S, _AFTER_S))
+    for first, stop in zip(starts.tolist(), ends.tolist(), strict=True):
         start_s, end_s = record.time_s[[first, stop - 1]].tolist()
         found.append(_excursion(start_s, end_s, IMPACT if force[first:stop].any() else MOTION))
     return found
@@ -105,7 +105,7 @@ def _told(event: Event, record: Record) -> Excursion | None:
 
 
 def _excursion(start_s: float, end_s: float, reason: str) -> Excursion:
-    settles_s = np.inf if reason in _LASTING else _SETTLES_S
+    settles_s = np.inf if reason in _LASTING else Excursion.settles_s
     return Excursion(start_s=start_s, end_s=end_s, reason=reason, settles_s=settles_s)
 
 
@@ -130,11 +130,6 @@ def _widened(beyond: BoolArray, period_s: float, before_s: float, after_s: float
     before, after = (round(span_s / period_s) for span_s in (before_s, after_s))
     reach = np.convolve(beyond, np.ones(before + after + 1))[before : before + len(beyond)]
     return np.asarray(reach > 0.5)
-
-
-def _runs(true: BoolArray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
-    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 
 
 def _sizes(record: Record) -> dict[str, FloatArray]:

@@ -364,13 +364,14 @@ def _watched(
     """
     parts = without(log, identified_s)
     left = [(each.start_s, each.end_s) for each in parts]
+    rest = _part(monitor, log, left, mapping)
     if not identified_s:
-        wired = check_wiring(monitor, [_part(monitor, log, left, mapping)], WATCHED)
+        wired = check_wiring(monitor, [rest], WATCHED)
         check = replace(wired, explained=check.explained)
     watches: list[Watch] = []
     if check.stops:
         parts = []
-    excursions = _excursions(monitor, _part(monitor, log, left, mapping))
+    excursions = _excursions(monitor, rest)
     for done, part in enumerate(parts):
         progress("watch", done, len(parts))
         if isinstance(monitor, BankMonitor):

@@ -16,7 +16,6 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
-from gtmbench.method.estimators.bayesian import reproduces
 from gtmbench.record import Record, Span
 from gtmbench.study.log.self_check.causes import (
     Change,
@@ -252,11 +251,10 @@ def rests_on_motion(watcher: Detector | Monitor) -> bool:
     return bool(_asked(watcher))
 
 
-def _asked(watcher: Detector | Monitor) -> list[str]:
+def _asked(watcher: Detector | Monitor) -> tuple[str, ...]:
     """Return the sensors that a pseudo input of a detector's bank reads as."""
     bank = bank_in(watcher)
-    specs = () if bank is None else bank.residuals
-    return [spec.output for spec in specs if any(reproduces(name, spec.output) for name in spec.inputs)]
+    return () if bank is None else bank.kinematic
 
 
 def _notes(watcher: Detector | Monitor) -> tuple[str, ...]:

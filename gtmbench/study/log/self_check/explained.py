@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.protocol import Watch
-from gtmbench.method.estimators.bayesian import reproduces
+from gtmbench.method.pseudo_inputs import reproduces
 from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import slow_motion
 
