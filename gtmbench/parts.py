@@ -1,8 +1,8 @@
 """Work that is kept part by part: what is finished stands in a folder however a run ends, and the next one goes on.
 
 The folder is flat: ``manifest.json`` says what the run is (its *facts*), and every finished task is a Parquet file,
-written aside and renamed, so that a part is there whole or not at all. The parts are the truth; what is made of them can
-be made anew. Facts that differ in anything don't mix, and a lock keeps two runs out of one folder.
+written aside and renamed, so that a part is there whole or not at all. The parts are the truth: what is made of them
+can be made anew. Facts that differ in anything don't mix, and a lock keeps two runs out of one folder.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _LARGEST_MANIFEST_BYTES = 10_000_000
 
 
 class Shard(NamedTuple):
-    """One of several runs that share a run's tasks and its folder: those whose number leaves `index` - 1 over `of`."""
+    """One of `of` runs that share a run's tasks and its folder; the first has `number` 1."""
 
-    index: int
+    number: int
     of: int
 
     def holds(self, task: int) -> bool:
@@ -46,10 +46,10 @@ class Shard(NamedTuple):
         >>> [task for task in range(7) if Shard(2, 3).holds(task)]
         [1, 4]
         """
-        return task % self.of == self.index - 1
+        return task % self.of == self.number - 1
 
     def __str__(self) -> str:
-        return f"{self.index}/{self.of}"
+        return f"{self.number}/{self.of}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ class Parts:
                 _to_disk(aside)
         except OSError as error:
             raise GtmbenchError(
-                f"can't write {self.path(task)}: {error.strerror or error}; what is finished stays, and --resume goes on"
+                f"can't write {self.path(task)}: {error.strerror or error}; what is finished stays, --resume goes on"
             ) from error
 
     def _check(self, task: int) -> None:
@@ -178,10 +178,10 @@ def read_parts(folder: Path) -> Parts:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if found["format"] != FORMAT or found["version"] != VERSION:
-            raise InputError(f"{path} is {shown(found['format'])}, version {shown(found['version'])}, no {FORMAT} {VERSION}")
-        return Parts(
-            folder=folder, what=str(found["what"]), tasks=int(found["tasks"]), facts=dict(found["facts"])
-        )
+            raise InputError(
+                f"{path} is {shown(found['format'])}, version {shown(found['version'])}, no {FORMAT} {VERSION}"
+            )
+        return Parts(folder=folder, what=str(found["what"]), tasks=int(found["tasks"]), facts=dict(found["facts"]))
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
@@ -210,8 +210,8 @@ def parts_in(
     Raises
     ------
     InputError
-        Where another run is at work there, the folder holds another one's parts, or some and it wasn't to be resumed, or
-        can't be written.
+        Where another run is at work there, the folder holds another one's parts, or some and it wasn't to be resumed,
+        or can't be written.
     """
     _check_folder(folder, what)
     _make(folder)
@@ -273,8 +273,8 @@ def _compare(known: Parts, facts: Mapping[str, Any]) -> None:
     if differs is not None:
         where, was, now = differs
         raise InputError(
-            f"{known.folder} holds another {known.what}, and rows that aren't alike don't mix: {where} was {shown(was)} "
-            f"and is {shown(now)}; put it back, or give another --out"
+            f"{known.folder} holds another {known.what}, and rows that aren't alike don't mix: {where} was "
+            f"{shown(was)} and is {shown(now)}; put it back, or give another --out"
         )
 
 
@@ -329,7 +329,7 @@ def _locked(folder: Path, what: str, shard: Shard | None) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     whole = folder / f"{_LOCK}-run"
-    own = whole if shard is None else folder / f"{_LOCK}-{shard.index}-of-{shard.of}"
+    own = whole if shard is None else folder / f"{_LOCK}-{shard.number}-of-{shard.of}"
     held = "another run" if shard is None else f"a whole run, or shard {shard},"
     with ExitStack() as stack:
         try:

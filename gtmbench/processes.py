@@ -98,7 +98,8 @@ def completed(
         if submit is None:  # a machine without semaphores
             yield from enumerate(map(work, tasks))
             return
-        waiting, running = enumerate(tasks), {}
+        waiting = enumerate(tasks)
+        running: dict[Future[Result], int] = {}
         while True:
             for number, task in islice(waiting, _AHEAD * max(processes, 1) - len(running)):
                 running[submit(work, task)] = number

@@ -179,7 +179,7 @@ def _flights(flown: Flown, tell: Tell) -> list[Record]:
     records = []
     for number in range(FLIGHTS):
         tell(f"calibration flight {number + 1}")
-        truth = fly(setup.aircraft, _EXCITATION, duration_s, _seed(setup, number))
+        truth = fly(setup.aircraft, _EXCITATION, duration_s, _seed(setup, number), **setup.trim_point)
         readings = flown.sensed(_SEEDS // 1000 + number)
         noise = readings.values - flown.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
@@ -207,4 +207,5 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "duration_s": min(setup.duration_s, _LONGEST_S),
         "noise": _noise(setup),
         "seed": _seed(setup, 0),
+        **setup.trim_point,
     }

@@ -59,9 +59,9 @@ class Flown:
 def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     """Trim and fly a setup."""
     tell("trim")
-    trimmed = trim(setup.aircraft)
+    trimmed = trim(setup.aircraft, **setup.trim_point)
     tell("fly")
-    flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed)
+    flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
     return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
 
 

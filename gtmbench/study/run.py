@@ -127,14 +127,14 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
         record = healthy if number == 0 else flown.sensed(2 + number)
         for name, monitor in monitors.items():
             tell(f"healthy record {number + 1}")
-            watches[name].append(_watched(monitor, record, flown.setup))
+            watches[name].append(watched(monitor, record, flown.setup))
     baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
         broken = flown.broken(scenario, spec, healthy)
         for name, monitor in monitors.items():
             tell(f"{broken.fault} of {broken.channel}")
-            watch = _watched(monitor, broken.record, flown.setup)
+            watch = watched(monitor, broken.record, flown.setup)
             truth = {"healthy": healthy, "broken": broken.record}
             verdict = score(watch, fault=broken.injected, also=broken.also, **truth)
             trials[name].append(
@@ -150,7 +150,8 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
     return Study(baselines=tuple(baselines.values()), trials=tuple(trial for of in trials.values() for trial in of))
 
 
-def _watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+def watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+    """Watch a record of a study, from where its scenarios say."""
     return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
 
 
