@@ -65,6 +65,8 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
+from gtmbench.study.campaign.conduct import campaign
+from gtmbench.study.campaign.plan import Campaign, load_campaign
 from gtmbench.study.log.inject import ChangedColumn, inject_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
@@ -86,6 +88,7 @@ __all__ = [
     "Baseline",
     "Bayesian",
     "Bias",
+    "Campaign",
     "ChangedColumn",
     "Channel",
     "ConvergenceWarning",
@@ -163,6 +166,7 @@ __all__ = [
     "alarms",
     "bank_between",
     "calibrate",
+    "campaign",
     "count_excitations",
     "decimate",
     "derivable",
@@ -178,6 +182,7 @@ __all__ = [
     "innovations",
     "load_aircraft",
     "load_bank",
+    "load_campaign",
     "load_monitor",
     "load_scenario",
     "log_columns",

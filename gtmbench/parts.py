@@ -95,6 +95,11 @@ class Parts:
             self._check(number)
         return tuple(numbers)
 
+    def todo(self, shard: Shard | None = None) -> tuple[int, ...]:
+        """Return the tasks that aren't, in order; of a shard those that are its own."""
+        done = frozenset(self.done())
+        return tuple(task for task in range(self.tasks) if task not in done and (shard is None or shard.holds(task)))
+
     def read(self, columns: list[str] | None = None) -> pa.Table:
         """Return the rows of all parts, in the order of the tasks, however they came to be."""
         import pyarrow as pa

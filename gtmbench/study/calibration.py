@@ -113,7 +113,7 @@ class Calibrator:
 
     @property
     def _need_flights(self) -> bool:
-        return any(not _is_tied(detector) for detector in self._recipes)
+        return any(not is_tied(detector) for detector in self._recipes)
 
     def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
         """Calibrate what has to be, and return every monitor by name."""
@@ -125,13 +125,14 @@ class Calibrator:
                 continue
             assert is_recipe(watcher)
             tell(f"calibrate {name}")
-            tied = _is_tied(watcher)
+            tied = is_tied(watcher)
             monitor = watcher.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
             monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
         return monitors
 
 
-def _is_tied(detector: Detector) -> bool:
+def is_tied(detector: Detector) -> bool:
+    """Whether a detector learns what excites its records, and so is calibrated on every flight anew."""
     return bool(getattr(detector, "tied_to_excitation", False))
 
 

@@ -14,7 +14,7 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.errors import GtmbenchError
-from gtmbench.progress import silent
+from gtmbench.progress import counted, silent
 from gtmbench.record import Record
 from gtmbench.study.campaign.rows import COLUMNS, Row
 from gtmbench.study.fault_tables import FaultSpec
@@ -67,7 +67,7 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
     ('none', 1, 0, 35)
     """
     commands = any(name in COMMANDS for watcher in watchers.values() for name in watcher.channels)
-    flown = _tried(fly_setup, task.setup, commands, silent)
+    flown = _tried(fly_setup, task.setup, commands, counted(silent, 2))
     monitors = {name: _tried(_ready, watcher, flown) for name, watcher in watchers.items()}
     judge = _judged if task.isolate else _detected
     rows = []
