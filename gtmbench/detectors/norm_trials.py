@@ -101,7 +101,7 @@ class NormTrials:
         return np.concatenate([self._norms[:first], np.sqrt(moving_sum(squares, self._window + 1))[:known]])
 
     def _effect(self, channel: str, change: FloatArray, row: int, begin: int) -> FloatArray:
-        """Return what a change of a channel from a row on adds to the residual from another on, shape (rows, outputs)."""
+        """Return what a change of a channel from a row on adds to the residual, from `begin` on, an output a column."""
         operator = self._operator
         effect = np.zeros((row - begin + len(change), len(operator.outputs)))
         if channel in operator.outputs:
