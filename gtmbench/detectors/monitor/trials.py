@@ -1,7 +1,8 @@
 """Trials of a bank: what a fault doesn't touch is worked out once, and a diagnosis never.
 
 A sensor doesn't enter its own prediction, so a gyro's fault changes its own residual by what it changes in its
-readings. An angle enters residuals by way of pseudo inputs, which aren't linear: those are worked out anew, from the onset on.
+readings. An angle enters residuals by way of pseudo inputs, which aren't linear: those are worked out anew, from the
+onset on.
 """
 
 from __future__ import annotations
