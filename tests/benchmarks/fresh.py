@@ -1,6 +1,7 @@
 """``gb.identify`` as a user's process has it, against numpy's lstsq there: first call, tenth, and after an lstsq.
 
-In a fresh process nothing is warm. CPU seconds, for a call is too short to be spared what else the machine does. The first call imports SciPy's linear algebra; counted and not counted.
+In a fresh process nothing is warm, and the first call imports SciPy's linear algebra: counted and not counted. Seconds
+of CPU, for a call is too short to be spared what else the machine does.
 """
 
 from __future__ import annotations
