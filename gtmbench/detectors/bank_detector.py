@@ -18,6 +18,7 @@ from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, 
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import score_of, tracks_of
 from gtmbench.detectors.monitor.stream import BankStream
+from gtmbench.detectors.monitor.trials import BankTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
@@ -76,6 +77,10 @@ class BankMonitor(CalibratedBank):
     def stream(self) -> BankStream:
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
         return BankStream(self)
+
+    def trials(self, record: Record) -> BankTrials:
+        """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
+        return BankTrials(self, self, record)
 
     def watch(self, record: Record, *, without: Iterable[str] = (), outside: Sequence[Excursion] = ()) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.

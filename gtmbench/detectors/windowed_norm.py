@@ -12,6 +12,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm, alarms_at
+from gtmbench.detectors.norm_trials import NormTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
@@ -186,6 +187,10 @@ class NormMonitor:
             "threshold": self.threshold,
             "operator": operator_table(self.operator),
         }
+
+    def trials(self, record: Record) -> NormTrials:
+        """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
+        return NormTrials(self, self.operator, self.window, self.threshold, record)
 
     def watch(self, record: Record) -> Watch:
         """Return residual, E(k) and alarms: E(k) that rises above the threshold, at (k + w + d) Ts.

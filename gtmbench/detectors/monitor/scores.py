@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, RawScore, Spread
+from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, RawScore, Spread, over
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record, sealed
 
@@ -263,14 +263,6 @@ def score_of(track: Track, record: Record) -> ResidualScore:
     return ResidualScore(
         values=sealed(values), known_s=sealed(np.round(known_s, 9, out=known_s)), origins=track.origins
     )
-
-
-def over(values: FloatArray, threshold: float) -> FloatArray:
-    """Return values over their threshold: above 1 where they pass it, also where both are negative."""
-    if 0.0 < threshold < math.inf:
-        return values / threshold
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
 
 
 def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:

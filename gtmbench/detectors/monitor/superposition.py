@@ -1,4 +1,4 @@
-"""What a fault put on a record would do to its sensor's own residual, without watching the record again.
+"""What a fault put on a record would do to a residual, without watching the record again.
 
 A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual.
 Whitening passes that on from the onset, and the scores after it follow from the monitor's own statistic.
@@ -6,100 +6,103 @@ Whitening passes that on from the onset, and the scores after it follow from the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.monitor.scores import IntArray, over
-from gtmbench.detectors.statistics.statistic import Spread
+from gtmbench.detectors.monitor.scores import IntArray
+from gtmbench.detectors.statistics.greatest import greatest_score
+from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.faults.fault import Fault
 from gtmbench.record import BoolArray, FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Superposition:
-    """A sensor's own residual on a record that was watched.
+class ChangedResidual:
+    """A residual of a record that may be changed from some row on.
 
     Attributes
     ----------
     monitor : CalibratedBank
-    sensor : str
-        One with a residual of its own.
-    record : Record
+    output : str
     raw : shape (samples,)
-        Its residual.
+        As it is.
     spread : Spread or None
         By which the residual is divided before it is judged.
-    armed : shape (samples,)
-        Where its score, once known, could have raised an alarm.
     """
 
     monitor: CalibratedBank
-    sensor: str
-    record: Record = field(repr=False)
+    output: str
     raw: FloatArray = field(repr=False)
     spread: Spread | None = field(repr=False)
-    armed: BoolArray = field(repr=False)
 
-    def alarm_row(self, fault: Fault, within_s: float) -> int | None:
-        """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
-
-        None, too, where the residual wasn't armed at the onset.
+    def greatest(self, begin: int, changed: FloatArray, rows: range) -> float:
+        """Return the greatest score of some rows; -inf where there is none.
 
         Parameters
         ----------
-        fault : Fault
-            Of the sensor, and one that reads no other.
-        within_s : float
-            From the onset until the alarm could be raised: look-ahead counts.
+        begin : int
+        changed : shape (rows from `begin` on,)
+            What the residual is instead; the last is that of the last row asked for.
+        rows : range
+            None before `begin`.
         """
-        period_s = self.record.sample_period_s
-        row = round((fault.onset_s - self.record.start_s) / period_s)
-        stop = min(row + round(within_s / period_s) - self._ahead + 1, len(self.record))
-        if not self.armed[row] or stop <= row:
-            return None
-        before = max(row - 1, 0)  # what a fault begins with
-        readings = self._readings[before:stop]
-        changed = fault.broken(readings, self._time_s[before:stop], period_s) - readings[:, 0]
-        return self._above(row, stop, changed[row - before :])
+        _, given, at = self._samples(begin, changed, rows)
+        return greatest_score(self._test, given, self._period_s, self._tolerance, self._thresholds, at)
 
-    def _above(self, row: int, stop: int, changed: FloatArray) -> int | None:
-        """Return an armed row whose score is above 1 once some rows of the residual are changed by so much."""
-        test, whitener, thresholds = self.monitor.bank.statistic, self._whitener, self.monitor.thresholds[self.sensor]
-        first = self._looked_back_from(row)
-        raw = self.raw[first:stop].copy()
-        raw[row - first :] += changed
-        white = self._white[first:stop].copy()
-        seen = max(row - whitener.order, first)  # by the whitening filter
-        white[row - first :] = whitener.whiten(raw[seen - first :])[row - seen :]
-        spread = None if self.spread is None else self.spread.between(slice(first, stop))
-        there, given = test.given(raw, white, spread)
-        at = range(int(np.searchsorted(there, row - first)), len(there))
-        rows = there[at.start :] + first
-        armed = self.armed[rows]
-        tolerance = self.monitor.tolerances[self.sensor]
-        for score in test.of(given, self.record.sample_period_s, tolerance, at=at):
-            above = np.flatnonzero((over(score.values, thresholds[score.label]) > 1.0) & armed)
-            if len(above):
-                return int(rows[above[0]])
-        return None
+    def scores(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, FloatArray]:
+        """Return which of some rows have a score, and the scores."""
+        there, given, at = self._samples(begin, changed, rows)
+        greatest = np.full(len(there), -np.inf)
+        for score in self._test.of(given, self._period_s, self._tolerance, at=at):
+            np.fmax(greatest, over(score.values, self._thresholds[score.label]), out=greatest)
+        exists = greatest > -np.inf
+        return there[exists], greatest[exists]
+
+    @cached_property
+    def ahead(self) -> int:
+        """How many rows after one its score is known."""
+        return round(self.monitor.look_ahead_of(self.output) / self._period_s)
+
+    def _samples(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, Given, range]:
+        """Return the rows asked for that have a sample, and what the statistic takes: samples, and which are meant."""
+        first = self._looked_back_from(begin)
+        raw = np.concatenate([self.raw[first:begin], changed])
+        seen = max(begin - self._whitener.order, first)  # by the whitening filter
+        white = np.concatenate([self._white[first:begin], self._whitener.whiten(raw[seen - first :])[begin - seen :]])
+        spread = None if self.spread is None else self.spread.between(slice(first, begin + len(changed)))
+        there, given = self._test.given(raw, white, spread)
+        at = range(int(np.searchsorted(there, rows.start - first)), len(there))
+        return there[at.start :] + first, given, at
 
     def _looked_back_from(self, row: int) -> int:
         """Return the first row that the statistics look at from one on: missing samples are passed over."""
-        looks_back = self.monitor.bank.statistic.looks_back(self.record.sample_period_s)
-        before = int(np.searchsorted(self._there, row)) - looks_back
+        before = int(np.searchsorted(self._there, row)) - self._test.looks_back(self._period_s)
         return int(self._there[before]) if before > 0 else 0
 
     @property
-    def _ahead(self) -> int:
-        return round(self.monitor.look_ahead_of(self.sensor) / self.record.sample_period_s)
+    def _test(self) -> Statistic:
+        return self.monitor.bank.statistic
 
-    @cached_property
+    @property
+    def _tolerance(self) -> Tolerance:
+        return self.monitor.tolerances[self.output]
+
+    @property
+    def _thresholds(self) -> Mapping[str, float]:
+        return self.monitor.thresholds[self.output]
+
+    @property
+    def _period_s(self) -> float:
+        return self.monitor.sample_period_s
+
+    @property
     def _whitener(self) -> Whitener:
-        return self.monitor.whiteners[self.sensor]
+        return self.monitor.whiteners[self.output]
 
     @cached_property
     def _white(self) -> FloatArray:
@@ -109,8 +112,65 @@ class Superposition:
     def _there(self) -> IntArray:
         return np.flatnonzero(np.isfinite(self._white))
 
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Superposition:
+    """A sensor's own residual on a record that was watched.
+
+    Attributes
+    ----------
+    sensor : str
+        One with a residual of its own.
+    record : Record
+    residual : ChangedResidual
+        Its own.
+    armed : shape (samples,)
+        Where its score, once known, could have raised an alarm.
+    """
+
+    sensor: str
+    record: Record = field(repr=False)
+    residual: ChangedResidual = field(repr=False)
+    armed: BoolArray = field(repr=False)
+
+    def changed(self, fault: Fault, stop: int) -> tuple[int, FloatArray]:
+        """Return the row of a fault's onset, and what the residual is from there to another row."""
+        period_s = self.record.sample_period_s
+        row = max(fault.onset_row(self.record), 0)
+        before = max(row - 1, 0)  # what a fault begins with
+        readings = self._readings(fault.reads)[before:stop]
+        change = fault.broken(readings, self._time_s[before:stop], period_s) - readings[:, 0]
+        return row, self.residual.raw[row:stop] + change[row - before :]
+
+    def alarm_row(self, fault: Fault, within_s: float) -> int | None:
+        """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
+
+        None, too, where the residual wasn't armed at the onset.
+
+        Parameters
+        ----------
+        fault : Fault
+            Of the sensor.
+        within_s : float
+            From the onset until the alarm could be raised: look-ahead counts.
+        """
+        period_s = self.record.sample_period_s
+        row = round((fault.onset_s - self.record.start_s) / period_s)
+        stop = min(row + round(within_s / period_s) - self.residual.ahead + 1, len(self.record))
+        if not self.armed[row] or stop <= row:
+            return None
+        begin, changed = self.changed(fault, stop)
+        rows, scores = self.residual.scores(begin, changed, range(begin, stop))
+        above = np.flatnonzero((scores > 1.0) & self.armed[rows])
+        return int(rows[above[0]]) if len(above) else None
+
+    def _readings(self, channels: tuple[str, ...]) -> FloatArray:
+        if channels == (self.sensor,):
+            return self._own
+        return self.record.matrix(channels)
+
     @cached_property
-    def _readings(self) -> FloatArray:
+    def _own(self) -> FloatArray:
         return self.record[self.sensor][:, np.newaxis]
 
     @cached_property

@@ -326,6 +326,14 @@ def glr(
     return shift, power
 
 
+def over(values: FloatArray, threshold: float) -> FloatArray:
+    """Return values over their threshold: above 1 where they pass it, also where both are negative."""
+    if 0.0 < threshold < np.inf:
+        return values / threshold
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
+
+
 STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, range, Carried], Iterator[RawScore]]] = {
     "glr": _glr,
     "cusum": _cusum,

@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.detectors.monitor.excursions import Excursion, blots, blotted
-from gtmbench.detectors.monitor.superposition import Superposition
+from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
@@ -146,7 +146,7 @@ class _Place:
 
     def names(self, fault: Fault) -> bool:
         """Tell whether the fault's sensor is named, and no other, when the record about it is watched anew."""
-        record, monitor, sensor = self.on.record, self.on.monitor, self.on.sensor
+        record, monitor, sensor = self.on.record, self.on.residual.monitor, self.on.sensor
         row = self.on.alarm_row(fault, self.within_s)
         if row is None or not isinstance(monitor, BankMonitor):
             return False
@@ -282,12 +282,12 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]
 def superposition(watch: BankWatch, sensor: str) -> Superposition:
     """Return a sensor's own residual on a record that a bank watched."""
     assert isinstance(watch.monitor, BankMonitor)
+    raw = blotted(watch.residuals, blots(watch.monitor, watch.record, watch.outside))[sensor]
+    spread = watch.spread.get(sensor)
     return Superposition(
-        monitor=watch.monitor,
         sensor=sensor,
         record=watch.record,
-        raw=blotted(watch.residuals, blots(watch.monitor, watch.record, watch.outside))[sensor],
-        spread=watch.spread.get(sensor),
+        residual=ChangedResidual(monitor=watch.monitor, output=sensor, raw=raw, spread=spread),
         armed=watch.scores[sensor].armed,
     )
 
@@ -299,7 +299,7 @@ def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
         return _TURNED
     if kind.fault is Deadzone:
         return float(np.nanmax(np.abs(readings), initial=0.0))  # nothing is left
-    large = _RANGE * float(np.nanstd(readings) + np.nanstd(np.concatenate([each.raw for each in on])))
+    large = _RANGE * float(np.nanstd(readings) + np.nanstd(np.concatenate([each.residual.raw for each in on])))
     return large / within_s if kind.fault is Drift else large
 
 
