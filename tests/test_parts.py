@@ -110,14 +110,14 @@ def test_a_part_of_another_run_is_refused(half, tmp_path):
     with begun(tmp_path / "other", facts={"campaign": 1}) as other:
         other.write(2, rows(2))
     other.path(2).rename(half / "part-000002.parquet")
-    with pytest.raises(gb.InputError, match="part-000002.parquet is of another campaign"), begun(half, resume=True):
+    with pytest.raises(gb.InputError, match=r"part-000002.parquet is of another campaign"), begun(half, resume=True):
         pass
 
 
 def test_a_part_that_isnt_whole_is_told_by_name(half):
     part = half / "part-000001.parquet"
     part.write_bytes(part.read_bytes()[:-20])
-    with pytest.raises(gb.InputError, match="part-000001.parquet isn't whole"), begun(half, resume=True):
+    with pytest.raises(gb.InputError, match=r"part-000001.parquet isn't whole"), begun(half, resume=True):
         pass
 
 
@@ -135,7 +135,7 @@ def test_parts_that_are_there_are_gone_on_with_only_where_that_is_said(half):
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(gb.InputError, match="holds no campaign, but thesis.tex"), begun(tmp_path, resume=True):
+    with pytest.raises(gb.InputError, match=r"holds no campaign, but thesis.tex"), begun(tmp_path, resume=True):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 

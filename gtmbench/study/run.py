@@ -92,7 +92,7 @@ def run_study(
     if not any(own):
         scenarios = [_without_operator(scenario) for scenario in scenarios]
     if not all(own):
-        scenarios = [_with_noise(scenario) for scenario in scenarios]
+        scenarios = [with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
     named = {name: watcher(setup) if watcher is own_detector else watcher for name, watcher in watchers.items()}
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
@@ -112,7 +112,7 @@ def _without_operator(scenario: Scenario) -> Scenario:
     return replace(scenario, setup=replace(scenario.setup, operator=OperatorSetup(), alarm=kept))
 
 
-def _with_noise(scenario: Scenario) -> Scenario:
+def with_noise(scenario: Scenario) -> Scenario:
     """Return a scenario with the T2's noise where it states none: that is what monitors are calibrated on."""
     if scenario.states_noise:
         return scenario

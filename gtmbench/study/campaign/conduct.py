@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -88,8 +87,11 @@ def campaign(
     (15, 15, 0)
     """
     meant = source if isinstance(source, Campaign) else load_campaign(source)
-    meant = replace(meant, detectors=tuple(dict.fromkeys((*meant.detectors, *detectors))))
-    return conduct(meant, Path(out), jobs=jobs, resume=resume, yes=True, progress=progress).read().to_pandas()
+    return (
+        conduct(meant.watched_by(detectors), Path(out), jobs=jobs, resume=resume, yes=True, progress=progress)
+        .read()
+        .to_pandas()
+    )
 
 
 def conduct(

@@ -12,12 +12,13 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from gtmbench.bench.excitation import parts_of
 from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
+from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.plain import plain
@@ -27,11 +28,11 @@ from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
 from gtmbench.study.healthy_records import CalibrationFlights
+from gtmbench.study.run import with_noise
 from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
 from gtmbench.study.trial import fault_row
 
 MANY = 10_000_000  # trials: nobody means more without saying so
-_MOST_SEEDS = 10_000_000
 _RANGE = re.compile(r"\s*(\d{1,10})\s*:\s*(\d{1,10})\s*")
 _OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration")
 CALIBRATION = CalibrationFlights(flights=12, duration_s=300.0, seed=1_000_000_001)  # those of `gtmbench run`
@@ -73,6 +74,17 @@ class Campaign:
     isolate: bool = True
     calibration: CalibrationFlights = CALIBRATION
     false_alarms_per_hour: float | None = None
+
+    def watched_by(self, detectors: Sequence[str]) -> Campaign:
+        """Return it with other detectors beside its own.
+
+        Scenarios that state neither snr nor noise have the T2's noise where anything but their own operator watches, as
+        in a study.
+        """
+        everyone = tuple(dict.fromkeys((*self.detectors, *detectors)))
+        others = any(detector != OWN for detector in everyone)
+        scenarios = tuple(with_noise(each) if others else each for each in self.scenarios)
+        return replace(self, detectors=everyone, scenarios=scenarios)
 
     def tasks(self) -> Iterator[Task]:
         """Give the tasks, one a flight, in an order that stays: the first axis named varies slowest."""
@@ -160,11 +172,14 @@ class Campaign:
         for setup, _ in self._setups():
             for _, axes in self._blocks():
                 records = [0, 1, *map(record_number, healthy_seeds(setup, _noise_seeds(axes)))]
-                for seed in axes.get("seed", (setup.seed,)):
-                    if any(used in known for used in (seed, *(seed + SEED_STEP * record for record in records))):
+                seeds = axes.get("seed", (setup.seed,))
+                spans = [seeds] if isinstance(seeds, range) else [range(seed, seed + 1) for seed in seeds]
+                for span, record in itertools.product(spans, records):  # record 0's noise has the flight's own seed
+                    first = max(span[0], known[0] - SEED_STEP * record)
+                    if first <= min(span[-1], known[-1] - SEED_STEP * record):
                         raise InputError(
-                            f"seed {seed} is one of calibration's, {known[0]} to {known[-1]} (or its noise is): what "
-                            "calibrated on is no test; give calibration.seed another first one"
+                            f"seed {first} is one of calibration's, {known[0]} to {known[-1]} (or its noise is): what "
+                            "was calibrated on is no test; give calibration.seed another first one"
                         )
 
 
@@ -195,21 +210,19 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     table = read_toml(path, "campaign")
     with naming(path):
         campaign = _campaign(path.stem, table)
-    return replace(campaign, detectors=tuple(dict.fromkeys((*campaign.detectors, *detectors))))
+    return campaign.watched_by(detectors)
 
 
 def _campaign(name: str, table: dict[str, Any]) -> Campaign:
+    keys(table, [*_OWN_KEYS, *(item.name for item in fields(Setup)), "faults"])
     own = {key: table.pop(key) for key in _OWN_KEYS if key in table}
     title = text("title", own.get("title", name))
     axes = _axes("axes", own.get("axes", {}))
     healthy = _axes("healthy", own["healthy"]) if "healthy" in own else None
     scenarios = _scenarios(name, title, own.get("scenarios", []), table, only_healthy=healthy is not None)
     detectors = _names("detectors", own.get("detectors", [OWN]))
-    if any(detector != OWN for detector in detectors):  # as `run_study` has it
-        scenarios = tuple(
-            each if each.states_noise else replace(each, setup=replace(each.setup, snr=None, noise="t2"))
-            for each in scenarios
-        )
+    for python in filter(is_python, detectors):
+        for_data_file(python)  # refuses it
     isolate = own.get("isolate", True)
     if not isinstance(isolate, bool):
         raise InputError(f"isolate is {shown(isolate)}; it must be true or false")
@@ -305,7 +318,7 @@ def _flags(key: str, given: Any) -> Sequence[bool]:
     return _listed(key, given, check)
 
 
-def _seeds(least: int) -> Callable[[str, Any], Sequence[int]]:
+def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
     """Return a check of seeds: one, a list, or the first and the last: ``"1:20"``."""
 
     def check(key: str, given: Any) -> Sequence[int]:
@@ -313,7 +326,7 @@ def _seeds(least: int) -> Callable[[str, Any], Sequence[int]]:
             return _listed(key, given, lambda value: whole("a seed", value, least))
         match = _RANGE.fullmatch(given)
         seeds = range(int(match[1]), int(match[2]) + 1) if match else range(0)
-        if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > _MOST_SEEDS:
+        if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > most:
             raise InputError(
                 f"{key} is {shown(given)}: no seed; give whole numbers from {least} on, or the first and the last of "
                 f'at most {_MOST_SEEDS}, such as "1:20"'
@@ -329,8 +342,8 @@ AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
     "turbulence": _flags,
     "altitude_ft": _settings("altitude_ft"),
     "tas_kt": _settings("tas_kt"),
-    "seed": _seeds(0),
-    "noise_seed": _seeds(1),
+    "seed": _seeds(0, 10_000_000),
+    "noise_seed": _seeds(1, 10_000),
 }
 _OF_A_FLIGHT = tuple(name for name in AXES if name != "noise_seed")  # a flight is measured many times
 
