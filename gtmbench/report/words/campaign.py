@@ -9,8 +9,8 @@ from gtmbench.report.words.units import or_dash
 from gtmbench.study.campaign.plan import Campaign
 
 # Seconds on one core of a small machine (2026): a flight a second of it, a record watched a second of it and detector,
-# a trial asked what failed
-_FLOWN, _WATCHED, _ASKED = 1.5e-3, 0.7e-3, 0.4
+# a trial asked what failed, a trial of a search
+_FLOWN, _WATCHED, _ASKED, _SOUGHT = 1.5e-3, 0.7e-3, 0.4, 0.01
 
 
 def plan_facts(campaign: Campaign, detectors: Sequence[str], jobs: int) -> dict[str, Any]:
@@ -22,7 +22,9 @@ def plan_facts(campaign: Campaign, detectors: Sequence[str], jobs: int) -> dict[
         "flights": campaign.flights,
         "trials": campaign.trials,
         "healthy_records": campaign.records,
-        "rows": (campaign.trials + campaign.records) * len(detectors),
+        "searches": campaign.searches_made,
+        "search_trials": campaign.search_trials,
+        "rows": (campaign.trials + campaign.searches_made + campaign.records) * len(detectors),
         "calibration_flights": campaign.calibration.flights,
         "about_hours": round(_seconds(campaign, len(detectors)) / 3600.0 / jobs, 4),
         "jobs": jobs,
@@ -34,7 +36,8 @@ def _seconds(campaign: Campaign, detectors: int) -> float:
     calibration = campaign.calibration.flights * campaign.calibration.duration_s * _FLOWN
     watched = (campaign.trials + campaign.records) * detectors * duration_s * _WATCHED
     asked = campaign.trials * detectors * _ASKED * campaign.isolate
-    return calibration + campaign.flights * duration_s * _FLOWN + watched + asked
+    sought = campaign.search_trials * detectors * _SOUGHT
+    return calibration + campaign.flights * duration_s * _FLOWN + watched + asked + sought
 
 
 def plan_lines(plan: Mapping[str, Any]) -> list[str]:
@@ -43,6 +46,8 @@ def plan_lines(plan: Mapping[str, Any]) -> list[str]:
         f"{plan['campaign']}: {plan['title']}",
         f"{plan['flights']:,} flights, a task each; {plan['trials']:,} trials and {plan['healthy_records']:,} healthy "
         f"records, watched by {', '.join(plan['detectors'])}: {plan['rows']:,} rows",
+        *[f"{plan['searches']:,} searches for the smallest fault, of at most {plan['search_trials']:,} trials"]
+        * bool(plan["searches"]),
         f"about {_time(plan['about_hours'])} with --jobs {plan['jobs']} on a small machine, calibration included",
     ]
 

@@ -159,7 +159,7 @@ def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
     ------
     InputError
     """
-    trials = (campaign.trials + campaign.records) * detectors
+    trials = (campaign.trials + campaign.search_trials + campaign.records) * detectors
     if trials > MANY and not yes:
         raise InputError(
             f"{campaign.flights:,} flights with {trials:,} trials in all; that is more than {MANY:,}: say --yes if "

@@ -1,8 +1,8 @@
 """What a campaign is: scenarios, the axes that multiply them, what watches; and the tasks that it comes to.
 
-A campaign's TOML is a scenario's with four keys and three tables more: ``scenarios`` (others, by name or file),
-``detectors``, ``isolate``; ``[axes]``, ``[healthy]`` and ``[calibration]``. Every value of every axis is flown with
-every value of the others.
+A campaign's TOML is a scenario's with three keys and four tables more: ``scenarios`` (others, by name or file),
+``detectors``, ``isolate``; ``[axes]``, ``[healthy]``, ``[calibration]`` and ``[[smallest]]``. Every value of every axis
+is flown with every value of the others.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from gtmbench.files import is_file, read_toml
 from gtmbench.plain import plain
 from gtmbench.shipped import shipped_campaigns
 from gtmbench.study.calibration import OWN
+from gtmbench.study.campaign.searches import Search, searches_of
 from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
@@ -34,7 +35,7 @@ from gtmbench.study.trial import fault_row
 
 MANY = 10_000_000  # trials: nobody means more without saying so
 _RANGE = re.compile(r"\s*(\d{1,10})\s*:\s*(\d{1,10})\s*")
-_OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration")
+_OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration", "smallest")
 CALIBRATION = CalibrationFlights(flights=12, duration_s=300.0, seed=1_000_000_001)  # those of `gtmbench run`
 
 _ANY_FAULT = {"kind": "dropout", "channels": ["p"], "onset_s": 0.0}  # a scenario has one
@@ -63,6 +64,8 @@ class Campaign:
         What detectors are calibrated on that aren't tied to an excitation, once an aircraft.
     false_alarms_per_hour : float or None
         Wanted of those; None: as they do.
+    searches : tuple of Search
+        For the smallest faults that are detected, on every flight on which something breaks.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Campaign:
     isolate: bool = True
     calibration: CalibrationFlights = CALIBRATION
     false_alarms_per_hour: float | None = None
+    searches: tuple[Search, ...] = ()
 
     def watched_by(self, detectors: Sequence[str]) -> Campaign:
         """Return it with other detectors beside its own.
@@ -98,6 +102,7 @@ class Campaign:
                         faults=tuple(faults) if breaking else (),
                         noise_seeds=tuple(_noise_seeds(axes)),
                         isolate=self.isolate,
+                        searches=self.searches if breaking else (),
                     )
 
     def _setups(self) -> list[tuple[Setup, list[tuple[str, FaultSpec]]]]:
@@ -112,7 +117,8 @@ class Campaign:
 
     def _blocks(self) -> list[tuple[bool, Axes]]:
         """Return the axes of flights on which something breaks, and of those on which nothing does."""
-        blocks: list[tuple[bool, Axes]] = [(True, self.axes)] if any(one.faults for one in self.scenarios) else []
+        breaks = self.searches or any(one.faults for one in self.scenarios)
+        blocks: list[tuple[bool, Axes]] = [(True, self.axes)] if breaks else []
         return blocks + ([] if self.healthy is None else [(False, {**self.axes, **self.healthy})])
 
     @property
@@ -123,9 +129,21 @@ class Campaign:
     @property
     def trials(self) -> int:
         """How many faults every detector is tried on, healthy records not among them."""
-        faults = sum(len(scenario.faults) for scenario in self.scenarios)
-        flown = (_count(axes) * len(_noise_seeds(axes)) for breaks, axes in self._blocks() if breaks)
-        return faults * sum(flown)
+        return sum(len(scenario.faults) for scenario in self.scenarios) * self._broken_records()
+
+    @property
+    def searches_made(self) -> int:
+        """How many searches every detector is tried in."""
+        return len(self.searches) * self._broken_records() * len(self._setups())
+
+    @property
+    def search_trials(self) -> int:
+        """How many trials these take at most; each is one row."""
+        return sum(search.trials for search in self.searches) * self._broken_records() * len(self._setups())
+
+    def _broken_records(self) -> int:
+        """Return how many records are broken, of each setup."""
+        return sum(_count(axes) * len(_noise_seeds(axes)) for breaks, axes in self._blocks() if breaks)
 
     @property
     def records(self) -> int:
@@ -156,6 +174,7 @@ class Campaign:
             "healthy": None if self.healthy is None else {n: _fact_of_axis(v) for n, v in self.healthy.items()},
             "detectors": list(self.detectors),
             "isolate": self.isolate,
+            "searches": [[search.text, _fact(search.mildest), _fact(search.severest)] for search in self.searches],
             "calibration": self.calibration.provenance() | {"false_alarms_per_hour": self.false_alarms_per_hour},
             "aircraft": {name: _digest(Path(name)) for name in self.aircraft if Path(name).is_dir()},
         }
@@ -219,7 +238,8 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
     title = text("title", own.get("title", name))
     axes = _axes("axes", own.get("axes", {}))
     healthy = _axes("healthy", own["healthy"]) if "healthy" in own else None
-    scenarios = _scenarios(name, title, own.get("scenarios", []), table, only_healthy=healthy is not None)
+    nothing_breaks = healthy is not None or "smallest" in own
+    scenarios = _scenarios(name, title, own.get("scenarios", []), table, only_healthy=nothing_breaks)
     detectors = _names("detectors", own.get("detectors", [OWN]))
     for python in filter(is_python, detectors):
         for_data_file(python)  # refuses it
@@ -237,6 +257,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         isolate=isolate,
         calibration=calibration,
         false_alarms_per_hour=rate,
+        searches=_searches(scenarios, own),
     )
     campaign.check_kept_apart()
     return campaign
@@ -257,9 +278,17 @@ def _scenarios(name: str, title: str, named: Any, table: dict[str, Any], *, only
     if others:
         return tuple(others)
     if not only_healthy:
-        raise InputError("nothing would break: name scenarios = [...], or add [[faults]] (or [healthy] for that alone)")
+        raise InputError(
+            "nothing would break: name scenarios = [...], or add [[faults]] or [[smallest]] (or [healthy] for that "
+            "alone)"
+        )
     stated = scenario_of(name, {"title": title, **table, "faults": [_ANY_FAULT]})
     return (replace(stated, faults=()),)
+
+
+def _searches(scenarios: Sequence[Scenario], table: Mapping[str, Any]) -> tuple[Search, ...]:
+    shortest_s = min(scenario.setup.duration_s for scenario in scenarios)
+    return searches_of(table["smallest"], shortest_s) if "smallest" in table else ()
 
 
 def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
@@ -329,7 +358,7 @@ def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
         if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > most:
             raise InputError(
                 f"{key} is {shown(given)}: no seed; give whole numbers from {least} on, or the first and the last of "
-                f'at most {_MOST_SEEDS}, such as "1:20"'
+                f'at most {most}, such as "1:20"'
             )
         return seeds
 

@@ -1,4 +1,4 @@
-"""The rows of a campaign: one a trial and detector, and one a healthy record and detector; what each column is."""
+"""The rows of a campaign: one a trial (or search) and detector, one a healthy record and detector; their columns."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ COLUMNS: Mapping[str, Column] = {
     "alarm_time_s": Column("double", "when the first such could be"),
     "detection_delay_s": Column("double", "since the onset, look-ahead and windows counted"),
     "look_ahead_s": Column("double", "the part of every delay that the detector waits for samples"),
-    "peak_ratio": Column("double", "greatest score since the onset over its threshold"),
+    "peak_ratio": Column("double", "greatest score over its threshold: since the onset, or of a healthy record"),
     "altered_share": Column("double", "of the samples of the fault that it changed"),
     "isolated": Column("bool", "whether the sensor that it names is one that had failed"),
     "named_wrong": Column("bool", "whether it names a single one that hadn't"),
@@ -57,6 +57,10 @@ COLUMNS: Mapping[str, Column] = {
     "kind_right_20s": Column("bool", "the same, 20 s after the alarm"),
     "verdict": Column("string", "in words"),
     "reason": Column("string", "why it was missed, or no sensor is named"),
+    "mildest": Column("double", "of a search alone: the mildest severity that was tried, as it is given"),
+    "severest": Column("double", "the severest"),
+    "smallest": Column("double", "the mildest that was detected; null where none was"),
+    "severity_of": Column("string", "what these three are shares of: rms, peak, slew; null: figures"),
     "error": Column("string", "what went wrong in this trial, which then says nothing else"),
 }
 

@@ -17,6 +17,7 @@ from gtmbench.errors import GtmbenchError
 from gtmbench.progress import counted, silent
 from gtmbench.record import Record
 from gtmbench.study.campaign.rows import COLUMNS, Row
+from gtmbench.study.campaign.searches import Search, search_row
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
@@ -43,6 +44,8 @@ class Task:
         The healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks.
     isolate : bool
         Whether it is asked what failed.
+    searches : tuple of Search
+        For the smallest faults that are detected, on the records that are broken.
     """
 
     number: int
@@ -50,10 +53,11 @@ class Task:
     faults: tuple[tuple[str, FaultSpec], ...]
     noise_seeds: tuple[int, ...] = (1,)
     isolate: bool = True
+    searches: tuple[Search, ...] = ()
 
 
 def rows_of(task: Task, watchers: Watchers) -> list[Row]:
-    """Fly once, and return a row a detector and healthy record, and one a detector and trial.
+    """Fly once, and return a row a detector and healthy record, and one a detector and trial or search.
 
     What goes wrong is told in the rows that it spoils, and in no others.
 
@@ -82,6 +86,11 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
             for name, monitor in monitors.items():
                 verdict = _tried(judge, monitor, healthy, broken, task.setup)
                 rows.append({**fault, "detector": name, **_cells(verdict)})
+        for search in task.searches if noise_seed in task.noise_seeds else ():
+            sought = {**about, **_of_search(search)}
+            for name, monitor in monitors.items():
+                found = _tried(_searched, search, flown, monitor, healthy)
+                rows.append({**sought, "detector": name, **_cells(found)})
     return rows
 
 
@@ -148,7 +157,13 @@ def _broken(flown: Flown, scenario: str, spec: FaultSpec, healthy: Record) -> In
 def _quiet(monitor: Monitor, healthy: Record, setup: Setup) -> Row:
     """Say what a monitor made of a healthy record."""
     watch = watched(monitor, healthy, setup)
-    return {"false_alarms": len(false_alarms(watch)), "armed_hours": watch.armed_hours}
+    peak = max((score.peak() for score in watch.scores.values()), default=None)
+    return {"false_alarms": len(false_alarms(watch)), "armed_hours": watch.armed_hours, "peak_ratio": peak}
+
+
+def _searched(search: Search, flown: Flown, monitor: Monitor, healthy: Record) -> Row:
+    start_s = min(flown.setup.alarm.watch_from_s, healthy.end_s)
+    return search_row(search, flown, monitor, healthy.between(start_s, healthy.end_s))
 
 
 def _judged(monitor: Monitor, healthy: Record, broken: Injection, setup: Setup) -> Row:
@@ -209,6 +224,23 @@ def _of_fault(scenario: str, spec: FaultSpec) -> Row:
         "unit": unit_of(spec.channel),
         "what": spec.text,
         "onset_s": min(spec.onset_s, *(other.onset_s for other in spec.also), spec.onset_s),
+    }
+
+
+def _of_search(search: Search) -> Row:
+    """Say what is searched for."""
+    mildest, severest = search.bounds
+    return {
+        "fault": search.mildest.kind,
+        "channel": search.mildest.channel,
+        "severity_name": search.parameter,
+        "severity_given": f"{mildest} to {severest}",
+        "unit": unit_of(search.mildest.channel),
+        "what": search.text,
+        "onset_s": search.mildest.onset_s,
+        "mildest": mildest.value,
+        "severest": severest.value,
+        "severity_of": mildest.of,
     }
 
 

@@ -1,0 +1,67 @@
+"""What a detector would find at other thresholds: the receiver operating characteristic, from scores' peaks.
+
+A record alarms at a threshold if the greatest score in it is above, so peaks of healthy and broken records, over the
+detector's own threshold, tell for every factor what share of trials would be detected, and in what share of healthy
+records there would be an alarm; of records of T hours that share is 1 - exp(-rate T). It is exact for scores that are
+held against a threshold sample by sample. What happens in time isn't in a peak: a score that is above from the start
+isn't armed, and here counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.record import FloatArray
+
+_MOST = 200  # points of a curve
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Detection against false alarms, over all factors on the thresholds, from the greatest on.
+
+    Attributes
+    ----------
+    factors : shape (points,)
+    alarmed : shape (points,)
+        Share of healthy records.
+    per_hour : shape (points,)
+        The rate of false alarms which that comes to; infinite where all alarm.
+    detected : shape (points,)
+        Share of trials.
+    """
+
+    factors: FloatArray
+    alarmed: FloatArray
+    per_hour: FloatArray
+    detected: FloatArray
+
+
+def characteristic(healthy: FloatArray, hours: float, broken: FloatArray) -> Curve | None:
+    """Return a detector's curve; None where it shows no scores.
+
+    Parameters
+    ----------
+    healthy, broken : shape (records,), shape (trials,)
+        Peaks over the threshold; NaN where there is no score.
+    hours : float
+        Watched of a healthy record, in the mean.
+
+    Examples
+    --------
+    >>> curve = characteristic(np.array([0.4, 0.8]), 0.1, np.array([0.5, 3.0]))
+    >>> curve.factors.tolist(), curve.alarmed.tolist(), curve.detected.tolist()
+    ([3.0, 0.8, 0.5, 0.4], [0.0, 0.0, 0.5, 0.5], [0.0, 0.5, 0.5, 1.0])
+    """
+    quiet, loud = np.sort(healthy[np.isfinite(healthy)]), np.sort(broken[np.isfinite(broken)])
+    if not len(quiet) or not len(loud) or not quiet[-1] > 0.0 or hours <= 0.0:
+        return None
+    factors = np.unique([*quiet, *loud])[::-1]
+    factors = factors[np.unique(np.linspace(0, len(factors) - 1, _MOST).astype(int))]
+    alarmed = 1.0 - np.searchsorted(quiet, factors, side="right") / len(quiet)
+    detected = 1.0 - np.searchsorted(loud, factors, side="right") / len(loud)
+    with np.errstate(divide="ignore"):
+        per_hour = -np.log1p(-alarmed) / hours
+    return Curve(factors=factors, alarmed=alarmed, per_hour=np.abs(per_hour), detected=detected)

@@ -1,0 +1,361 @@
+"""What a campaign's rows say of every detector, and of each against the others; the words stand in `study/score.py`.
+
+Two rules come before all figures:
+
+- *No score without quiet.* A detector whose false alarms are certainly more than the target, by the lower bound of
+  their rate on healthy records, gets none: whoever alarms all the time detects everything.
+- *Who fails has missed.* A trial that a detector broke down in counts as missed by it; one that broke down for every
+  detector (it couldn't be flown, or broken so) counts for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.study.scores.compare import Comparison, Rank, compared, ranks
+from gtmbench.study.scores.curves import Curve, characteristic
+from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
+from gtmbench.study.scores.smallest import Smallest, smallest
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
+DEADLINE_S = 10.0
+CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
+FLIGHT = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "seed")  # what tells flights apart
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delays:
+    """Of the trials that were detected, in seconds since the onset, look-ahead and windows counted.
+
+    Attributes
+    ----------
+    mean, median, most : Estimate
+        Most: 95 % of them are no longer.
+    worst : float
+    look_ahead : float
+        The part of every delay that the detector waits for samples to come.
+    """
+
+    mean: Estimate
+    median: Estimate
+    most: Estimate
+    worst: float
+    look_ahead: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Naming:
+    """Shares of all trials: the four that add up to them, and two that stand beside.
+
+    Attributes
+    ----------
+    right, wrong, undecided, missed : Share
+        Right and wrong are names of one sensor.
+    axis_right : Share
+        All that it leaves possible lies on the axis that failed.
+    kind_right : Share
+        Physically the kind of fault that was injected.
+    """
+
+    right: Share
+    wrong: Share
+    undecided: Share
+    missed: Share
+    axis_right: Share
+    kind_right: Share
+
+
+@dataclass(frozen=True, kw_only=True)
+class Merits:
+    """What a detector made of some trials.
+
+    Attributes
+    ----------
+    trials, flights, failed : int
+        Failed: broken down, and counted as missed.
+    detected, in_time : Share
+        In time: by the deadline.
+    delays : Delays or None
+        None where nothing was detected.
+    naming : Naming or None
+        None where the detector names no sensors, or wasn't asked.
+    """
+
+    trials: int
+    flights: int
+    failed: int
+    detected: Share
+    in_time: Share
+    delays: Delays | None
+    naming: Naming | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confusion:
+    """How often what was told of what was.
+
+    Attributes
+    ----------
+    injected, told : tuple of str
+        What rows and columns are.
+    counts : tuple of tuple of int
+        A row each of `injected`.
+    """
+
+    injected: tuple[str, ...]
+    told: tuple[str, ...]
+    counts: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorScores:
+    """A detector's scores.
+
+    Attributes
+    ----------
+    name : str
+    false_alarms : Rate
+        On healthy records.
+    healthy_records : int
+    no_score : str
+        Why there are none; then all that follows is None or empty.
+    merits : Merits or None
+        Of all trials.
+    faults, channels : mapping of str to Merits
+        Of each kind and of each channel.
+    sensors, kinds : Confusion or None
+    curve : Curve or None
+        None of a detector that shows no scores.
+    smallest : tuple of Smallest
+    """
+
+    name: str
+    false_alarms: Rate
+    healthy_records: int
+    no_score: str = ""
+    merits: Merits | None = None
+    faults: Mapping[str, Merits] = field(default_factory=dict)
+    channels: Mapping[str, Merits] = field(default_factory=dict)
+    sensors: Confusion | None = None
+    kinds: Confusion | None = None
+    curve: Curve | None = None
+    smallest: tuple[Smallest, ...] = ()
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether there is a score."""
+        return not self.no_score
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """All of a campaign's.
+
+    Attributes
+    ----------
+    target_per_hour, deadline_s : float
+    detectors : tuple of DetectorScores
+        In the campaign's order.
+    comparisons : tuple of Comparison
+        Of every pair of those with a score.
+    ranks : tuple of Rank
+        Of those; best first.
+    delays_s : mapping of detector to array of shape (trials,)
+        Of those; infinite where one was missed.
+    """
+
+    target_per_hour: float
+    deadline_s: float
+    detectors: tuple[DetectorScores, ...]
+    comparisons: tuple[Comparison, ...]
+    ranks: tuple[Rank, ...]
+    delays_s: Mapping[str, np.ndarray] = field(repr=False)
+
+
+def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, deadline_s: float = DEADLINE_S) -> Scores:
+    """Score a campaign.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        As `gb.campaign` returns them.
+    target_per_hour : float
+        False alarms; who certainly raises more gets no score.
+    deadline_s : float
+        By when a fault is to be detected.
+
+    Raises
+    ------
+    InputError
+        Where there are no rows.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from gtmbench.study.campaign.rows import table_of
+    >>> healthy = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
+    >>> broken = [
+    ...     {"seed": seed, "detector": "C", "fault": "jam", "channel": "p", "detected": True,
+    ...      "detection_delay_s": 0.1 * seed, "look_ahead_s": 0.05, "peak_ratio": 3.0}
+    ...     for seed in range(8)
+    ... ]
+    >>> (found,) = scored(table_of(healthy + broken).to_pandas()).detectors
+    >>> found.merits.detected.value, round(found.merits.detected.low, 2), found.merits.delays.median.value
+    (1.0, 0.63, 0.3)
+    >>> found.false_alarms.value, round(found.false_alarms.high, 1)
+    (0.0, 4.6)
+    """
+    if not len(rows):
+        raise InputError("there are no rows to score: nothing of it is finished; go on with --resume")
+    table = _scoreable(rows)
+    found = [
+        _detector(str(name), own, target_per_hour, deadline_s) for name, own in table.groupby("detector", sort=False)
+    ]
+    quiet = [one.name for one in found if one.is_quiet]
+    paired = _paired(table[_is_trial(table)], quiet)
+    delays_s = {name: paired[name].to_numpy() for name in quiet} if len(paired) else {}
+    flights = paired.index.get_level_values("flight").to_numpy()
+    pairs = compared(delays_s, flights) if len(delays_s) > 1 else ()
+    places = sorted(ranks(list(delays_s), pairs), key=lambda rank: (rank.best + rank.worst, rank.best))
+    return Scores(
+        target_per_hour=target_per_hour,
+        deadline_s=deadline_s,
+        detectors=tuple(found),
+        comparisons=pairs,
+        ranks=tuple(places),
+        delays_s=delays_s,
+    )
+
+
+def _scoreable(rows: pd.DataFrame) -> pd.DataFrame:
+    """Give flights and trials numbers, and leave out the trials that failed for every detector."""
+    numbered = rows.assign(
+        flight=rows.groupby(list(FLIGHT), dropna=False, sort=False).ngroup(),
+        trial=rows.groupby(["task", "noise_seed", "detector"], dropna=False, sort=False).cumcount(),
+        failed=rows["error"].notna(),
+    )
+    everywhere = numbered.groupby(["task", "noise_seed", "trial"], dropna=False)["failed"].transform("all")
+    return numbered[~everywhere]
+
+
+def _is_trial(rows: pd.DataFrame) -> pd.Series:
+    return rows["fault"].notna() & rows["mildest"].isna()
+
+
+def _paired(trials: pd.DataFrame, detectors: Sequence[str]) -> pd.DataFrame:
+    """Return delays, a row a trial and a column a detector, infinite where missed; trials that all of them had."""
+    own = trials[trials["detector"].isin(detectors)]
+    delays = own.assign(delay=own["detection_delay_s"].fillna(np.inf))
+    keys = ["flight", "task", "noise_seed", "trial"]
+    told = delays.fillna({"task": -1, "noise_seed": -1}).set_index([*keys, "detector"])["delay"]
+    return told.unstack().dropna()  # noqa: PD010  a pivot table would aggregate
+
+
+def _detector(name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s: float) -> DetectorScores:
+    healthy = rows[rows["fault"].isna() & ~rows["failed"]]
+    hours = healthy["armed_hours"].to_numpy(dtype=float)
+    alarms = rate(healthy["false_alarms"].to_numpy(dtype=int), hours, healthy["flight"].to_numpy())
+    known = DetectorScores(name=name, false_alarms=alarms, healthy_records=len(healthy))
+    if alarms.low > target_per_hour:
+        why = f"more than {alarms.low:.2g} false alarms an hour, by the lower bound; {target_per_hour:g} is the target"
+        return DetectorScores(**{**vars(known), "no_score": why})
+    trials = rows[_is_trial(rows)]
+    if not len(trials):
+        return DetectorScores(**{**vars(known), "smallest": _smallest(rows)})
+    peaks = healthy["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
+    broken = trials["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
+    return DetectorScores(
+        name=name,
+        false_alarms=alarms,
+        healthy_records=len(healthy),
+        merits=merits(trials, deadline_s),
+        faults={str(kind): merits(own, deadline_s) for kind, own in trials.groupby("fault", sort=False)},
+        channels={str(channel): merits(own, deadline_s) for channel, own in trials.groupby("channel", sort=False)},
+        sensors=_sensors(trials),
+        kinds=_kinds(trials),
+        curve=characteristic(peaks, float(np.mean(hours)) if len(hours) else 0.0, broken),
+        smallest=_smallest(rows),
+    )
+
+
+def _smallest(rows: pd.DataFrame) -> tuple[Smallest, ...]:
+    return smallest(rows[rows["mildest"].notna() & rows["detected"].notna()])
+
+
+def merits(trials: pd.DataFrame, deadline_s: float) -> Merits:
+    """Return what a detector made of some of its trials."""
+    flights = trials["flight"].to_numpy()
+    delay_s = trials["detection_delay_s"].to_numpy(dtype=float, na_value=np.nan)
+    detected = _true(trials["detected"])
+    return Merits(
+        trials=len(trials),
+        flights=len(np.unique(flights)),
+        failed=int(trials["failed"].sum()),
+        detected=share(detected, flights),
+        in_time=share(detected & (np.nan_to_num(delay_s, nan=np.inf) <= deadline_s + 1e-9), flights),
+        delays=_delays(delay_s[detected], flights[detected], trials["look_ahead_s"]) if detected.any() else None,
+        naming=_naming(trials, detected, flights) if _names(trials) else None,
+    )
+
+
+def _delays(delay_s: np.ndarray, flights: np.ndarray, look_ahead_s: pd.Series) -> Delays:
+    return Delays(
+        mean=mean(delay_s, flights),
+        median=quantile(delay_s, 0.5, flights),
+        most=quantile(delay_s, 0.95, flights),
+        worst=float(delay_s.max()),
+        look_ahead=float(look_ahead_s.max()),
+    )
+
+
+def _names(trials: pd.DataFrame) -> bool:
+    """Whether a detector names sensors, and was asked."""
+    return bool(trials["isolated"].notna().any())
+
+
+def _naming(trials: pd.DataFrame, detected: np.ndarray, flights: np.ndarray) -> Naming:
+    right, wrong = _true(trials["isolated"]) & detected, _true(trials["named_wrong"]) & detected
+    return Naming(
+        right=share(right, flights),
+        wrong=share(wrong, flights),
+        undecided=share(detected & ~right & ~wrong, flights),
+        missed=share(~detected, flights),
+        axis_right=share(_true(trials["axis_right"]) & detected, flights),
+        kind_right=share(_true(trials["kind_right"]) & detected, flights),
+    )
+
+
+def _true(cells: pd.Series) -> np.ndarray:
+    return np.asarray(cells.eq(True).fillna(False), dtype=bool)
+
+
+def _sensors(trials: pd.DataFrame) -> Confusion | None:
+    """Return which sensor was named of which that failed; of several in one record, of the first."""
+    if not _names(trials):
+        return None
+    return _confusion(trials, "channel", "sensor", CANT_TELL)
+
+
+def _kinds(trials: pd.DataFrame) -> Confusion | None:
+    if not _names(trials):
+        return None
+    return _confusion(trials, "fault", "kind", NO_KIND)
+
+
+def _confusion(trials: pd.DataFrame, injected: str, told: str, nothing: str) -> Confusion:
+    said = trials[told].where(trials[told].notna() & (trials[told] != "unknown"), nothing)
+    said = said.where(_true(trials["detected"]), MISSED)
+    was = tuple(dict.fromkeys(trials[injected]))
+    others = sorted({*said} - {*was, nothing, MISSED})
+    columns = (*was, *others, nothing, MISSED)
+    counts = {key: len(own) for key, own in trials.groupby([trials[injected], said])}
+    table = tuple(tuple(counts.get((row, column), 0) for column in columns) for row in was)
+    return Confusion(injected=was, told=columns, counts=table)
