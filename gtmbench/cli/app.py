@@ -25,6 +25,7 @@ from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
+from gtmbench.cli.report import report_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__
@@ -42,6 +43,7 @@ def app() -> None:
 for command in (
     run_command,
     campaign_command,
+    report_command,
     check_command,
     calibrate_command,
     bank_command,

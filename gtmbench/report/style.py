@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 COLOURS = {
     "p": "#1f77b4",
@@ -15,6 +16,25 @@ COLOURS = {
 }
 EVENTS = {"reset": "#b8860b", "takeoff": "#2ca25f", "touchdown": "#3b3b98", "failure": "#d62728"}  # of a log
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
+
+# of lines that are told apart whoever looks: Okabe and Ito's colours, and strokes that print in black
+_HUES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+_DASHES = ("-", "--", "-.", ":")
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+
+def strokes(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return a colour, a line style and a marker for each name, no two alike for 28 of them.
+
+    >>> strokes(["C", "B"])["B"]
+    {'color': '#d55e00', 'linestyle': '--', 'marker': 's'}
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for i, name in enumerate(dict.fromkeys(names)):
+        style = (i + i // len(_HUES)) % len(_DASHES)
+        marker = _MARKERS[i % len(_MARKERS)]
+        found[name] = {"color": _HUES[i % len(_HUES)], "linestyle": _DASHES[style], "marker": marker}
+    return found
 
 
 def colour(name: str, position: int = 0) -> str:

@@ -60,10 +60,10 @@ def units_of(fault: Fault) -> dict[str, str]:
     {'slope': 'deg/s²'}
     """
     unit = unit_of(fault.channel)
-    return {item.name: _unit(item, unit) for item in fault.parameters() if item.is_severity}
+    return {item.name: parameter_unit(item, unit) for item in fault.parameters() if item.is_severity}
 
 
-def _unit(item: Parameter, unit: str) -> str:
+def parameter_unit(item: Parameter, unit: str) -> str:
     """Return a parameter's unit, the channel's being `unit`."""
     if item.unit is not None:
         return item.unit
@@ -100,7 +100,7 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
     ({'size': 'deg/s', 'rate_hz': 'Hz'}, {'value': 'deg'})
     """
     known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
-    units = {item.name: _unit(item, unit) for item in known.parameters()} if known else {}
+    units = {item.name: parameter_unit(item, unit) for item in known.parameters()} if known else {}
     return {name: units.get(name, "s" if name.endswith("_s") else unit if known else "") for name in names}
 
 

@@ -208,7 +208,7 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
     ...     for seed in range(8)
     ... ]
     >>> (found,) = scored(table_of(healthy + broken).to_pandas()).detectors
-    >>> found.merits.detected.value, round(found.merits.detected.low, 2), found.merits.delays.median.value
+    >>> found.merits.detected.value, round(found.merits.detected.low, 2), round(found.merits.delays.median.value, 3)
     (1.0, 0.63, 0.3)
     >>> found.false_alarms.value, round(found.false_alarms.high, 1)
     (0.0, 4.6)

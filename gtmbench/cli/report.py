@@ -1,0 +1,77 @@
+"""``gtmbench report``: what a campaign found, as a page, Markdown or JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gtmbench.checks import number
+from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.errors import InputError
+from gtmbench.files import atomic_write, check_file
+
+_FORMATS = ("html", "md", "json")
+
+
+@click.command("report")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="File, or folder for it.  [default: report.html in DIR]")
+@click.option(
+    "--format", "form", type=click.Choice(_FORMATS), help="What it is written as.  [default: as --out ends, or html]"
+)
+@click.option(
+    "--false-alarms-per-hour",
+    "target",
+    type=float,
+    help="Who certainly raises more gets no score.  [default: the campaign's, or 1]",
+)
+@click.option("--deadline", type=float, help="Seconds in which a fault is to be detected.  [default: 10]")
+@click.option("--force", is_flag=True, help="Write over the file that --out names.")
+@common_options
+def report_command(
+    folder: Path,
+    out: Path | None,
+    form: str | None,
+    target: float | None,
+    deadline: float | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Score what stands in a campaign's folder, and write it as one page that needs no network.
+
+    Also of a campaign that isn't finished, of its flights so far. What the figures mean: docs/scores.md.
+    """
+    from gtmbench.parts import read_parts
+    from gtmbench.report.page.contents import contents_of
+    from gtmbench.report.page.write import FORMATS
+    from gtmbench.study.scores.scoring import DEADLINE_S
+
+    suffix = "" if out is None or out.is_dir() else out.suffix.lstrip(".")
+    if form is None and suffix and suffix not in _FORMATS:
+        raise InputError(f"--out is {out}, which says no format; end it in .html, .md or .json, or give --format")
+    form = form or suffix or "html"
+    path = _path(folder, out, form)
+    if out is not None:
+        check_file(path, force=force)
+    contents = contents_of(
+        read_parts(folder),
+        target_per_hour=None if target is None else number("--false-alarms-per-hour", target, 0.0, above=True),
+        deadline_s=DEADLINE_S if deadline is None else number("--deadline", deadline, 0.0, above=True),
+    )
+    with atomic_write(path) as aside:
+        aside.write_text(FORMATS[form](contents), encoding="utf-8")
+    if as_json:
+        print_json({"out": str(path), "verdict": contents.verdict})
+    elif not quiet:
+        for line in contents.verdict:
+            echo(line)
+        echo(f"report: {path}")
+    return 0
+
+
+def _path(folder: Path, out: Path | None, form: str) -> Path:
+    if out is None:
+        return folder / f"report.{form}"
+    return out / f"report.{form}" if out.is_dir() else out

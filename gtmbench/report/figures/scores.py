@@ -1,0 +1,174 @@
+"""Figures of a campaign's scores: delays, what they cost in false alarms, the smallest faults that are detected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtmbench.record import FloatArray
+from gtmbench.report.figures.panels import as_it_is, one_legend, panels
+from gtmbench.report.style import COLOURS, strokes
+from gtmbench.report.words.scores import severity_unit
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.scores.scoring import DetectorScores
+from gtmbench.study.scores.smallest import Smallest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_APART = 0.055  # of the axis: what labels need
+_LONGEST_LABEL = 24
+
+
+def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure:
+    """Draw, detector by detector, the share of all faults that it has detected by when.
+
+    Parameters
+    ----------
+    delays_s : mapping of name to array
+        One a fault, in seconds; infinite where it was missed.
+    deadline_s : float
+    """
+    figure, axes = panels(1, 1, (8.0, 4.2))
+    axis = axes[0][0]
+    arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
+    there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])
+    first, last = max(float(np.min(there, initial=1.0)), 0.01), float(np.max(there, initial=deadline_s)) * 1.05
+    ends, drawn = {}, strokes(delays_s)
+    for name, delays in arrays.items():
+        times, shares = _steps(delays, first, last)
+        style = {key: drawn[name][key] for key in ("color", "linestyle")}
+        axis.step(times, shares, where="post", lw=1.8, **style)
+        ends[name] = shares[-1]
+    axis.axvline(deadline_s, color=COLOURS["healthy"], lw=1.0)
+    axis.annotate(f"{deadline_s:g} s", (deadline_s, 0.01), fontsize="small", ha="right", color=COLOURS["healthy"])
+    axis.set_xscale("log")
+    axis.set_xlim(first, last)
+    axis.set_ylim(0.0, 1.03)
+    axis.set_xlabel("delay after the onset (s), look-ahead and windows counted")
+    axis.set_ylabel("share of all faults detected by then")
+    _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
+    return figure
+
+
+def _steps(delays: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
+    there = np.sort(np.maximum(delays[np.isfinite(delays)], first))
+    shares = np.arange(1, len(there) + 1) / max(len(delays), 1)
+    ends = shares[-1:] if len(shares) else np.zeros(1)
+    return np.concatenate([[first], there, [last]]), np.concatenate([[0.0], shares, ends])
+
+
+def _label_ends(axis: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) -> None:
+    """Write each line's name beside its end, one above the other where they end together."""
+    low, high = axis.get_ylim()
+    names = sorted(ends, key=lambda name: ends[name])
+    places = [(ends[name] - low) / (high - low) for name in names]
+    for i in range(1, len(places)):
+        places[i] = max(places[i], places[i - 1] + _APART)
+    over = max([0.0, *[place - 1.0 for place in places]])
+    for i in reversed(range(len(places))):  # back below the top, those beneath make room
+        ceiling = 1.0 if i == len(places) - 1 else places[i + 1] - _APART
+        places[i] = min(places[i], ceiling) if over else places[i]
+    for name, place in zip(names, places, strict=True):
+        axis.annotate(
+            _short(name),
+            (1.01, place),
+            xycoords="axes fraction",
+            va="center",
+            color=colours[name],
+            fontsize="small",
+            annotation_clip=False,
+        )
+
+
+def _short(name: str) -> str:
+    return as_it_is(name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…")
+
+
+def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float) -> Figure:
+    """Draw detection against false alarms, over all factors on each detector's thresholds; a marker at its own.
+
+    Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
+    """
+    figure, axes = panels(1, 1, (8.0, 4.2))
+    axis = axes[0][0]
+    drawn, ends = strokes(one.name for one in detectors), {}
+    for one in detectors:
+        if one.curve is None:
+            continue
+        shown = (one.curve.alarmed > 0.0) & np.isfinite(one.curve.per_hour)
+        own = drawn[one.name]
+        rates, shares = one.curve.per_hour[shown], one.curve.detected[shown]
+        axis.step(rates, shares, where="post", lw=1.8, color=own["color"], linestyle=own["linestyle"])
+        silent = one.curve.detected[one.curve.alarmed == 0.0]
+        ends[one.name] = float(shares[-1]) if len(shares) else float(silent[-1])
+        at_own = float(one.curve.detected[one.curve.factors >= 1.0][-1]) if (one.curve.factors >= 1.0).any() else 0.0
+        rate = one.false_alarms.value or 0.0
+        place = rate if rate > 0.0 else _left(detectors)
+        marker: dict[str, Any] = {"marker": own["marker"] if rate > 0.0 else "<", "color": own["color"], "ms": 8}
+        axis.plot([place], [at_own], linestyle="none", clip_on=False, zorder=5, **marker)
+    axis.axvline(target_per_hour, color=COLOURS["healthy"], lw=1.0)
+    axis.annotate(
+        f"target {target_per_hour:g}", (target_per_hour, 0.01), fontsize="small", color=COLOURS["healthy"], ha="right"
+    )
+    axis.set_xscale("log")
+    axis.set_ylim(0.0, 1.03)
+    axis.set_xlabel("false alarms an hour (marker: at the detector's own threshold; ◁ none was seen)")
+    axis.set_ylabel("share of faults detected")
+    _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
+    return figure
+
+
+def _left(detectors: Sequence[DetectorScores]) -> float:
+    """Return where a rate of none is drawn: left of every other."""
+    rates = [one.curve.per_hour[one.curve.per_hour > 0.0].min(initial=np.inf) for one in detectors if one.curve]
+    found = min([*rates, 10.0])
+    return 0.5 * float(found)
+
+
+def smallest_figure(detectors: Sequence[DetectorScores]) -> Figure:
+    """Draw the smallest detected severity of every kind and channel, a panel a kind, with its interval."""
+    kinds = list(dict.fromkeys(_panel(found) for one in detectors for found in one.smallest))
+    drawn = strokes(one.name for one in detectors)
+    lines = [len({found.channel for one in detectors for found in one.smallest if _panel(found) == k}) for k in kinds]
+    heights = [max(lines_, 1) * max(len(detectors), 2) for lines_ in lines]
+    figure, axes = panels(len(kinds), 1, (8.0, 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
+    for (axis, *_), kind in zip(axes, kinds, strict=True):
+        found = {one.name: [each for each in one.smallest if _panel(each) == kind] for one in detectors}
+        _draw_smallest(axis, found, drawn)
+        axis.set_title(as_it_is(kind), fontsize="medium", loc="left")
+    one_legend(figure, [axis for (axis, *_) in axes], columns=4)
+    return figure
+
+
+def _panel(found: Smallest) -> str:
+    return f"{found.fault.replace('_', ' ')}: {with_unit(found.parameter, severity_unit(found))}"
+
+
+def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], drawn: Mapping[str, Mapping[str, Any]]) -> None:
+    channels = list(dict.fromkeys(each.channel for own in found.values() for each in own))
+    apart = 0.7 / max(len(found), 1)
+    for i, (name, own) in enumerate(found.items()):
+        style: dict[str, Any] = {"color": drawn[name]["color"]}
+        for j, each in enumerate(own):
+            factor = 100.0 if each.share_of else 1.0
+            y = channels.index(each.channel) + (i - 0.5 * (len(found) - 1)) * apart
+            value, low, high = (
+                factor * min(max(bound, min(each.mildest, each.severest)), max(each.mildest, each.severest))
+                if bound is not None and np.isfinite(bound)
+                else factor * each.severest
+                for bound in (each.severity.value, each.severity.low, each.severity.high)
+            )
+            if each.severity.low is not None:
+                axis.plot([low, high], [y, y], lw=1.5, **style)
+            marker = ">" if each.is_beyond else drawn[name]["marker"]
+            fill = "none" if each.is_beyond else "full"
+            label = _short(name) if j == 0 else None
+            axis.plot([value], [y], linestyle="none", marker=marker, fillstyle=fill, ms=7, label=label, **style)
+    axis.set_xscale("log")
+    axis.set_yticks(range(len(channels)), channels)
+    axis.set_ylim(len(channels) - 0.45, -0.55)

@@ -1,0 +1,184 @@
+"""Scores in words: the verdict of a campaign, and figures with their intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from gtmbench.channels import unit_of
+from gtmbench.checks import listed
+from gtmbench.errors import InputError
+from gtmbench.faults.registry import find_fault
+from gtmbench.report.words.judgement import parameter_unit
+from gtmbench.report.words.units import counted
+from gtmbench.study.scores.intervals import Estimate, Rate, Share
+from gtmbench.study.scores.scoring import DetectorScores, Scores
+from gtmbench.study.scores.smallest import Smallest
+
+_MOST_NAMES = 6
+
+
+def share_words(found: Share) -> str:
+    """Write a share with its interval.
+
+    >>> share_words(Share(hits=9, of=10, low=0.55, high=0.998))
+    '90 % [55, 99.8]'
+    """
+    if found.value is None:
+        return "-"
+    return f"{_percent(found.value)} % [{_percent(found.low)}, {_percent(found.high)}]"
+
+
+def _percent(value: float) -> str:
+    """Write a share in percent, as finely as it is near 0 or 1.
+
+    >>> _percent(0.4321), _percent(0.9987), _percent(1.0)
+    ('43', '99.9', '100')
+    """
+    percent = 100.0 * value
+    fine = 0.0 < percent < 9.95 or 90.05 < percent < 100.0
+    return f"{percent:.1f}".removesuffix(".0") if fine else f"{percent:.0f}"
+
+
+def rate_words(found: Rate) -> str:
+    """Write a rate an hour with its interval.
+
+    >>> rate_words(Rate(events=0, hours=3.0, low=0.0, high=1.23))
+    '0 [0, 1.2]'
+    """
+    return "-" if found.value is None else f"{found.value:.2g} [{found.low:.2g}, {found.high:.2g}]"
+
+
+def seconds_words(found: Estimate | None) -> str:
+    """Write a delay with its interval, where it has one.
+
+    >>> seconds_words(Estimate(value=0.274, low=0.21, high=1.5)), seconds_words(Estimate(value=61.2))
+    ('0.27 [0.21, 1.50]', '61.2')
+    """
+    if found is None:
+        return "-"
+    if found.low is None or found.high is None:
+        return _seconds(found.value)
+    return f"{_seconds(found.value)} [{_seconds(found.low)}, {_seconds(found.high)}]"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f}" if value < 9.995 else f"{value:.1f}"
+
+
+def severity_words(found: Smallest) -> str:
+    """Write the smallest fault that is detected in nine of ten searches, with its interval.
+
+    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "share_of": None}
+    >>> some |= {"found": Share(hits=9, of=10, low=0.5, high=1.0), "mildest": 0.01, "severest": 1.0}
+    >>> severity_words(Smallest(**some, severity=Estimate(value=0.123, low=0.1, high=math.inf)))
+    '0.12 [0.1, over 1]'
+    >>> severity_words(Smallest(**some, severity=Estimate(value=math.inf)))
+    'over 1'
+    """
+    value = found.severity
+    if value.low is None or value.high is None:
+        return _severity(found, value.value)
+    low, high = sorted((value.low, value.high), key=lambda bound: (not math.isfinite(bound), bound))
+    return f"{_severity(found, value.value)} [{_severity(found, low)}, {_severity(found, high)}]"
+
+
+def _severity(found: Smallest, value: float) -> str:
+    factor = 100.0 if found.share_of else 1.0
+    beyond = "over " if found.severest > found.mildest else "under "
+    below = "at most " if found.severest > found.mildest else "at least "
+    if not math.isfinite(value):
+        return f"{beyond}{factor * found.severest:.2g}"
+    return f"{below if value == found.mildest else ''}{factor * value:.2g}"
+
+
+def severity_unit(found: Smallest) -> str:
+    """Return what a search's severities are in: the parameter's unit, or what they are a share of.
+
+    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "mildest": 0.01, "severest": 1.0}
+    >>> some |= {"found": Share(hits=1, of=1, low=0.0, high=1.0), "severity": Estimate(value=0.1)}
+    >>> severity_unit(Smallest(**some, share_of=None)), severity_unit(Smallest(**some, share_of="slew"))
+    ('deg/s²', '% of slew')
+    """
+    if found.share_of:
+        return f"% of {found.share_of}"
+    try:
+        parameters = find_fault(found.fault).parameters()
+    except InputError:  # of somebody's own, which isn't imported here
+        return ""
+    own = (parameter_unit(item, unit_of(found.channel)) for item in parameters if item.name == found.parameter)
+    return next(own, "")
+
+
+# ---- the verdict ----
+
+
+def verdict_lines(scores: Scores) -> list[str]:
+    """Say what a campaign comes to: who is soonest, at what price, who gets no score, what isn't known.
+
+    Names, which come from files, stand in them as they are.
+    """
+    return [*_best_lines(scores), *_no_score_lines(scores), *_price_lines(scores), *_thin_lines(scores)]
+
+
+def _best_lines(scores: Scores) -> list[str]:
+    by_name = {one.name: one for one in scores.detectors}
+    if not scores.ranks:
+        quiet = [one for one in scores.detectors if one.is_quiet]
+        return [_merits_line(one) for one in quiet if one.merits] or ["No detector has a score of trials."]
+    best = [rank.detector for rank in scores.ranks if rank.best == 1]
+    if len(best) == len(scores.ranks) > 1:
+        return [f"No detector is significantly sooner than another: {_names(best)} share the first place."]
+    if len(best) == 1:
+        beats = "" if len(scores.ranks) == 1 else ", significantly sooner than every other"
+        only = scores.ranks[0].worst == 1
+        return [_merits_line(by_name[best[0]]) + (f" It is the first{beats}." if only else " None is sooner.")]
+    return [
+        f"{_names(best)} share the first place: no test tells them apart.",
+        *[_merits_line(by_name[n]) for n in best],
+    ]
+
+
+def _merits_line(one: DetectorScores) -> str:
+    found = one.merits
+    assert found is not None
+    line = f"{one.name} detected {share_words(found.detected)} of {counted(found.trials, 'fault')}"
+    if found.delays is not None:
+        line += f", half of those within {seconds_words(found.delays.median)} s"
+    if found.naming is not None:
+        line += f"; it named the right sensor of {share_words(found.naming.right)}, a wrong one of "
+        line += share_words(found.naming.wrong)
+    return line + "."
+
+
+def _no_score_lines(scores: Scores) -> list[str]:
+    return [f"{one.name} gets no score: {one.no_score}." for one in scores.detectors if not one.is_quiet]
+
+
+def _price_lines(scores: Scores) -> list[str]:
+    """Say who isn't shown to keep the target: that isn't shown by few hours."""
+    open_ = [one for one in scores.detectors if one.is_quiet and one.false_alarms.high > scores.target_per_hour]
+    if not open_:
+        return (
+            []
+            if not scores.detectors
+            else [f"False alarms: at most {scores.target_per_hour:g} an hour, by the upper bound."]
+        )
+    hours = max(one.false_alarms.hours for one in open_)
+    return [
+        f"That {_names([one.name for one in open_])} "
+        f"{'keeps' if len(open_) == 1 else 'keep'} to {scores.target_per_hour:g} "
+        f"false alarms an hour is neither shown nor refuted by {hours:.2g} h of healthy flight."
+    ]
+
+
+def _thin_lines(scores: Scores) -> list[str]:
+    flights = max((one.merits.flights for one in scores.detectors if one.merits), default=0)
+    if 0 < flights < 6:
+        return [f"All of it is of {counted(flights, 'flight')}: too few to say how delays would be on others."]
+    return []
+
+
+def _names(names: Sequence[str]) -> str:
+    shown = list(names[:_MOST_NAMES])
+    return listed(shown if len(names) <= _MOST_NAMES else [*shown, f"{len(names) - _MOST_NAMES} others"])
