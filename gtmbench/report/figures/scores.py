@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_APART = 0.055  # of the axis: what labels need
+_SIZE = (5.8, 3.6)  # inches: small, so that its letters are large on a phone
+_APART = 0.065  # of the axis: what labels need
 _LONGEST_LABEL = 24
 
 
@@ -33,7 +34,7 @@ def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure
         One a fault, in seconds; infinite where it was missed.
     deadline_s : float
     """
-    figure, axes = panels(1, 1, (8.0, 4.2))
+    figure, axes = panels(1, 1, _SIZE)
     axis = axes[0][0]
     arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
     there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])
@@ -46,11 +47,11 @@ def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure
         ends[name] = shares[-1]
     axis.axvline(deadline_s, color=COLOURS["healthy"], lw=1.0)
     axis.annotate(f"{deadline_s:g} s", (deadline_s, 0.01), fontsize="small", ha="right", color=COLOURS["healthy"])
-    axis.set_xscale("log")
+    _in_decades(axis)
     axis.set_xlim(first, last)
     axis.set_ylim(0.0, 1.03)
-    axis.set_xlabel("delay after the onset (s), look-ahead and windows counted")
-    axis.set_ylabel("share of all faults detected by then")
+    axis.set_xlabel("delay after the onset (s)")
+    axis.set_ylabel("share of all faults detected")
     _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
     return figure
 
@@ -85,6 +86,11 @@ def _label_ends(axis: Axes, ends: Mapping[str, float], colours: Mapping[str, str
         )
 
 
+def _in_decades(axis: Axes) -> None:
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+
+
 def _short(name: str) -> str:
     return as_it_is(name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…")
 
@@ -94,7 +100,7 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float) ->
 
     Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
     """
-    figure, axes = panels(1, 1, (8.0, 4.2))
+    figure, axes = panels(1, 1, _SIZE)
     axis = axes[0][0]
     drawn, ends = strokes(one.name for one in detectors), {}
     for one in detectors:
@@ -113,11 +119,11 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float) ->
         axis.plot([place], [at_own], linestyle="none", clip_on=False, zorder=5, **marker)
     axis.axvline(target_per_hour, color=COLOURS["healthy"], lw=1.0)
     axis.annotate(
-        f"target {target_per_hour:g}", (target_per_hour, 0.01), fontsize="small", color=COLOURS["healthy"], ha="right"
+        f" target {target_per_hour:g}", (target_per_hour, 0.01), fontsize="small", color=COLOURS["healthy"], ha="left"
     )
-    axis.set_xscale("log")
+    _in_decades(axis)
     axis.set_ylim(0.0, 1.03)
-    axis.set_xlabel("false alarms an hour (marker: at the detector's own threshold; ◁ none was seen)")
+    axis.set_xlabel("false alarms an hour (◁: none was seen)")
     axis.set_ylabel("share of faults detected")
     _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
     return figure
@@ -136,7 +142,7 @@ def smallest_figure(detectors: Sequence[DetectorScores]) -> Figure:
     drawn = strokes(one.name for one in detectors)
     lines = [len({found.channel for one in detectors for found in one.smallest if _panel(found) == k}) for k in kinds]
     heights = [max(lines_, 1) * max(len(detectors), 2) for lines_ in lines]
-    figure, axes = panels(len(kinds), 1, (8.0, 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
+    figure, axes = panels(len(kinds), 1, (_SIZE[0], 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
     for (axis, *_), kind in zip(axes, kinds, strict=True):
         found = {one.name: [each for each in one.smallest if _panel(each) == kind] for one in detectors}
         _draw_smallest(axis, found, drawn)
@@ -169,6 +175,6 @@ def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], drawn: M
             fill = "none" if each.is_beyond else "full"
             label = _short(name) if j == 0 else None
             axis.plot([value], [y], linestyle="none", marker=marker, fillstyle=fill, ms=7, label=label, **style)
-    axis.set_xscale("log")
+    _in_decades(axis)
     axis.set_yticks(range(len(channels)), channels)
     axis.set_ylim(len(channels) - 0.45, -0.55)

@@ -25,6 +25,7 @@ _READ = [
     *("detected", "detection_delay_s", "look_ahead_s", "peak_ratio", "isolated", "named_wrong", "axis_right"),
     *("sensor", "kind", "kind_right", "severity_name", "severity_of", "mildest", "severest", "smallest"),
 ]
+_FEWEST_RECORDS = 10  # that show how often healthy scores rise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +90,7 @@ class Contents:
         if scores.delays_s:
             words = "What share of all faults each detector has detected by when; missed ones never"
             found.setdefault(first, []).append((words, delay_curves(scores.delays_s, scores.deadline_s)))
-        with_curve = [one for one in scores.detectors if one.curve is not None]
+        with_curve = [one for one in scores.detectors if one.curve and one.healthy_records >= _FEWEST_RECORDS]
         if with_curve:
             words = (
                 "Detection against false alarms (ROC), had all thresholds of a detector been multiplied by a factor; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,12 +15,13 @@ from gtmbench.report.words.scores import (
     share_words,
     verdict_lines,
 )
-from gtmbench.report.words.units import counted, or_dash
+from gtmbench.report.words.units import counted
+from gtmbench.study.scores.compare import Rank
 from gtmbench.study.scores.intervals import Estimate, Rate, Share
-from gtmbench.study.scores.scoring import Confusion, Delays, Merits, Scores
+from gtmbench.study.scores.scoring import Confusion, Delays, DetectorScores, Merits, Scores
 
 SCHEMA = 1
-_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*_\\()!#"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
+_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
 
 
 class Cell(NamedTuple):
@@ -65,59 +66,111 @@ def in_markdown(text: str) -> str:
     >>> in_markdown("a|b <script>")
     'a&#124;b &lt;script>'
     """
-    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).split())
+    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
 
 
 def tables(scores: Scores) -> list[Table]:
     """Return the tables of a campaign, those left out that would be empty."""
-    made = [_detectors(scores), _pairs(scores), _split(scores, "fault"), _split(scores, "channel"), _smallest(scores)]
+    of_all = [_detectors(scores), _pairs(scores), _delay_table(scores), _names_table(scores)]
+    made = [*of_all, _split(scores, "fault"), _split(scores, "channel"), _smallest(scores)]
     return [table for table in made if table.rows]
 
 
 def _detectors(scores: Scores) -> Table:
     places = {rank.detector: rank for rank in scores.ranks}
     rows = []
-    for one in scores.detectors:
-        place = places.get(one.name)
-        found = one.merits
-        delays = found.delays if found else None
-        rows.append(
-            (
-                _place(place.best, place.worst) if place else Cell("-", float("inf")),
-                Cell(one.name, one.name),
-                _rate(one.false_alarms),
-                *_shares([found.detected, found.in_time] if found else [None, None]),
-                *_delays(delays),
-                *_naming(found),
-                Cell("no score: " + one.no_score if one.no_score else _failed(found)),
-            )
+    for one in _ordered(scores):
+        found, place = one.merits, places.get(one.name)
+        row = (
+            _place(place.best, place.worst) if place else Cell("-"),
+            Cell(one.name, one.name),
+            _rate(one.false_alarms),
+            *_shares([found.detected, found.in_time] if found else [None, None]),
+            *_delays(found.delays if found else None)[1:3],
+            *_naming(found)[:2],
+            Cell("no score: " + one.no_score if one.no_score else _failed(found)),
         )
-    rows.sort(key=lambda row: (str(row[0].key == float("inf")), row[0].key or 0.0))
+        rows.append(row)
     return Table(
         title="Detectors",
-        note=f"Shares and delays with 95 % intervals, over flights. Detected: an alarm at or after the onset; in time: "
-        f"within {scores.deadline_s:g} s. Delays are of detected faults, since the onset; in samples they are "
-        f"{1 / SAMPLE_PERIOD_S:g} times as many; look-ahead is the part that is waited for samples to come, and what "
-        "windows take is in the rest. A place such as 1-2 is shared: no test tells them apart.",
+        note="Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; in "
+        f"time: within {scores.deadline_s:g} s. Delays are those of the detected. A place such as 1-2 is shared: no "
+        "test tells those apart.",
         columns=(
             "place",
             "detector",
             "false alarms an hour",
             "detected",
             "in time",
+            "median (s)",
+            "95 % (s)",
+            "right sensor",
+            "wrong sensor",
+            "remark",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _delay_table(scores: Scores) -> Table:
+    rows = [
+        (Cell(one.name, one.name), *_delays(one.merits.delays), *_samples(one.merits.delays))
+        for one in _ordered(scores)
+        if one.merits and one.merits.delays
+    ]
+    return Table(
+        title="Delays",
+        note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is waited "
+        "for samples to come; what the windows take is in the rest.",
+        columns=(
+            "detector",
             "mean (s)",
             "median (s)",
             "95 % (s)",
             "worst (s)",
             "look-ahead (s)",
-            "right sensor",
-            "wrong sensor",
-            "can't tell",
-            "kind right",
-            "remark",
+            "median less look-ahead (s)",
+            "median (samples)",
+            "worst (samples)",
         ),
         rows=tuple(rows),
     )
+
+
+def _samples(found: Delays) -> list[Cell]:
+    rest = max(found.median.value - found.look_ahead, 0.0)
+    samples = [round(value / SAMPLE_PERIOD_S) for value in (found.median.value, found.worst)]
+    return [Cell(f"{rest:.2f}", rest), *[Cell(f"{value}", float(value)) for value in samples]]
+
+
+def _names_table(scores: Scores) -> Table:
+    rows = [
+        (
+            Cell(one.name, one.name),
+            *_shares([own.right, own.wrong, own.undecided, own.missed, own.axis_right, own.kind_right]),
+        )
+        for one in _ordered(scores)
+        if one.merits and (own := one.merits.naming)
+    ]
+    return Table(
+        title="Names",
+        note="Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all that "
+        "is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
+        columns=("detector", "right sensor", "wrong sensor", "can't tell", "missed", "axis right", "kind right"),
+        rows=tuple(rows),
+    )
+
+
+def _ordered(scores: Scores) -> list[DetectorScores]:
+    places = {rank.detector: rank for rank in scores.ranks}
+    return sorted(scores.detectors, key=lambda one: _order(one, places))
+
+
+def _order(one: DetectorScores, places: Mapping[str, Rank]) -> tuple[float, float, float]:
+    """Return what detectors are ordered by: places, among shared ones what is detected in time; no score comes last."""
+    place = places.get(one.name)
+    in_time = one.merits.in_time.value if one.merits else None
+    return (place.best, place.worst, -(in_time or 0.0)) if place else (float("inf"), 0.0, -(in_time or 0.0))
 
 
 def _place(best: int, worst: int) -> Cell:
@@ -132,23 +185,24 @@ def _rate(found: Rate) -> Cell:
     return Cell(rate_words(found), _key(found.value))
 
 
-def _shares(found: Sequence[Share | None]) -> Iterator[Cell]:
-    for one in found:
-        yield Cell("-") if one is None else Cell(share_words(one), _key(one.value))
+def _shares(found: Sequence[Share | None]) -> list[Cell]:
+    return [Cell("-") if one is None else Cell(share_words(one), _key(one.value)) for one in found]
 
 
-def _delays(found: Delays | None) -> Iterator[Cell]:
-    for one in (None, None, None) if found is None else (found.mean, found.median, found.most):
-        yield _seconds(one)
-    for value in (None, None) if found is None else (found.worst, found.look_ahead):
-        yield Cell(or_dash(value, ".2f"), value)
+def _delays(found: Delays | None) -> list[Cell]:
+    """Return mean, median, 95 %, worst and look-ahead."""
+    if found is None:
+        return [Cell("-")] * 5
+    plain = [Cell(f"{value:.2f}", value) for value in (found.worst, found.look_ahead)]
+    return [*map(_seconds, (found.mean, found.median, found.most)), *plain]
 
 
-def _seconds(found: Estimate | None) -> Cell:
-    return Cell(seconds_words(found), None if found is None else found.value)
+def _seconds(found: Estimate) -> Cell:
+    return Cell(seconds_words(found), found.value)
 
 
-def _naming(found: Merits | None) -> Iterator[Cell]:
+def _naming(found: Merits | None) -> list[Cell]:
+    """Return right, wrong, undecided, and the kind."""
     own = found.naming if found else None
     return _shares([own.right, own.wrong, own.undecided, own.kind_right] if own else [None] * 4)
 
@@ -194,7 +248,7 @@ def _split(scores: Scores, by: str) -> Table:
             Cell(name.replace("_", " "), name),
             Cell(f"{found.trials}", float(found.trials)),
             *_shares([found.detected, found.in_time]),
-            *list(_delays(found.delays))[1:4],
+            *_delays(found.delays)[1:4],
             *_naming(found),
         )
         for one in scores.detectors

@@ -16,6 +16,7 @@ from gtmbench.study.scores.scoring import DetectorScores, Scores
 from gtmbench.study.scores.smallest import Smallest
 
 _MOST_NAMES = 6
+_MOST_LINES = 3
 
 
 def share_words(found: Share) -> str:
@@ -72,12 +73,12 @@ def severity_words(found: Smallest) -> str:
     >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "share_of": None}
     >>> some |= {"found": Share(hits=9, of=10, low=0.5, high=1.0), "mildest": 0.01, "severest": 1.0}
     >>> severity_words(Smallest(**some, severity=Estimate(value=0.123, low=0.1, high=math.inf)))
-    '0.12 [0.1, over 1]'
+    '0.123 [0.1, over 1]'
     >>> severity_words(Smallest(**some, severity=Estimate(value=math.inf)))
     'over 1'
     """
     value = found.severity
-    if value.low is None or value.high is None:
+    if value.low is None or value.high is None or value.low == value.high:
         return _severity(found, value.value)
     low, high = sorted((value.low, value.high), key=lambda bound: (not math.isfinite(bound), bound))
     return f"{_severity(found, value.value)} [{_severity(found, low)}, {_severity(found, high)}]"
@@ -88,8 +89,8 @@ def _severity(found: Smallest, value: float) -> str:
     beyond = "over " if found.severest > found.mildest else "under "
     below = "at most " if found.severest > found.mildest else "at least "
     if not math.isfinite(value):
-        return f"{beyond}{factor * found.severest:.2g}"
-    return f"{below if value == found.mildest else ''}{factor * value:.2g}"
+        return f"{beyond}{factor * found.severest:.3g}"
+    return f"{below if value == found.mildest else ''}{factor * value:.3g}"
 
 
 def severity_unit(found: Smallest) -> str:
@@ -128,15 +129,15 @@ def _best_lines(scores: Scores) -> list[str]:
         return [_merits_line(one) for one in quiet if one.merits] or ["No detector has a score of trials."]
     best = [rank.detector for rank in scores.ranks if rank.best == 1]
     if len(best) == len(scores.ranks) > 1:
-        return [f"No detector is significantly sooner than another: {_names(best)} share the first place."]
+        shared = f"No detector is significantly sooner than another: {_names(best)} share the first place."
+        return [shared, *[_merits_line(by_name[name]) for name in best[:_MOST_LINES]]]
     if len(best) == 1:
-        beats = "" if len(scores.ranks) == 1 else ", significantly sooner than every other"
-        only = scores.ranks[0].worst == 1
-        return [_merits_line(by_name[best[0]]) + (f" It is the first{beats}." if only else " None is sooner.")]
-    return [
-        f"{_names(best)} share the first place: no test tells them apart.",
-        *[_merits_line(by_name[n]) for n in best],
-    ]
+        others = len(scores.ranks) - 1
+        beats = "significantly sooner than every other" if scores.ranks[0].worst == 1 else "and none is sooner"
+        first = [f"{best[0]} is the first of {others + 1} detectors, {beats}."] if others else []
+        return [*first, _merits_line(by_name[best[0]])]
+    shared = f"{_names(best)} share the first place: no test tells them apart."
+    return [shared, *[_merits_line(by_name[name]) for name in best[:_MOST_LINES]]]
 
 
 def _merits_line(one: DetectorScores) -> str:
@@ -159,17 +160,19 @@ def _price_lines(scores: Scores) -> list[str]:
     """Say who isn't shown to keep the target: that isn't shown by few hours."""
     open_ = [one for one in scores.detectors if one.is_quiet and one.false_alarms.high > scores.target_per_hour]
     if not open_:
-        return (
-            []
-            if not scores.detectors
-            else [f"False alarms: at most {scores.target_per_hour:g} an hour, by the upper bound."]
-        )
+        quiet = [one.name for one in scores.detectors if one.is_quiet]
+        keep = "keeps" if len(quiet) == 1 else "keep"
+        return [f"{_names(quiet)} {keep} to the target of {_target(scores)}, by the upper bound."] if quiet else []
     hours = max(one.false_alarms.hours for one in open_)
+    keep = "keeps" if len(open_) == 1 else "keep"
     return [
-        f"That {_names([one.name for one in open_])} "
-        f"{'keeps' if len(open_) == 1 else 'keep'} to {scores.target_per_hour:g} "
-        f"false alarms an hour is neither shown nor refuted by {hours:.2g} h of healthy flight."
+        f"Whether {_names([one.name for one in open_])} {keep} to the target of {_target(scores)} is neither shown nor "
+        f"refuted by {hours:.2g} h of healthy flight."
     ]
+
+
+def _target(scores: Scores) -> str:
+    return f"{scores.target_per_hour:g} false alarm{'s' * (scores.target_per_hour != 1.0)} an hour"
 
 
 def _thin_lines(scores: Scores) -> list[str]:
