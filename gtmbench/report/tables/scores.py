@@ -93,8 +93,8 @@ def _detectors(scores: Scores) -> Table:
         rows.append(row)
     return Table(
         title="Detectors",
-        note="Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; in "
-        f"time: within {scores.deadline_s:g} s. Delays are those of the detected. A place such as 1-2 is shared: no "
+        note="Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; "
+        f"in time: within {scores.deadline_s:g} s. Delays are those of the detected. A place such as 1-2 is shared: no "
         "test tells those apart.",
         columns=(
             "place",
@@ -120,8 +120,8 @@ def _delay_table(scores: Scores) -> Table:
     ]
     return Table(
         title="Delays",
-        note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is waited "
-        "for samples to come; what the windows take is in the rest.",
+        note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
+        "waited for samples to come; what the windows take is in the rest.",
         columns=(
             "detector",
             "mean (s)",
@@ -154,8 +154,8 @@ def _names_table(scores: Scores) -> Table:
     ]
     return Table(
         title="Names",
-        note="Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all that "
-        "is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
+        note="Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all "
+        "that is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
         columns=("detector", "right sensor", "wrong sensor", "can't tell", "missed", "axis right", "kind right"),
         rows=tuple(rows),
     )
