@@ -329,7 +329,7 @@ def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
         if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > most:
             raise InputError(
                 f"{key} is {shown(given)}: no seed; give whole numbers from {least} on, or the first and the last of "
-                f'at most {_MOST_SEEDS}, such as "1:20"'
+                f'at most {most}, such as "1:20"'
             )
         return seeds
 
