@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gtmbench.cluster import completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.errors import InputError
 from gtmbench.imports import load_module, loaded_files
 from gtmbench.parts import Parts, Shard, parts_in
@@ -138,6 +138,8 @@ def conduct(
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
+    if scheduler is not None:
+        check_cluster(scheduler, tls)
     facts = {"campaign": campaign.facts(), "versions": versions(), "python": _python()}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
