@@ -6,20 +6,24 @@ A scheduler is trusted: what its workers send back is unpickled, and what they a
 from __future__ import annotations
 
 import asyncio
+import re
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gtmbench.checks import one_line
+from gtmbench.checks import one_line, shown
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.imports import load_extra
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+_ADDRESS = re.compile(r"(tcp|tls)://[\w.:\[\]-]+:\d{1,5}")
 _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at the scheduler
 _PATIENCE_S = 10
+_LOOK_S = 0.02
 _GOES_ON = "what is finished stays: go on with --resume"
 
 
@@ -49,27 +53,56 @@ def completed_on_cluster(
     """
     distributed = load_extra("distributed", "scale", "--scheduler needs")
     with _client(distributed, scheduler, tls) as client:
-        waiting = enumerate(tasks)
-        running: dict[str, int] = {}
-        finished = distributed.as_completed(raise_errors=False)
+        waiting, running = enumerate(tasks), dict[Any, int]()
         while True:
-            threads = sum(client.nthreads().values())
-            for number, task in islice(waiting, max(_AHEAD * max(threads, 1) - len(running), 0)):
-                future = client.submit(work, task, pure=False)
-                running[future.key] = number
-                finished.add(future)
+            for number, task in islice(waiting, max(_most(client, scheduler) - len(running), 0)):
+                running[client.submit(work, task, pure=False)] = number
             if not running:
                 return
-            future = next(finished)
-            yield running.pop(future.key), _result(distributed, future, scheduler)
+            for future in _done(client, list(running), scheduler):
+                yield running.pop(future), _result(distributed, future, scheduler)
+
+
+def check_cluster(scheduler: str, tls: Path | None = None) -> None:
+    """Refuse a scheduler that doesn't answer: before the long work, not after it.
+
+    Raises
+    ------
+    InputError
+    """
+    with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls):
+        pass
+
+
+def _most(client: Any, scheduler: str) -> int:
+    """Return how many tasks may be out, with the workers that there are."""
+    try:
+        return _AHEAD * max(int(sum(client.nthreads().values())), 1)
+    except (TimeoutError, OSError, AttributeError) as error:  # it has no connection any more
+        raise _gone(scheduler) from error
+
+
+def _done(client: Any, futures: list[Any], scheduler: str) -> list[Any]:
+    """Wait until some are done; by looking, for a client that has lost its scheduler may wait for ever."""
+    while not (done := [future for future in futures if future.done()]):
+        if client.status != "running":
+            raise _gone(scheduler)
+        time.sleep(_LOOK_S)
+    return done
+
+
+def _gone(scheduler: str) -> GtmbenchError:
+    return GtmbenchError(f"the scheduler at {scheduler} is gone; {_GOES_ON}")
 
 
 def _client(distributed: Any, scheduler: str, tls: Path | None) -> Any:
+    if not _ADDRESS.fullmatch(scheduler):
+        raise InputError(f"--scheduler is {shown(scheduler)}; give tcp://HOST:PORT, or tls://HOST:PORT")
     try:
         return distributed.Client(
             scheduler, security=_security(distributed, tls), timeout=_PATIENCE_S, set_as_default=False
         )
-    except (TimeoutError, OSError, ValueError, TypeError) as error:  # of an address that is none, too
+    except (TimeoutError, OSError, ValueError, TypeError) as error:
         raise InputError(
             f"no scheduler answers at {scheduler} ({one_line(str(error)) or type(error).__name__}); start one: dask "
             "scheduler, and workers: dask worker ADDRESS --nthreads 1"
@@ -99,7 +132,7 @@ def _result(distributed: Any, future: Any, scheduler: str) -> Any:
     except distributed.KilledWorker as error:
         raise GtmbenchError(f"a task has ended every worker that it was given to (no memory?); {_GOES_ON}") from error
     except (TimeoutError, OSError, CancelledError, asyncio.CancelledError) as error:
-        raise GtmbenchError(f"the scheduler at {scheduler} is gone; {_GOES_ON}") from error
+        raise _gone(scheduler) from error
     except Exception as error:
         why = one_line(f"{type(error).__name__}: {error}")
         raise GtmbenchError(f"a worker couldn't do a task ({why}); {_GOES_ON}") from error

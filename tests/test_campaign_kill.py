@@ -1,4 +1,4 @@
-"""Killed at random moments and gone on with: the same in the end. ``python -m tests.test_campaign_kill 100`` does more."""
+"""Killed at random moments and gone on with: the same in the end. ``python -m tests.test_campaign_kill 100``: more."""
 
 import contextlib
 import json
@@ -83,7 +83,7 @@ def finished(campaign, out):
 
 
 def kill(times, seed, folder, said=lambda _line: None):
-    """Kill runs so many times, going on until each campaign ends; hold what they leave against one that went through."""
+    """Kill runs so many times, going on until each campaign ends; hold what they leave against one that wasn't."""
     moments, campaign = random.Random(seed), written(folder)
     whole = finished(campaign, folder / "whole")
     kills = campaigns = 0
