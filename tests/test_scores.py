@@ -1,0 +1,349 @@
+"""Scores: known rows, known answers; intervals that hold what they promise; no score without quiet; ties as ties."""
+
+import numpy as np
+import pytest
+from scipy.stats import beta, binomtest, chi2
+
+from gtmbench.errors import InputError
+from gtmbench.study.campaign.rows import table_of
+from gtmbench.study.scores.compare import compared, holm, ranks
+from gtmbench.study.scores.curves import characteristic
+from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
+from gtmbench.study.scores.scoring import CANT_TELL, MISSED, scored
+
+
+def healthy(detector, flight, **cells):
+    return {
+        "task": flight,
+        "noise_seed": 1,
+        "seed": flight,
+        "detector": detector,
+        "false_alarms": 0,
+        "armed_hours": 0.1,
+        **cells,
+    }
+
+
+def trial(detector, flight, delay_s=None, **cells):
+    found = {"detected": delay_s is not None, "detection_delay_s": delay_s, "look_ahead_s": 0.1, "peak_ratio": 2.0}
+    about = {"fault": "jam", "channel": "p", "severity_name": None}
+    return {"task": flight, "noise_seed": 1, "seed": flight, "detector": detector, **about, **found, **cells}
+
+
+def scores_of(rows, **how):
+    return scored(table_of(rows).to_pandas(), **how)
+
+
+def only(rows, **how):
+    (found,) = scores_of(rows, **how).detectors
+    return found
+
+
+# ---- intervals ----
+
+
+@pytest.mark.parametrize(("hits", "trials"), [(0, 7), (7, 7), (3, 10), (99, 100)])
+def test_the_exact_interval_is_scipys(hits, trials):
+    known = binomtest(hits, trials).proportion_ci(method="exact")
+    assert exact_interval(hits, trials) == pytest.approx((known.low, known.high))
+
+
+def covered(rng, p, alike, flights=20, trials=12, times=300):
+    """Return how often the interval of a share holds the truth, where trials of a flight are alike."""
+    held = 0
+    for _ in range(times):
+        own = np.full(flights, p)
+        if alike == 1.0:
+            own = (rng.random(flights) < p).astype(float)
+        elif alike > 0.0:
+            own = rng.beta(p * (1 / alike - 1), (1 - p) * (1 / alike - 1), flights)
+        hits = rng.random((flights, trials)) < own[:, None]
+        found = share(hits.ravel(), np.repeat(np.arange(flights), trials))
+        held += found.low <= p <= found.high
+    return held / times
+
+
+@pytest.mark.parametrize("p", [0.5, 0.9, 0.98])
+@pytest.mark.parametrize("alike", [0.0, 0.2, 1.0])
+def test_the_interval_of_a_share_holds_the_truth_however_alike_the_trials_of_a_flight_are(p, alike):
+    assert covered(np.random.default_rng(5), p, alike) >= 0.93
+
+
+def test_independent_trials_would_have_been_overconfident():
+    """What the blocks are for: the plain interval holds the truth in far fewer than 95 %."""
+    rng, held = np.random.default_rng(6), 0
+    for _ in range(300):
+        hits = np.repeat(rng.random(20) < 0.9, 12)
+        low, high = exact_interval(int(hits.sum()), len(hits))
+        held += low <= 0.9 <= high
+    assert held / 300 < 0.7
+
+
+def test_one_flight_says_next_to_nothing_and_nothing_tried_says_nothing():
+    alone = share(np.ones(500, dtype=bool), np.zeros(500, dtype=int))
+    assert (alone.low, alone.high) == pytest.approx((0.025, 1.0))
+    nothing = share(np.zeros(0, dtype=bool), np.zeros(0, dtype=int))
+    assert (nothing.value, nothing.low, nothing.high) == (None, 0.0, 1.0)
+
+
+def test_a_share_of_hits_and_of_misses_mirror_each_other():
+    hits, flights = np.arange(120) % 7 == 0, np.arange(120) // 10
+    a, b = share(hits, flights), share(~hits, flights)
+    assert (a.low, a.high) == pytest.approx((1.0 - b.high, 1.0 - b.low))
+
+
+def test_one_miss_more_doesnt_make_a_detector_look_better():
+    flights = np.repeat(np.arange(10), 15)
+    lows = [share(np.arange(150) >= misses, flights).low for misses in (0, 1)]
+    assert lows[0] > lows[1] - 0.01
+
+
+@pytest.mark.parametrize(("events", "hours"), [(0, 10.0), (3, 2.0)])
+def test_a_rate_has_the_exact_interval_of_a_poisson_process(events, hours):
+    counts = np.zeros(10, dtype=int)
+    counts[:events] = 1  # one a record: no more than chance
+    found = rate(counts, np.full(10, hours / 10), np.arange(10))
+    low = chi2.ppf(0.025, 2 * events) / 2 / hours if events else 0.0
+    assert (found.value, found.low) == pytest.approx((events / hours, low))
+    assert found.high == pytest.approx(chi2.ppf(0.975, 2 * events + 2) / 2 / hours)
+
+
+def test_alarms_that_come_in_heaps_bound_a_rate_less():
+    hours, flights = np.full(20, 0.5), np.arange(20)
+    heap = np.zeros(20, dtype=int)
+    heap[3] = 10
+    spread = np.zeros(20, dtype=int)
+    spread[:10] = 1
+    heaped, even = rate(heap, hours, flights), rate(spread, hours, flights)
+    assert heaped.value == even.value
+    assert heaped.low < even.low < even.high < heaped.high
+
+
+def test_nothing_watched_bounds_no_rate():
+    found = rate(np.zeros(0, dtype=int), np.zeros(0), np.zeros(0, dtype=int))
+    assert (found.value, found.low, found.high) == (None, 0.0, np.inf)
+
+
+@pytest.mark.parametrize("of", ["mean", "median"])
+def test_the_bootstrap_over_flights_holds_the_truth(of):
+    rng, held = np.random.default_rng(7), 0
+    flights = np.repeat(np.arange(15), 8)
+    for _ in range(200):
+        delays = 1.0 + np.repeat(0.3 * rng.standard_normal(15), 8) + 0.1 * rng.standard_normal(120)
+        found = mean(delays, flights) if of == "mean" else quantile(delays, 0.5, flights)
+        held += found.low <= 1.0 <= found.high
+    assert held / 200 >= 0.9
+
+
+def test_too_few_flights_bound_no_delay():
+    flights = np.repeat(np.arange(FEWEST_BLOCKS - 1), 100)
+    assert quantile(np.arange(float(len(flights))), 0.5, flights).low is None
+    assert mean(np.arange(float(len(flights))), flights).high is None
+
+
+def test_a_quantile_is_one_of_the_values_and_may_be_infinite():
+    values, flights = np.array([0.1, np.inf, 0.2, 0.3, np.inf, np.inf, np.inf]), np.arange(7)
+    assert quantile(values, 0.4, flights).value == 0.3
+    assert quantile(values, 0.9, flights).value == np.inf
+
+
+# ---- who is sooner ----
+
+
+def test_holms_steps_by_hand():
+    assert holm([0.005, 0.011, 0.02, 0.04, 0.13]) == pytest.approx([0.025, 0.044, 0.06, 0.08, 0.13])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+
+
+def test_what_is_drawn_is_flights_and_not_trials():
+    """A thousand trials of four flights tell no two detectors apart: 2 of 16 signs are as one-sided."""
+    few, many = np.repeat(np.arange(4), 250), np.repeat(np.arange(12), 84)
+    for flights, better in ((few, None), (many, "quick")):
+        delays_s = {"quick": np.full(len(flights), 0.1), "slow": np.full(len(flights), 9.0)}
+        (pair,) = compared(delays_s, flights)
+        assert pair.better == better
+        assert pair.p == pytest.approx(2.0 * 0.5 ** len(np.unique(flights)))
+
+
+def test_two_that_are_alike_are_told_apart_as_rarely_as_promised():
+    rng, told = np.random.default_rng(8), 0
+    flights = np.repeat(np.arange(12), 6)
+    for _ in range(120):
+        worse = np.repeat(rng.standard_normal(12), 6)  # by flights, now the one and now the other
+        delays_s = {"a": 1.0 + worse + 0.1 * rng.standard_normal(72), "b": np.ones(72)}
+        (pair,) = compared(delays_s, flights)
+        told += pair.better is not None
+    assert told / 120 <= 0.1
+
+
+def test_missed_is_later_than_any_delay_and_both_missed_is_a_tie():
+    flights = np.arange(8)
+    (pair,) = compared({"a": np.array([50.0] * 6 + [np.inf] * 2), "b": np.full(8, np.inf)}, flights)
+    assert (pair.sooner, pair.later, pair.tied) == (6, 0, 2)
+
+
+def test_ranks_share_a_place_where_no_test_tells():
+    flights = np.repeat(np.arange(10), 3)
+    turns = np.where(flights % 2 == 0, 0.1, 0.3)  # now the one is sooner and now the other
+    delays_s = {"a": turns, "b": 0.4 - turns, "c": np.full(30, np.inf)}
+    places = {rank.detector: (rank.best, rank.worst) for rank in ranks(list(delays_s), compared(delays_s, flights))}
+    assert places == {"a": (1, 2), "b": (1, 2), "c": (3, 3)}
+
+
+# ---- what rows say ----
+
+
+def test_every_figure_of_made_up_rows():
+    told = {
+        "isolated": True,
+        "named_wrong": False,
+        "axis_right": True,
+        "sensor": "p",
+        "kind": "jam",
+        "kind_right": True,
+    }
+    wrong = {**told, "isolated": False, "named_wrong": True, "sensor": "q", "kind": "drift", "kind_right": False}
+    open_ = {**told, "isolated": False, "sensor": None, "kind": None, "kind_right": False}
+    nothing = {"isolated": False, "named_wrong": False, "axis_right": False, "kind_right": False}
+    rows = [healthy("C", flight) for flight in range(8)]
+    for flight in range(8):
+        rows += [
+            trial("C", flight, 0.2, **told),
+            trial("C", flight, 0.4, **wrong),
+            trial("C", flight, 30.0, **open_),
+            trial("C", flight, None, fault="drift", **nothing),
+        ]
+    found = only(rows, deadline_s=10.0)
+    own = found.merits
+    assert (own.trials, own.flights, own.failed) == (32, 8, 0)
+    assert (own.detected.hits, own.in_time.hits) == (24, 16)
+    delays = own.delays
+    assert (delays.median.value, delays.most.value, delays.worst, delays.look_ahead) == (0.4, 30.0, 30.0, 0.1)
+    assert delays.mean.value == pytest.approx(10.2)
+    naming = own.naming
+    hits = [each.hits for each in (naming.right, naming.wrong, naming.undecided, naming.missed)]
+    assert hits == [8, 8, 8, 8]
+    assert (naming.axis_right.hits, naming.kind_right.hits) == (24, 8)
+    assert found.sensors.injected == ("p",)
+    assert dict(zip(found.sensors.told, found.sensors.counts[0], strict=True)) == {
+        "p": 8,
+        "q": 8,
+        CANT_TELL: 8,
+        MISSED: 8,
+    }
+    assert found.kinds.counts == ((8, 8, 8, 0), (0, 0, 0, 8))
+    assert {kind: merits.trials for kind, merits in found.faults.items()} == {"jam": 24, "drift": 8}
+
+
+def test_a_detector_that_names_no_sensors_has_no_names():
+    found = only([healthy("limit", 0), trial("limit", 0, 1.0)])
+    assert found.merits.naming is found.sensors is found.kinds is None
+
+
+def test_who_certainly_raises_more_than_the_target_gets_no_score():
+    rows = [healthy("C", flight) for flight in range(10)] + [trial("C", flight, 5.0) for flight in range(10)]
+    rows += [healthy("siren", flight, false_alarms=9) for flight in range(10)]
+    rows += [trial("siren", flight, 0.0) for flight in range(10)]
+    scores = scores_of(rows)
+    quiet, siren = scores.detectors
+    assert quiet.is_quiet
+    assert siren.merits is None
+    assert siren.faults == siren.channels == {}
+    assert "more than 7" in siren.no_score
+    assert [rank.detector for rank in scores.ranks] == ["C"]
+    assert scores.comparisons == ()
+    assert all(one.is_quiet for one in scores_of(rows, target_per_hour=100.0).detectors)
+
+
+def test_one_alarm_in_little_flight_refutes_nothing():
+    rows = [healthy("C", 0, false_alarms=1), healthy("C", 1), trial("C", 0, 1.0)]
+    assert only(rows, target_per_hour=1.0).is_quiet  # 1 in 0.2 h may well be one in 8 h
+
+
+def test_who_fails_has_missed_and_what_fails_for_all_counts_for_none():
+    rows = [healthy(name, flight) for name in "ab" for flight in range(6)]
+    rows += [trial("a", flight, 1.0) for flight in range(6)]
+    rows += [trial("a", 0, None, detected=None, error="can't be broken so")]
+    rows += [trial("b", 0, None, detected=None, error="broke down")] + [
+        trial("b", flight, 1.0) for flight in range(1, 6)
+    ]
+    rows += [trial("b", 0, None, detected=None, error="can't be broken so")]
+    a, b = scores_of(rows).detectors
+    assert (a.merits.trials, a.merits.failed, a.merits.detected.hits) == (6, 0, 6)
+    assert (b.merits.trials, b.merits.failed, b.merits.detected.hits) == (6, 1, 5)
+
+
+def test_a_flight_is_one_block_however_many_tasks_and_noises_it_has():
+    rows = [trial("C", task, 1.0, seed=1, noise_seed=noise) for task in range(3) for noise in range(4)]
+    assert only(rows).merits.flights == 1
+
+
+def test_without_healthy_records_there_is_a_score_and_no_rate():
+    found = only([trial("C", flight, 1.0) for flight in range(6)])
+    assert found.is_quiet
+    assert found.false_alarms.value is None
+    assert found.false_alarms.high == np.inf
+
+
+def test_no_rows_are_refused():
+    with pytest.raises(InputError, match="no rows"):
+        scores_of([])
+
+
+# ---- curves and the smallest ----
+
+
+def test_the_curve_counts_what_lies_above_each_factor():
+    rng = np.random.default_rng(10)
+    quiet, loud = rng.gamma(4.0, 0.1, 50), rng.gamma(4.0, 0.4, 80)
+    curve = characteristic(quiet, 0.1, loud)
+    for factor, alarmed, detected in zip(curve.factors, curve.alarmed, curve.detected, strict=True):
+        assert alarmed == pytest.approx(np.mean(quiet > factor))
+        assert detected == pytest.approx(np.mean(loud > factor))
+    assert np.all(np.diff(curve.per_hour) >= 0.0)
+    assert characteristic(np.full(5, np.nan), 0.1, loud) is None
+
+
+def test_a_curve_tells_the_rate_of_alarms_that_come_at_random():
+    """Alarms of a Poisson process, two an hour: so many records of a quarter of an hour hold one."""
+    rng = np.random.default_rng(11)
+    peaks = (rng.poisson(2.0 * 0.25, 4000) > 0) * 1.0 + 0.5
+    curve = characteristic(peaks, 0.25, np.array([2.0, 1.2]))
+    at_one = curve.per_hour[curve.factors == 1.2]
+    assert at_one == pytest.approx(2.0, rel=0.1)
+
+
+def search(flight, smallest, mildest=0.01, severest=100.0, **cells):
+    about = {"severity_name": "size", "mildest": mildest, "severest": severest}
+    found = {"smallest": smallest, "detected": smallest is not None}
+    return trial("C", flight, None, fault="bias", **about) | found | cells
+
+
+def test_the_smallest_is_what_nine_of_ten_searches_find():
+    rows = [search(flight, 0.1 * (flight + 1)) for flight in range(10)]
+    (found,) = only(rows).smallest
+    assert found.severity.value == pytest.approx(0.9)
+    assert found.severity.low <= 0.9 <= found.severity.high
+    assert (found.found.hits, found.found.of) == (10, 10)
+    (found,) = only([*rows[:8], search(8, None), search(9, None)]).smallest
+    assert found.is_beyond
+
+
+def test_of_a_limit_the_smallest_fault_is_the_greatest_limit():
+    rows = [search(flight, 10.0 - flight, mildest=100.0, severest=0.01) for flight in range(10)]
+    assert only(rows).smallest[0].severity.value == 2.0  # 10 ... 2 are nine of ten that detect at 2
+
+
+def test_what_alarms_without_the_fault_isnt_asked():
+    rows = [search(flight, 0.5) for flight in range(6)] + [search(6, None, detected=None)]
+    assert only(rows).smallest[0].found.of == 6
+
+
+def test_searches_are_no_trials():
+    found = only([healthy("C", 0), search(0, 0.5)])
+    assert found.merits is None
+    assert len(found.smallest) == 1
+
+
+def test_beta_is_what_the_exact_interval_stands_on():
+    assert exact_interval(2.5, 7.5)[0] == pytest.approx(beta.ppf(0.025, 2.5, 6.0))
