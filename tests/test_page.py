@@ -214,7 +214,7 @@ threshold_s = [10, 18]
 watch_from_s = 2
 healthy_records = 1
 [calibration]
-flights = 2
+flights = 6
 duration_s = 60
 [[smallest]]
 kind = "bias"
