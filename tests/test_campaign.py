@@ -145,10 +145,17 @@ def test_whether_and_when_is_the_same_whether_or_not_it_is_asked_what(tmp_path):
 
 
 def test_rows_have_the_columns_of_the_schema_and_no_others(tmp_path):
-    (task, *_) = loaded(tmp_path).tasks()
+    search = (
+        '[[smallest]]\nkind = "deadzone"\nchannels = ["p"]\nonset_s = 12\nhalf_width = ["1 % of rms", "300 % of rms"]\n'
+    )
+    (task, *_) = loaded(tmp_path, TINY + search).tasks()
     rows = rows_of(task, {"dissertation": own_detector(task.setup), "spike": FunctionDetector(spike).calibrate()})
     assert set().union(*rows) <= set(COLUMNS)
-    assert {name for row in rows for name in row} >= set(COLUMNS) - {"error", "isolation_delay_s"} - _OF_ISOLATION
+    assert {name for row in rows for name in row} >= set(COLUMNS) - {
+        "error",
+        "isolation_delay_s",
+        "smallest",
+    } - _OF_ISOLATION
     assert table_of(rows).schema.metadata[b"gtmbench.schema"] == b"1"
 
 

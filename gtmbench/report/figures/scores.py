@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import as_it_is, one_legend, panels
-from gtmbench.report.style import COLOURS, strokes
+from gtmbench.report.style import COLOURS
 from gtmbench.report.words.scores import severity_unit
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.scores.scoring import DetectorScores
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Styles = Mapping[str, Mapping[str, Any]]
 _SIZE = (5.8, 3.6)  # inches: small, so that its letters are large on a phone
 _APART = 0.065  # of the axis: what labels need
 _LONGEST_LABEL = 24
 
 
-def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure:
+def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float, styles: Styles) -> Figure:
     """Draw, detector by detector, the share of all faults that it has detected by when.
 
     Parameters
@@ -33,16 +34,18 @@ def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure
     delays_s : mapping of name to array
         One a fault, in seconds; infinite where it was missed.
     deadline_s : float
+    styles : mapping of name to styles
+        Of every detector, the same in all figures: `strokes`.
     """
     figure, axes = panels(1, 1, _SIZE)
     axis = axes[0][0]
     arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
     there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])
     first, last = max(float(np.min(there, initial=1.0)), 0.01), float(np.max(there, initial=deadline_s)) * 1.05
-    ends, drawn = {}, strokes(delays_s)
+    ends = {}
     for name, delays in arrays.items():
         times, shares = _steps(delays, first, last)
-        style = {key: drawn[name][key] for key in ("color", "linestyle")}
+        style = {key: styles[name][key] for key in ("color", "linestyle")}
         axis.step(times, shares, where="post", lw=1.8, **style)
         ends[name] = shares[-1]
     axis.axvline(deadline_s, color=COLOURS["healthy"], lw=1.0)
@@ -52,7 +55,7 @@ def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float) -> Figure
     axis.set_ylim(0.0, 1.03)
     axis.set_xlabel("delay after the onset (s)")
     axis.set_ylabel("share of all faults detected")
-    _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
+    _label_ends(axis, ends, styles)
     return figure
 
 
@@ -63,7 +66,7 @@ def _steps(delays: FloatArray, first: float, last: float) -> tuple[FloatArray, F
     return np.concatenate([[first], there, [last]]), np.concatenate([[0.0], shares, ends])
 
 
-def _label_ends(axis: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) -> None:
+def _label_ends(axis: Axes, ends: Mapping[str, float], styles: Styles) -> None:
     """Write each line's name beside its end, one above the other where they end together."""
     low, high = axis.get_ylim()
     names = sorted(ends, key=lambda name: ends[name])
@@ -80,7 +83,7 @@ def _label_ends(axis: Axes, ends: Mapping[str, float], colours: Mapping[str, str
             (1.01, place),
             xycoords="axes fraction",
             va="center",
-            color=colours[name],
+            color=styles[name]["color"],
             fontsize="small",
             annotation_clip=False,
         )
@@ -95,19 +98,19 @@ def _short(name: str) -> str:
     return as_it_is(name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…")
 
 
-def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float) -> Figure:
+def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, styles: Styles) -> Figure:
     """Draw detection against false alarms, over all factors on each detector's thresholds; a marker at its own.
 
     Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
     """
     figure, axes = panels(1, 1, _SIZE)
     axis = axes[0][0]
-    drawn, ends = strokes(one.name for one in detectors), {}
+    ends = {}
     for one in detectors:
         if one.curve is None:
             continue
         shown = (one.curve.alarmed > 0.0) & np.isfinite(one.curve.per_hour)
-        own = drawn[one.name]
+        own = styles[one.name]
         rates, shares = one.curve.per_hour[shown], one.curve.detected[shown]
         axis.step(rates, shares, where="post", lw=1.8, color=own["color"], linestyle=own["linestyle"])
         silent = one.curve.detected[one.curve.alarmed == 0.0]
@@ -125,7 +128,7 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float) ->
     axis.set_ylim(0.0, 1.03)
     axis.set_xlabel("false alarms an hour (◁: none was seen)")
     axis.set_ylabel("share of faults detected")
-    _label_ends(axis, ends, {name: style["color"] for name, style in drawn.items()})
+    _label_ends(axis, ends, styles)
     return figure
 
 
@@ -136,16 +139,15 @@ def _left(detectors: Sequence[DetectorScores]) -> float:
     return 0.5 * float(found)
 
 
-def smallest_figure(detectors: Sequence[DetectorScores]) -> Figure:
+def smallest_figure(detectors: Sequence[DetectorScores], styles: Styles) -> Figure:
     """Draw the smallest detected severity of every kind and channel, a panel a kind, with its interval."""
     kinds = list(dict.fromkeys(_panel(found) for one in detectors for found in one.smallest))
-    drawn = strokes(one.name for one in detectors)
     lines = [len({found.channel for one in detectors for found in one.smallest if _panel(found) == k}) for k in kinds]
     heights = [max(lines_, 1) * max(len(detectors), 2) for lines_ in lines]
     figure, axes = panels(len(kinds), 1, (_SIZE[0], 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
     for (axis, *_), kind in zip(axes, kinds, strict=True):
         found = {one.name: [each for each in one.smallest if _panel(each) == kind] for one in detectors}
-        _draw_smallest(axis, found, drawn)
+        _draw_smallest(axis, found, styles)
         axis.set_title(as_it_is(kind), fontsize="medium", loc="left")
     one_legend(figure, [axis for (axis, *_) in axes], columns=4)
     return figure
@@ -155,11 +157,11 @@ def _panel(found: Smallest) -> str:
     return f"{found.fault.replace('_', ' ')}: {with_unit(found.parameter, severity_unit(found))}"
 
 
-def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], drawn: Mapping[str, Mapping[str, Any]]) -> None:
+def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], styles: Styles) -> None:
     channels = list(dict.fromkeys(each.channel for own in found.values() for each in own))
     apart = 0.7 / max(len(found), 1)
     for i, (name, own) in enumerate(found.items()):
-        style: dict[str, Any] = {"color": drawn[name]["color"]}
+        style: dict[str, Any] = {"color": styles[name]["color"]}
         for j, each in enumerate(own):
             factor = 100.0 if each.share_of else 1.0
             y = channels.index(each.channel) + (i - 0.5 * (len(found) - 1)) * apart
@@ -171,7 +173,7 @@ def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], drawn: M
             )
             if each.severity.low is not None:
                 axis.plot([low, high], [y, y], lw=1.5, **style)
-            marker = ">" if each.is_beyond else drawn[name]["marker"]
+            marker = ">" if each.is_beyond else styles[name]["marker"]
             fill = "none" if each.is_beyond else "full"
             label = _short(name) if j == 0 else None
             axis.plot([value], [y], linestyle="none", marker=marker, fillstyle=fill, ms=7, label=label, **style)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gtmbench.errors import InputError
 from gtmbench.parts import Parts
 from gtmbench.report.figures.scores import delay_curves, price_curves, smallest_figure
+from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import Table, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
 from gtmbench.report.words.units import counted
@@ -87,22 +88,23 @@ class Contents:
         """Return figures and what they show, by the title of the table that they belong to."""
         found: dict[str, list[tuple[str, Figure]]] = {}
         scores, first = self.scores, self.tables[0].title if self.tables else ""
+        styles = strokes(one.name for one in scores.detectors)
         if scores.delays_s:
             words = "What share of all faults each detector has detected by when; missed ones never"
-            found.setdefault(first, []).append((words, delay_curves(scores.delays_s, scores.deadline_s)))
+            found.setdefault(first, []).append((words, delay_curves(scores.delays_s, scores.deadline_s, styles)))
         with_curve = [one for one in scores.detectors if one.curve and one.healthy_records >= _FEWEST_RECORDS]
         if with_curve:
             words = (
                 "Detection against false alarms (ROC), had all thresholds of a detector been multiplied by a factor; "
                 "markers: as they are"
             )
-            found.setdefault(first, []).append((words, price_curves(with_curve, scores.target_per_hour)))
+            found.setdefault(first, []).append((words, price_curves(with_curve, scores.target_per_hour, styles)))
         with_smallest = [one for one in scores.detectors if one.smallest]
         if with_smallest:
             words = (
                 "Smallest fault detected in 90 % of the searches, with 95 % intervals; open arrows: beyond the severest"
             )
-            found.setdefault(self.tables[-1].title, []).append((words, smallest_figure(with_smallest)))
+            found.setdefault(self.tables[-1].title, []).append((words, smallest_figure(with_smallest, styles)))
         return found
 
     def run(self) -> list[tuple[str, str]]:

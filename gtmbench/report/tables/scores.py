@@ -71,8 +71,8 @@ def in_markdown(text: str) -> str:
 
 def tables(scores: Scores) -> list[Table]:
     """Return the tables of a campaign, those left out that would be empty."""
-    of_all = [_detectors(scores), _pairs(scores), _delay_table(scores), _names_table(scores)]
-    made = [*of_all, _split(scores, "fault"), _split(scores, "channel"), _smallest(scores)]
+    of_all = [_detectors(scores), _delay_table(scores), _names_table(scores)]
+    made = [*of_all, _split(scores, "fault"), _split(scores, "channel"), _pairs(scores), _smallest(scores)]
     return [table for table in made if table.rows]
 
 
