@@ -23,7 +23,8 @@ from gtmbench.report.campaign import Findings, conducted
 from gtmbench.report.dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import interval, share_text
+from gtmbench.report.tables.markdown import share_text
+from gtmbench.study.scores.intervals import exact_interval
 
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]
 BEYOND = {  # studies of what the dissertation leaves open, with reports of their own, and lines that they print
@@ -218,7 +219,7 @@ def test_make_experiments_runs_parts_and_keeps_nothing_of_quick_ones():
 def test_a_share_comes_with_the_interval_that_scipy_has():
     for hits, trials in ((0, 1), (1, 1), (1, 54), (53, 54), (322, 324)):
         theirs = scipy.stats.binomtest(hits, trials).proportion_ci(0.95)
-        assert interval(hits, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
+        assert exact_interval(hits, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
     assert share_text(0, 0) == "-"
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from gtmbench.study.scores.intervals import exact_interval
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -60,20 +62,6 @@ def grouped(
     )
 
 
-def interval(hits: int, trials: int, *, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of a share that was counted (Clopper and Pearson 1934): at least so confident.
-
-    >>> [round(bound, 4) for bound in interval(324, 324)]
-    [0.9887, 1.0]
-    """
-    from scipy.special import betaincinv
-
-    beyond = (1.0 - confidence) / 2.0
-    low = float(betaincinv(hits, trials - hits + 1, beyond)) if hits else 0.0
-    high = float(betaincinv(hits + 1, trials - hits, 1.0 - beyond)) if hits < trials else 1.0
-    return low, high
-
-
 def share_text(hits: int, trials: int) -> str:
     """Write a share with its 95 % interval; a dash where nothing was tried.
 
@@ -82,5 +70,5 @@ def share_text(hits: int, trials: int) -> str:
     """
     if not trials:
         return "-"
-    low, high = interval(hits, trials)
+    low, high = exact_interval(hits, trials)
     return f"{100 * hits / trials:.1f} % [{100 * low:.1f}, {100 * high:.1f}] of {trials}"
