@@ -226,7 +226,7 @@ def test_a_share_comes_with_the_interval_that_scipy_has():
 def test_the_delays_figure_counts_what_was_missed_as_never_detected():
     (axis,) = delay_figure({"C": [2.0, np.nan, 0.5, np.inf]}).axes
     (line,) = axis.lines
-    assert [list(line.get_xdata()), list(line.get_ydata())] == [[0.5, 2.0], [0.25, 0.5]]
+    assert [list(line.get_xdata()), list(line.get_ydata())] == [[0.5, 0.5, 2.0, 2.1], [0.0, 0.25, 0.5, 0.5]]
 
 
 def called(steps, *options, monkeypatch):

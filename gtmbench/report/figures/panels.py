@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Styles = Mapping[str, Mapping[str, Any]]  # of lines, by name: `gtmbench.report.style.strokes`
+SMALL = (5.8, 3.6)  # inches of a figure whose letters are to be large on a phone
+_APART = 0.065  # of the axis: what labels need
+_LONGEST_LABEL = 24
 _LEAST_TOP = 10.0  # of an axis of levels
 
 
@@ -82,3 +86,37 @@ def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[Floa
     half_s = 0.5 * every * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
     times = np.column_stack([begun_s, np.minimum(begun_s + half_s, time_s[-1])])
     return times.ravel(), np.column_stack([low, high]).ravel()
+
+
+def label_ends(axis: Axes, ends: Mapping[str, float], styles: Styles) -> None:
+    """Write each line's name beside its end, one above the other where they end together."""
+    low, high = axis.get_ylim()
+    names = sorted(ends, key=lambda name: ends[name])
+    places = [(ends[name] - low) / (high - low) for name in names]
+    for i in range(1, len(places)):
+        places[i] = max(places[i], places[i - 1] + _APART)
+    over = max([0.0, *[place - 1.0 for place in places]])
+    for i in reversed(range(len(places))):  # back below the top, those beneath make room
+        ceiling = 1.0 if i == len(places) - 1 else places[i + 1] - _APART
+        places[i] = min(places[i], ceiling) if over else places[i]
+    for name, place in zip(names, places, strict=True):
+        axis.annotate(
+            short_label(name),
+            (1.01, place),
+            xycoords="axes fraction",
+            va="center",
+            color=styles[name]["color"],
+            fontsize="small",
+            annotation_clip=False,
+        )
+
+
+def in_decades(axis: Axes) -> None:
+    """Make an axis logarithmic, its ticks plain numbers."""
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+
+
+def short_label(name: str) -> str:
+    """Return a name that finds room beside an axis."""
+    return as_it_is(name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…")

@@ -1,4 +1,4 @@
-"""Figures of a campaign's scores: delays, what they cost in false alarms, the smallest faults that are detected."""
+"""Figures of a campaign's scores: what detection costs in false alarms, the smallest faults that are detected."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gtmbench.record import FloatArray
-from gtmbench.report.figures.panels import as_it_is, one_legend, panels
+from gtmbench.report.figures.panels import (
+    SMALL,
+    Styles,
+    as_it_is,
+    in_decades,
+    label_ends,
+    one_legend,
+    panels,
+    short_label,
+)
 from gtmbench.report.style import COLOURS
 from gtmbench.report.words.scores import severity_unit
 from gtmbench.report.words.units import with_unit
@@ -20,90 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Styles = Mapping[str, Mapping[str, Any]]
-_SIZE = (5.8, 3.6)  # inches: small, so that its letters are large on a phone
-_APART = 0.065  # of the axis: what labels need
-_LONGEST_LABEL = 24
-
-
-def delay_curves(delays_s: Mapping[str, ArrayLike], deadline_s: float, styles: Styles) -> Figure:
-    """Draw, detector by detector, the share of all faults that it has detected by when.
-
-    Parameters
-    ----------
-    delays_s : mapping of name to array
-        One a fault, in seconds; infinite where it was missed.
-    deadline_s : float
-    styles : mapping of name to styles
-        Of every detector, the same in all figures: `strokes`.
-    """
-    figure, axes = panels(1, 1, _SIZE)
-    axis = axes[0][0]
-    arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
-    there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])
-    first, last = max(float(np.min(there, initial=1.0)), 0.01), float(np.max(there, initial=deadline_s)) * 1.05
-    ends = {}
-    for name, delays in arrays.items():
-        times, shares = _steps(delays, first, last)
-        style = {key: styles[name][key] for key in ("color", "linestyle")}
-        axis.step(times, shares, where="post", lw=1.8, **style)
-        ends[name] = shares[-1]
-    axis.axvline(deadline_s, color=COLOURS["healthy"], lw=1.0)
-    axis.annotate(f"{deadline_s:g} s", (deadline_s, 0.01), fontsize="small", ha="right", color=COLOURS["healthy"])
-    _in_decades(axis)
-    axis.set_xlim(first, last)
-    axis.set_ylim(0.0, 1.03)
-    axis.set_xlabel("delay after the onset (s)")
-    axis.set_ylabel("share of all faults detected")
-    _label_ends(axis, ends, styles)
-    return figure
-
-
-def _steps(delays: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
-    there = np.sort(np.maximum(delays[np.isfinite(delays)], first))
-    shares = np.arange(1, len(there) + 1) / max(len(delays), 1)
-    ends = shares[-1:] if len(shares) else np.zeros(1)
-    return np.concatenate([[first], there, [last]]), np.concatenate([[0.0], shares, ends])
-
-
-def _label_ends(axis: Axes, ends: Mapping[str, float], styles: Styles) -> None:
-    """Write each line's name beside its end, one above the other where they end together."""
-    low, high = axis.get_ylim()
-    names = sorted(ends, key=lambda name: ends[name])
-    places = [(ends[name] - low) / (high - low) for name in names]
-    for i in range(1, len(places)):
-        places[i] = max(places[i], places[i - 1] + _APART)
-    over = max([0.0, *[place - 1.0 for place in places]])
-    for i in reversed(range(len(places))):  # back below the top, those beneath make room
-        ceiling = 1.0 if i == len(places) - 1 else places[i + 1] - _APART
-        places[i] = min(places[i], ceiling) if over else places[i]
-    for name, place in zip(names, places, strict=True):
-        axis.annotate(
-            _short(name),
-            (1.01, place),
-            xycoords="axes fraction",
-            va="center",
-            color=styles[name]["color"],
-            fontsize="small",
-            annotation_clip=False,
-        )
-
-
-def _in_decades(axis: Axes) -> None:
-    axis.set_xscale("log")
-    axis.xaxis.set_major_formatter("{x:g}")
-
-
-def _short(name: str) -> str:
-    return as_it_is(name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…")
-
 
 def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, styles: Styles) -> Figure:
     """Draw detection against false alarms, over all factors on each detector's thresholds; a marker at its own.
 
     Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
     """
-    figure, axes = panels(1, 1, _SIZE)
+    figure, axes = panels(1, 1, SMALL)
     axis = axes[0][0]
     ends = {}
     for one in detectors:
@@ -124,11 +54,11 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
     axis.annotate(
         f" target {target_per_hour:g}", (target_per_hour, 0.01), fontsize="small", color=COLOURS["healthy"], ha="left"
     )
-    _in_decades(axis)
+    in_decades(axis)
     axis.set_ylim(0.0, 1.03)
     axis.set_xlabel("false alarms an hour (◁: none was seen)")
     axis.set_ylabel("share of faults detected")
-    _label_ends(axis, ends, styles)
+    label_ends(axis, ends, styles)
     return figure
 
 
@@ -144,7 +74,7 @@ def smallest_figure(detectors: Sequence[DetectorScores], styles: Styles) -> Figu
     kinds = list(dict.fromkeys(_panel(found) for one in detectors for found in one.smallest))
     lines = [len({found.channel for one in detectors for found in one.smallest if _panel(found) == k}) for k in kinds]
     heights = [max(lines_, 1) * max(len(detectors), 2) for lines_ in lines]
-    figure, axes = panels(len(kinds), 1, (_SIZE[0], 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
+    figure, axes = panels(len(kinds), 1, (SMALL[0], 1.2 + 0.22 * sum(heights) + 0.5 * len(kinds)), heights=heights)
     for (axis, *_), kind in zip(axes, kinds, strict=True):
         found = {one.name: [each for each in one.smallest if _panel(each) == kind] for one in detectors}
         _draw_smallest(axis, found, styles)
@@ -175,8 +105,8 @@ def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], styles: 
                 axis.plot([low, high], [y, y], lw=1.5, **style)
             marker = ">" if each.is_beyond else styles[name]["marker"]
             fill = "none" if each.is_beyond else "full"
-            label = _short(name) if j == 0 else None
+            label = short_label(name) if j == 0 else None
             axis.plot([value], [y], linestyle="none", marker=marker, fillstyle=fill, ms=7, label=label, **style)
-    _in_decades(axis)
+    in_decades(axis)
     axis.set_yticks(range(len(channels)), channels)
     axis.set_ylim(len(channels) - 0.45, -0.55)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from gtmbench.errors import InputError
 from gtmbench.parts import Parts
-from gtmbench.report.figures.scores import delay_curves, price_curves, smallest_figure
+from gtmbench.report.figures.delays import delay_figure
+from gtmbench.report.figures.scores import price_curves, smallest_figure
 from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import Table, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
@@ -91,7 +92,9 @@ class Contents:
         styles = strokes(one.name for one in scores.detectors)
         if scores.delays_s:
             words = "What share of all faults each detector has detected by when; missed ones never"
-            found.setdefault(first, []).append((words, delay_curves(scores.delays_s, scores.deadline_s, styles)))
+            found.setdefault(first, []).append(
+                (words, delay_figure(scores.delays_s, deadline_s=scores.deadline_s, styles=styles))
+            )
         with_curve = [one for one in scores.detectors if one.curve and one.healthy_records >= _FEWEST_RECORDS]
         if with_curve:
             words = (
