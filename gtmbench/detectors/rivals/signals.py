@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gtmbench.record import FloatArray, Record
+from gtmbench.record import FloatArray
 
 GYROS = ("p", "q", "r")
 ANGLES = ("phi", "theta", "psi")
@@ -147,9 +147,4 @@ class Scale:
 def stacked(parts: Iterable[FloatArray]) -> FloatArray:
     """Return the rows of several arrays that miss nothing."""
     rows = np.concatenate(list(parts))
-    return rows[np.isfinite(rows).all(axis=1)]
-
-
-def matrices(records: Sequence[Record], channels: Sequence[str]) -> list[FloatArray]:
-    """Return the channels of each record, shape (samples, channels)."""
-    return [record.matrix(channels) for record in records]
+    return np.asarray(rows[np.isfinite(rows).all(axis=1)])
