@@ -276,8 +276,8 @@ Seeds from {CALIBRATION_SEED}, {FAULT_SEED} and {HEALTHY_SEED} on: nobody used t
 
 Delays are from the onset to the first alarm, look-ahead and windows counted; what is missed is infinitely late. Named
 right and wrong are shares of what is detected; the rest is left undecided; a dash: it names no sensor. Banks judge up
-to 20 s after an alarm, rivals after 1 s. Intervals are 95 % (Clopper-Pearson), bounds on rates 95 % (Poisson, exact). Who
-doesn't keep the rate asked for sees more than its due.
+to 20 s after an alarm, rivals after 1 s. Intervals are 95 % (Clopper-Pearson), bounds on rates 95 % (Poisson, exact).
+Who doesn't keep the rate asked for sees more than its due.
 
 {markdown(lines)}
 

@@ -46,11 +46,16 @@ class LinearKalmanFilter(Rival):
     """
 
     name: str = "kalman"
-    title: ClassVar[str] = "Kalman filter on an identified linear model with commands"
     servo_rad_s: float = 31.4
     parameter_error: float = 0.0
     settles_s: ClassVar[float] = 10.0
     channels: ClassVar[tuple[str, ...]] = (*STATES, *FORCES, *COMMANDS)
+
+    @property
+    def title(self) -> str:
+        """What it is, in a line."""
+        off = f", its parameters off by {100 * self.parameter_error:g} %" if self.parameter_error else ""
+        return f"Kalman filter on an identified linear model with commands{off}"
 
     def fit(self, records: Sequence[FloatArray], sample_period_s: float) -> Model:
         """Return transition, command, output and gain matrices, and what readings and commands are about."""

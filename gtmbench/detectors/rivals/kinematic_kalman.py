@@ -38,10 +38,15 @@ class KinematicKalmanFilter(Rival):
     """
 
     name: str = "kinematic-kalman"
-    title: ClassVar[str] = "kinematic Kalman filter: attitude carried on by gyros, their FIR identified"
     past_s: float = 0.15
     settles_s: ClassVar[float] = 2.0
     channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES)
+
+    @property
+    def title(self) -> str:
+        """What it is, in a line."""
+        fir = "their FIR identified" if self.past_s else "as they are"
+        return f"kinematic Kalman filter: attitude carried on by gyros, {fir}"
 
     def fit(self, records: Sequence[FloatArray], sample_period_s: float) -> Model:
         """Return the FIR filters, shape (gyros, n + 1), constants in deg, and gains K."""

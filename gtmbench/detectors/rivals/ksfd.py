@@ -40,12 +40,17 @@ class KinematicConsistency(Rival):
     """
 
     name: str = "ksfd"
-    title: ClassVar[str] = "kinematic consistency by differentiation, nothing learnt (KSFD)"
     judge: str = "level"
     span_s: float = 0.2
     degree: int = 2
     forces: bool = True
     channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES, *AIR)
+
+    @property
+    def title(self) -> str:
+        """What it is, in a line."""
+        how = "nothing learnt" if self.judge == "level" else "whitened and judged as the banks'"
+        return f"kinematic consistency by differentiation (KSFD), {how}"
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -43,10 +42,15 @@ class OneStepPrediction(Rival):
     """
 
     name: str = "okid"
-    title: ClassVar[str] = "one-step prediction of each gyro (ARX, the observer of OKID)"
     past_s: float = 0.2
     commands: bool = True
     own_past: bool = True
+
+    @property
+    def title(self) -> str:
+        """What it is, in a line."""
+        by = "all sensors and itself (ARX, the observer of OKID)" if self.own_past else "the other sensors"
+        return f"one-step prediction of each gyro by {by}, {'with' if self.commands else 'without'} commands"
 
     @property
     def channels(self) -> tuple[str, ...]:

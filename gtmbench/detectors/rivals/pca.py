@@ -37,13 +37,18 @@ class PrincipalComponents(Rival):
     """
 
     name: str = "pca"
-    title: ClassVar[str] = "principal components of all sensors: T2 and Q"
     judge: str = "level"
     lags: int = 0
     lag_s: float = 0.05
     explained: float = 0.95
     channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES, *AIR)
     outputs: ClassVar[tuple[str, ...]] = ("T2", "Q")
+
+    @property
+    def title(self) -> str:
+        """What it is, in a line."""
+        past = f" and of their past ({self.lags} samples)" if self.lags else ""
+        return f"principal components of all sensors{past}: T2 and Q"
 
     def fit(self, records: Sequence[FloatArray], sample_period_s: float) -> Model:
         """Return means, deviations, loadings and variances of the components."""

@@ -59,10 +59,12 @@ class Rival(ABC):
     """
 
     name: str
-    title: ClassVar[str]
     judge: str = "glr"
     settles_s: ClassVar[float] = 0.0
 
+    @property
+    @abstractmethod
+    def title(self) -> str: ...  # noqa: D102
     @property
     @abstractmethod
     def channels(self) -> tuple[str, ...]: ...  # noqa: D102
