@@ -62,12 +62,12 @@ Row = dict[str, object]
 class Size:
     """How much is flown, in flights and seconds, and by whom it is watched."""
 
-    calibration: int = 36
+    calibration: int = 30
     calibration_s: float = 300.0
     faults: int = 6
     duration_s: float = 200.0
     onset_s: float = 100.0
-    healthy: int = 40
+    healthy: int = 32
     healthy_s: float = 500.0
     gyros: Sequence[str] = GYROS
     kinds: Sequence[str] = tuple(FAULTS)

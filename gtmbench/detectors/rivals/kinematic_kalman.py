@@ -1,10 +1,8 @@
 """A kinematic Kalman filter: attitude carried on by gyros, corrected by what is measured; no model of the aircraft.
 
-The residual is the filter's innovation, turned into the body's axes. Sources: E. J. Lefferts, F. L. Markley and
+The residual is the filter's innovation, turned into the body's axes. Source: E. J. Lefferts, F. L. Markley and
 M. D. Shuster, Kalman filtering for spacecraft attitude estimation, J. Guidance, Control, and Dynamics 5 (1982),
-doi:10.2514/3.56190 (gyros in place of dynamics); L. Van Eykeren and Q. P. Chu, Sensor fault detection and isolation for
-aircraft control systems by kinematic relations, Control Engineering Practice 31 (2014),
-doi:10.1016/j.conengprac.2014.02.017 (for faults). Here the filter is the steady one of an axis; what a gyro does to the
+doi:10.2514/3.56190 (gyros in place of dynamics). Here the filter is the steady one of an axis; what a gyro does to the
 attitude is a short FIR filter, identified, which takes up sampling, delays and gains.
 """
 

@@ -1,8 +1,8 @@
 """One-step prediction of each gyro by a linear model of the recent past of sensors and surface commands.
 
 With its own past among the regressors the model is ARX, whose one-step errors are those of the observer of OKID:
-M. Phan, L. G. Horta, J.-N. Juang and R. W. Longman, Linear system identification via an asymptotically stable observer,
-J. Optimization Theory and Applications 79 (1993), doi:10.1007/BF00941887. On a helicopter's sensors: G. Heredia and
+J.-N. Juang, M. Phan, L. G. Horta and R. W. Longman, Identification of observer/Kalman filter Markov parameters: theory
+and experiments, AIAA 1991, doi:10.2514/6.1991-2735. On a helicopter's sensors: G. Heredia and
 A. Ollero, Detection of sensor faults in small helicopter UAVs using observer/Kalman filter identification, Mathematical
 Problems in Engineering 2011, doi:10.1155/2011/174618. The observer is used as its predictor form; no state-space
 realisation is made of it, for its residuals are the same.

@@ -156,9 +156,9 @@ class RivalStream:
         for row, name in events:
             self._look(scores, known_s, rows, range(begin, row))
             begin, number = row, len(self._alarms)
-            is_same = bool(self._alarms) and rows.start + row - last[row] <= _SAME_S / self._period_s
+            time_s, since = float(known_s[row]), rows.start + row - last[row]
+            is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
             fault = self._alarms[number - 1].fault if is_same else number
-            time_s = float(known_s[row])
             self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=time_s, source=name, fault=fault)
             if not is_same and self._monitor.suspects:
                 due_row = rows.start + row + round(_LOOKS_S / self._period_s)
