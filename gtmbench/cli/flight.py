@@ -152,8 +152,9 @@ def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     elif not quiet:
         for title, entries in sections.items():
             echo(title, bold=True)
+            width = max(map(len, entries), default=0)
             for name, meaning in entries.items():
-                echo(f"  {name:<16} {meaning}")
+                echo(f"  {name:<{max(width, 16)}} {meaning}")
             if title == "aircraft" and not with_all:
                 echo(f"  and {len(jsbsim_facts())} that come with JSBSim (--all), or a folder of yours")
 
