@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.bench.airborne import LONGEST_S as LONGEST_S
 from gtmbench.bench.airborne import Airborne, first_outside, take_off
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import simulating

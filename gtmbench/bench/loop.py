@@ -28,6 +28,7 @@ from gtmbench.faults.fault import Fault, check_onset
 from gtmbench.record import FloatArray, Record
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
+GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
 _BLOCK = 4096  # samples whose noise is drawn at a time
 _PSI = SENSORS.index("psi")
 
@@ -150,9 +151,7 @@ def fly_in_loop(
     craft = load_aircraft(aircraft)
     pilot = craft.autopilot if autopilot is None else autopilot
     if pilot is None:
-        raise InputError(
-            f"'{craft.name}' has no autopilot; give autopilot=gb.Autopilot(...), or [autopilot] in its aircraft.toml"
-        )
+        raise InputError(f"'{craft.name}' has no autopilot; {GAINS_WANTED}")
     broken = tuple([faults] if isinstance(faults, Fault) else faults)
     seed = whole("seed", seed)
     noise_seed = seed if noise_seed is None else whole("noise_seed", noise_seed)
