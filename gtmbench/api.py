@@ -4,14 +4,17 @@ from typing import Any
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
+from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
@@ -75,10 +78,12 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Accommodation",
     "Aircraft",
     "Alarm",
     "AlarmStream",
     "Alarms",
+    "Autopilot",
     "Bank",
     "BankDetector",
     "BankMonitor",
@@ -117,6 +122,8 @@ __all__ = [
     "Lag",
     "LeastSquares",
     "LogColumn",
+    "LoopEvent",
+    "LoopFlight",
     "Misalignment",
     "Mode",
     "Monitor",
@@ -156,6 +163,7 @@ __all__ = [
     "Trial",
     "Trim",
     "TrimError",
+    "Tuned",
     "Verdict",
     "Watch",
     "WatchedLog",
@@ -168,9 +176,11 @@ __all__ = [
     "derivable",
     "derive",
     "filtered_attitude",
+    "find_autopilot",
     "find_detector",
     "flag",
     "fly",
+    "fly_in_loop",
     "identify",
     "imperfect",
     "inject",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.airborne import LONGEST_S
+from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.fleet import load_aircraft
-from gtmbench.bench.flight import LONGEST_S
+from gtmbench.bench.loop import GAINS_WANTED
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
@@ -48,7 +50,10 @@ class AlarmSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Everything of a scenario but its faults. Scenarios with equal setups share flight, operator and threshold."""
+    """Everything of a scenario but its faults. Scenarios with equal setups share flight, operator and threshold.
+
+    With an `autopilot` the loop is closed: every fault is flown, and sensors have the T2's noise.
+    """
 
     aircraft: str = "gtm"
     excitation: str = "dissertation"
@@ -57,6 +62,7 @@ class Setup:
     noise: str | None = None
     seed: int = 1
     severity_reference_s: Span = (25.0, 300.0)
+    autopilot: Autopilot | None = None
     operator: OperatorSetup = field(default_factory=OperatorSetup)
     alarm: AlarmSetup = field(default_factory=AlarmSetup)
 
@@ -150,7 +156,7 @@ def _setup(table: dict[str, Any]) -> Setup:
         raise InputError("both snr and noise are given; keep one")
     if "noise" in table:
         table = {**table, "snr": None}
-    setup = Setup(**_checked(Setup, table, ""))
+    setup = _with_autopilot(Setup(**_checked(Setup, table, "")), "snr" in table and "noise" not in table)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
         ("alarm.threshold_s", setup.alarm.threshold_s),
@@ -170,6 +176,28 @@ def _setup(table: dict[str, Any]) -> Setup:
         given = ", ".join(f"{name} in {unit}" for name, unit in units.items())
         raise InputError(f"operator.outputs: {given}; one norm needs one unit, so take outputs of one kind")
     return setup
+
+
+def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
+    """Return a setup with the gains that a table ``[autopilot]`` leaves to the aircraft, and with sensors for a loop.
+
+    Raises
+    ------
+    InputError
+        Where the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
+    """
+    gains: Any = setup.autopilot  # the table, as it stands there
+    if gains is None:
+        return setup
+    own = load_aircraft(setup.aircraft).autopilot
+    if own is None and not gains:
+        raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
+    if states_snr:
+        raise InputError(
+            f"snr is {setup.snr:g}, but in the loop sensors are noisy before there is a flight to be a ratio of; "
+            'give noise = "t2"'
+        )
+    return replace(setup, autopilot=autopilot_of(gains, own), snr=None, noise="t2")
 
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
@@ -216,6 +244,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "noise": _noise,
     "seed": whole,
     "severity_reference_s": _times,
+    "autopilot": table_of,
     "operator": _table(OperatorSetup),
     "inputs": sensor_list,
     "outputs": sensor_list,

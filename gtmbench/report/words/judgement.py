@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
@@ -215,9 +216,22 @@ def trial_events(trial: Trial) -> list[Event]:
     if trial.detected and counting is not None and counting.time_s < onset_s - 1e-9:
         late = f"{trial.detection_delay_s:.2f} s after the onset, counted to the false alarm of {counting.time_s:.2f} s"
         events.append((onset_s + (trial.detection_delay_s or 0.0), "ERROR", f"alarm: {what}, {late}"))
+    events += [(event.time_s, "WARN", loop_text(event)) for event in trial.events]
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
+
+
+def loop_text(event: LoopEvent) -> str:
+    """Say what happened in a loop.
+
+    >>> loop_text(LoopEvent(time_s=20.4, kind="departure", channel="alpha", value=15.2))
+    'departure: alpha is 15.2 deg'
+    """
+    if event.kind == OUT_OF_LOOP:
+        return f"the autopilot doesn't read {event.channel}: the fault changes no flight"
+    what = {DEPARTURE: "departure", ENVELOPE: "end of the flight, out of the envelope"}.get(event.kind, event.kind)
+    return f"{what}: {event.channel} is {event.value:.4g} {unit_of(event.channel)}".rstrip()
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:
