@@ -14,15 +14,17 @@ from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, of_flight
-from gtmbench.intake.flight_log import FlightLog, Source, summed_up
+from gtmbench.intake.flight_log import FlightLog, Remark, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.fresh import fresh
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, judged, not_taken, split_mapping, with_time
 from gtmbench.intake.names import stated_unit
 from gtmbench.intake.plausibility import remarks_on
-from gtmbench.intake.segments import Cut, Track, cut, laid_beside
-from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.segments import Cut, cut, laid_beside
+from gtmbench.intake.stamps import Clock, cleaned, own_rows, single
+from gtmbench.intake.tracks import Track
 from gtmbench.record import Record
 
 _ATTITUDE = ("phi", "theta", "psi")
@@ -148,7 +150,8 @@ def _opened(
     used = dict.fromkeys(choice.series.clock for choice in chosen)
     clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in used})
     check_values(sum(len(clocks[choice.series.clock].rows) for choice in chosen), "its channels")
-    tracks = _tracks(chosen, clocks)
+    tracks, told = _tracks(chosen, clocks, breaks_s)
+    remarks += told
     suspects = [
         choice.channel
         for choice in chosen
@@ -209,7 +212,7 @@ def _laid(
                 return []
             clocks = own
         check_values(len(clocks[name].rows), "a witness")
-        (track,) = _tracks([choice], clocks)
+        (track,), _ = _tracks([choice], clocks, breaks_s)
         return [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered)[:, 0] for record in made.records]
     return []
 
@@ -224,26 +227,33 @@ def _beside(record: Record, values: FloatArray, channel: str) -> Record:
     )
 
 
-def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track]:
-    """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
+def _tracks(
+    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float]
+) -> tuple[list[Track], list[Remark]]:
+    """Return the channels by their stamps, every sample once and none that only repeats another; and remarks."""
     groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
     for choice in chosen:
         clock = clocks[choice.series.clock]
         values = choice.values()[clock.rows]
-        filled = np.flatnonzero(np.isfinite(values))
-        sparse = len(filled) > 2 and np.median(np.diff(filled)) >= 2
-        key = filled.tobytes() if sparse else choice.series.clock
-        kept = filled if sparse else slice(None)
+        own = own_rows(clock.time_s, np.isfinite(values))
+        key = choice.series.clock if own is None else own.tobytes()
+        kept = slice(None) if own is None else own
         at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
         groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
-    return [
-        Track(
-            channels=tuple(channel for channel, _, _ in group),
-            time_s=group[0][1],
-            values=np.column_stack([values for _, _, values in group]),
+    tracks, remarks = [], []
+    for (key, late_s), group in groups.items():
+        channels = tuple(channel for channel, _, _ in group)
+        label = f"{key}: " if isinstance(key, str) and key else "" if isinstance(key, str) else f"{channels[0]}: "
+        _, time_s, values, told = single(
+            label,
+            group[0][1],
+            np.column_stack([values for _, _, values in group]),
+            [break_s - late_s for break_s in breaks_s],
         )
-        for group in groups.values()
-    ]
+        tracks.append(Track(channels=channels, time_s=time_s, values=values))
+        remarks += told
+    tracks, held = fresh(tracks)
+    return tracks, remarks + held
 
 
 def log_channels(path: str | Path, *, mapping: Sequence[str] = ()) -> LogChannels:

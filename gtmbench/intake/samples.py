@@ -15,7 +15,7 @@ from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import read_raw, rewrite_raw
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.mapping import Chosen, choose, split_mapping, with_time
-from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.record import Span
 
 
@@ -72,20 +72,21 @@ def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()
     with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         raw = with_time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, channels)
-        clocks, _, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
-        return {each.channel: _samples(each, clocks[each.series.clock]) for each in chosen}
+        clocks, breaks_s, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
+        return {each.channel: _samples(each, clocks[each.series.clock], breaks_s) for each in chosen}
 
 
-def _samples(chosen: Chosen, clock: Clock) -> Samples:
+def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples:
     values = chosen.values()[clock.rows]
-    there = np.isfinite(values)
-    if np.count_nonzero(there) < 2:
-        raise InputError(f"column '{chosen.series.name}' holds {np.count_nonzero(there)} numbers; a channel has more")
+    there = np.flatnonzero(np.isfinite(values))
+    if len(there) < 2:
+        raise InputError(f"column '{chosen.series.name}' holds {len(there)} numbers; a channel has more")
+    kept, time_s, _, _ = single("", clock.time_s[there], values[there, np.newaxis], breaks_s)
     return Samples(
         chosen=chosen,
-        rows=clock.rows[there],
-        time_s=clock.time_s[there] - chosen.late_s,
-        values=values[there],
+        rows=clock.rows[there[kept]],
+        time_s=time_s - chosen.late_s,
+        values=values[there[kept]],
         span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),
     )
 
