@@ -97,7 +97,7 @@ def _numbered(trials: Sequence[FaultSpec]) -> list[str]:
 
 
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
-    from gtmbench.intake.open import log_columns
+    from gtmbench.intake.contents import log_columns
 
     columns = log_columns(log)
     if as_json:

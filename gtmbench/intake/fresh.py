@@ -7,7 +7,7 @@ don't.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 from gtmbench.intake.flight_log import Remark, remark
+from gtmbench.intake.mapping import Chosen
+from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import ANGLES, GYROS, Track
 
 SENSORS = (GYROS, ANGLES, ("nx", "ny", "nz"), ("alpha", "beta"))  # axes measured at once
@@ -22,6 +24,35 @@ _FEWEST = 20  # readings: of fewer nothing is regular
 _REGULAR = 0.8  # of the readings stand as long as the others; the rest are pauses, and what stands still
 _LOOSE = 0.25  # of that length, either way: a slow task's beat against the logger's
 _USUAL = 2.0  # times the median: what stands longer says nothing about the rate
+
+
+def tracks_of(
+    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float]
+) -> tuple[list[Track], list[Remark]]:
+    """Return the channels by their stamps, every sample once and none that only repeats another; and remarks."""
+    groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
+    for choice in chosen:
+        clock = clocks[choice.series.clock]
+        values = choice.values()[clock.rows]
+        own = own_rows(clock.time_s, np.isfinite(values))
+        key = choice.series.clock if own is None else own.tobytes()
+        kept = slice(None) if own is None else own
+        at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
+        groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
+    tracks, remarks = [], []
+    for (key, late_s), group in groups.items():
+        channels = tuple(channel for channel, _, _ in group)
+        label = f"{key}: " if isinstance(key, str) and key else "" if isinstance(key, str) else f"{channels[0]}: "
+        _, time_s, values, told = single(
+            label,
+            group[0][1],
+            np.column_stack([values for _, _, values in group]),
+            [break_s - late_s for break_s in breaks_s],
+        )
+        tracks.append(Track(channels=channels, time_s=time_s, values=values))
+        remarks += told
+    tracks, held = fresh(tracks)
+    return tracks, remarks + held
 
 
 def fresh(tracks: Iterable[Track]) -> tuple[list[Track], list[Remark]]:

@@ -14,8 +14,9 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import read_raw, rewrite_raw
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.mapping import Chosen, choose, split_mapping, with_time
+from gtmbench.intake.mapping import Chosen, choose, split_mapping
 from gtmbench.intake.stamps import Clock, cleaned, single
+from gtmbench.intake.times import with_time
 from gtmbench.record import Span
 
 
@@ -99,6 +100,12 @@ def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values:
     InputError
         Where the format isn't written, or a column can't hold a value.
     """
+    for channel in values:
+        made_of = samples[channel].chosen.series.made_of
+        if made_of:
+            raise InputError(
+                f"{path}: {channel} is worked out of {', '.join(made_of)}; only a column can be written anew"
+            )
     rewrite_raw(path, out, [samples[channel].cells(new) for channel, new in values.items()])
 
 

@@ -25,11 +25,10 @@ from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import ANGLES, GYROS, Track
+from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
 from gtmbench.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
-SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 _BESIDE = 30  # samples: what is further away doesn't move a spline
 _start, _end = itemgetter(0), itemgetter(1)  # of a span
 

@@ -10,6 +10,7 @@ import numpy as np
 from gtmbench.clock import FloatArray
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
+SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
