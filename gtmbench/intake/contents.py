@@ -19,6 +19,7 @@ from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.mapping import Chosen, choose_of, judged, split_mapping
 from gtmbench.intake.names import guess, stated_unit
+from gtmbench.intake.quaternions import with_quaternions
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import ANGLES, GYROS, Track
@@ -158,7 +159,7 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
     """
     path = Path(path)
     mapped = split_mapping(mapping)
-    raw = read_raw(path)
+    raw = with_quaternions(read_raw(path))
     with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         of_time, no_time, timed = mapped.pop("time", None), "", raw
         try:
@@ -239,7 +240,7 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     InputError
         Where the file can't be read.
     """
-    raw = read_raw(Path(path))
+    raw = with_quaternions(read_raw(Path(path)))
     timed = raw
     with np.errstate(all="ignore"):
         with contextlib.suppress(InputError):  # no column tells the time: the list says what might

@@ -106,7 +106,6 @@ def fresh_rows(values: FloatArray) -> NDArray[np.int64] | None:
     regular = (whole >= np.floor(usual) - loose) & (whole <= np.ceil(usual) + loose)
     if usual < 2.0 or np.mean(regular) < _REGULAR:
         return None
-    every = round(usual)
-    counts = np.maximum(1, np.rint(lengths / every).astype(np.int64))
+    counts = np.maximum(1, np.rint(lengths / usual).astype(np.int64))
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.asarray(np.repeat(starts, counts) + every * number, dtype=np.int64)
+    return np.asarray(np.repeat(starts, counts) + np.rint(usual * number), dtype=np.int64)

@@ -20,6 +20,7 @@ from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
+from gtmbench.intake.quaternions import with_quaternions
 from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.intake.times import of_no_use, with_time
@@ -83,7 +84,7 @@ def open_log(
     if wanted == ():
         raise InputError("needs is empty; name the channels that are wanted, or leave it out for all")
     columns = split_mapping(mapping)
-    raw = read_raw(path)
+    raw = with_quaternions(read_raw(path))
     try:
         with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
             return _opened(path, raw, columns, rate, wanted, tuple(witnesses))

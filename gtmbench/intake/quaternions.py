@@ -28,8 +28,11 @@ def with_quaternions(raw: RawLog) -> RawLog:
     if not raw.by_name:
         return raw
     told = {guess(series.name, series.unit).channel for series in raw.series}
+    names = {series.name for series in raw.series}
     added, notes = [], []
     for stem, parts in _quaternions(raw):
+        if _name(stem, "roll") in names:  # its format has made them already
+            continue
         known = not _OF_ROS.search(stem) and not told & set(_CHANNELS.values())
         made = [_angle(stem, parts, angle, is_channel=known) for angle in ANGLES]
         added += made
@@ -58,13 +61,17 @@ def _quaternions(raw: RawLog) -> Iterator[tuple[str, list[RawSeries]]]:
 
 def _angle(stem: str, parts: list[RawSeries], angle: str, *, is_channel: bool) -> RawSeries:
     return RawSeries(
-        name=f"{stem.rstrip('_.')}({angle})",
+        name=_name(stem, angle),
         load=partial(_turned, parts, angle),
         clock=parts[0].clock,
         unit="deg",
         meaning=Meaning(channel=_CHANNELS[angle], unit="deg") if is_channel else None,
         made_of=tuple(part.name for part in parts),
     )
+
+
+def _name(stem: str, angle: str) -> str:
+    return f"{stem.rstrip('_.')}({angle})"
 
 
 def _turned(parts: list[RawSeries], angle: str) -> FloatArray:

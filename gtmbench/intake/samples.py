@@ -15,6 +15,7 @@ from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import read_raw, rewrite_raw
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.mapping import Chosen, choose, split_mapping
+from gtmbench.intake.quaternions import with_quaternions
 from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
 from gtmbench.record import Span
@@ -69,7 +70,7 @@ def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()
         Where the file can't be read, or a channel isn't there.
     """
     columns = split_mapping(mapping)
-    raw = read_raw(path)
+    raw = with_quaternions(read_raw(path))
     with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         raw = with_time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, channels)

@@ -187,8 +187,12 @@ def since_text(origin_s: float) -> str:
     """
     said = f"{origin_s:.6g} s"
     if origin_s < _LAST_DATE_S:
-        said = str(np.datetime64(round(origin_s * 1e3), "ms")).replace("T", " ") + " UTC"
+        said = _date_text(np.datetime64(round(origin_s * 1e3), "ms"))
     return f"stamps count from 1970: times are since the first, {said}"
+
+
+def _date_text(date: np.datetime64) -> str:
+    return str(date.astype("datetime64[ms]")).replace("T", " ") + " UTC"
 
 
 def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
@@ -199,7 +203,7 @@ def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
         return np.full(len(dates), np.nan), "no date can be read"
     first = nanoseconds[there][0]
     whole = (nanoseconds - first).astype(np.int64)
-    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {first.astype('datetime64[us]')}"
+    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {_date_text(first)}"
 
 
 def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:

@@ -13,7 +13,6 @@ from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
-from gtmbench.intake.quaternions import with_quaternions
 
 FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
@@ -30,7 +29,7 @@ def read_raw(path: Path) -> RawLog:
     InputError
         Where it isn't a file, is too large, isn't of a known format, or is broken.
     """
-    return with_quaternions(_printable(_format(path).read(path)))
+    return _printable(_format(path).read(path))
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
