@@ -44,9 +44,10 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.open import open_log
 from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold

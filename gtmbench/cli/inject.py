@@ -83,7 +83,7 @@ def _check_out(out: Path, log: Path, *, force: bool) -> None:
 
 
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
-    from gtmbench.intake.open import log_columns
+    from gtmbench.intake.contents import log_columns
 
     columns = log_columns(log)
     if as_json:

@@ -21,8 +21,8 @@ class Remark:
     Attributes
     ----------
     kind : str
-        ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``missing``, ``constant``, ``saturated``, ``short``,
-        ``sign``.
+        ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``slipped``, ``held``, ``missing``, ``constant``,
+        ``saturated``, ``short``, ``sign``.
     channel : str or None
         Which one; None where it is about all of them.
     start_s, end_s : float

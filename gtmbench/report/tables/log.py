@@ -12,6 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Watch
+from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.plain import plain
 from gtmbench.report.scores import level
@@ -54,6 +55,24 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "excursions": [_excursion(each) for each in watched.excursions],
         "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
+        "versions": versions(),
+    }
+    return dict(plain(table))
+
+
+def contents_results(contents: LogContents) -> dict[str, Any]:
+    """Return what a log holds as one JSON-ready object, schema 2."""
+    table = {
+        "schema": SCHEMA,
+        "study": "contents",
+        "log": contents.path.name,
+        "format": contents.kind,
+        "span_s": contents.span_s,
+        "notes": contents.notes,
+        "no_time": contents.no_time,
+        "channels": [asdict(channel) for channel in contents.channels],
+        "imus": contents.imus,
+        "columns": [asdict(column) for column in contents.columns],
         "versions": versions(),
     }
     return dict(plain(table))
