@@ -36,6 +36,7 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
     "which_gyro": (r"# Which gyro failed\?", r"\*\*Quick: ", r"\| C +\| jam +\| strong +\| 1 of 1 +\| 1 +\| 1 +\|"),
     "early_alarms": (r"# Alarms that don't wait\n\n\*\*Quick: ", r"\| as it is +\| C-early +\| 100.0 % .* of 1 +\|"),
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
+    "rivals": (r"# Rivals on equal flights\n\n\*\*Quick: ", r"\| kinematic-kalman +\| 100.0 % .* of 1 .* 0 in 0.0 h"),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
 SAID = {"aircraft_gyros": "0.36 and 9.1 deg/s", "choices": "r = 28, d = 50"}  # what the README says of them
