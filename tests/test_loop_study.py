@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.sensors import rms_about_mean
-from tests.watching import scenario
+from tests.watching import monitor, scenario
 
 LOOP = """
 duration_s = 40.0
@@ -181,3 +181,22 @@ def test_the_command_line_refuses_in_one_line(cli, tmp_path, options, said):
     code, _, err = cli("fly", "--duration", "1", "--out", str(tmp_path / "x.csv"), *options)
     assert (code, err.count("\n")) == (2, 1)
     assert said in err
+
+
+@pytest.mark.parametrize("broken", [gb.Jam, gb.SignFlip])
+def test_what_is_broken_from_the_first_sample_on_cannot_be_told(broken):
+    fault = broken(channel="q" if broken is gb.Jam else "p", onset_s=0.0)
+    flight = gb.fly_in_loop(duration_s=30.0, faults=fault)
+    unbroken = gb.measure(flight.truth, noise="t2", seed=1)
+    verdict = gb.score(monitor().watch(flight.sensed), fault=fault, healthy=unbroken, broken=flight.sensed)
+    assert not verdict.detected
+    assert verdict.reason.startswith("can't tell")
+
+
+def test_a_gyro_that_never_speaks_is_missing_and_a_stream_takes_it():
+    flight = gb.fly_in_loop(duration_s=10.0, faults=gb.Dropout(channel="q", onset_s=0.0))
+    whole, stream = monitor().watch(flight.sensed), monitor().stream()
+    for at in range(0, 1001, 77):
+        stream.push(flight.sensed.between(0.01 * at, min(0.01 * (at + 76), 10.0)))
+    assert [(alarm.test, alarm.last.sensor) for alarm in whole.alarms] == [("missing", "q")]
+    assert [alarm.time_s for alarm in stream.alarms] == [alarm.time_s for alarm in whole.alarms]

@@ -273,7 +273,8 @@ def _fly(
             to_property(given[column] * factor)
         run()
     rows = len(commanded) // len(COMMANDS)
-    return np.array(kept).reshape(rows, -1), np.array(sensed).reshape(rows, -1), np.array(commanded).reshape(rows, -1)
+    arrays = [np.frombuffer(values).reshape(rows, -1) for values in (kept, sensed, commanded)]
+    return arrays[0], arrays[1], arrays[2]
 
 
 def _rows(
