@@ -231,7 +231,8 @@ def loop_text(event: LoopEvent) -> str:
     if event.kind == OUT_OF_LOOP:
         return f"the autopilot doesn't read {event.channel}: the fault changes no flight"
     what = {DEPARTURE: "departure", ENVELOPE: "end of the flight, out of the envelope"}.get(event.kind, event.kind)
-    return f"{what}: {event.channel} is {event.value:.4g} {unit_of(event.channel)}".rstrip()
+    value = "" if event.value is None else f" is {event.value:.4g} {unit_of(event.channel)}".rstrip()
+    return f"{what}: {event.channel}{value}"
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:
