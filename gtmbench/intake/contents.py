@@ -192,11 +192,11 @@ def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, 
     no_use = of_no_use(chosen, raw.clocks)
     told, spans = [], []
     tracks: dict[str, Track] = {}
-    for clock in dict.fromkeys(choice.series.clock for choice in chosen):
+    for clock in dict.fromkeys(choice.series.clock for choice in chosen if choice.series.clock in raw.clocks):
         own = [choice for choice in chosen if choice.series.clock == clock]
         try:
-            clocks, breaks_s, _ = cleaned({clock: raw.clocks[clock]} if clock in raw.clocks else {})
-            made = tracks_of(own, clocks, breaks_s)[0] if clocks else []
+            clocks, breaks_s, _ = cleaned({clock: raw.clocks[clock]})
+            made = tracks_of(own, clocks, breaks_s)[0]
         except InputError as error:
             no_use = {**{choice.channel: str(error) for choice in own}, **no_use}
             made = []
