@@ -170,7 +170,8 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
             no_time = str(error)
         chosen = choose_of(list(CHANNELS), timed, mapped)
         channels, span_s = _channels(chosen, timed)
-        by_column = {id(choice.series): choice.channel for choice in chosen}
+        by_column = {choice.series.name: choice.channel for choice in chosen}
+        by_column |= dict.fromkeys(timed.time[0].split(" + ") if timed.time else (), "time")
         own_attitude = not set(ANGLES) <= set(mapped)  # what somebody maps is anybody's
         return LogContents(
             path=path,
@@ -248,13 +249,13 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
         return tuple(_column(series, timed, {}) for series in raw.series)
 
 
-def _column(series: RawSeries, raw: RawLog, by_column: Mapping[int, str]) -> LogColumn:
+def _column(series: RawSeries, raw: RawLog, by_column: Mapping[str, str]) -> LogColumn:
     told = judged(series, raw)
     stamps = raw.clocks.get(series.clock)
     time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
     steps = np.diff(time_s)
     forward = steps[steps > 0]
-    channel = by_column.get(id(series), told.channel if told.meaning else "")
+    channel = by_column.get(series.name, told.channel if told.meaning else "")
     return LogColumn(
         name=series.name,
         unit=series.meaning.unit if series.meaning else stated_unit(series.name, series.unit)[1],
