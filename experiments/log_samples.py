@@ -126,10 +126,9 @@ def conduct(campaign: Campaign) -> Findings:
         rows = pd.DataFrame([row for row in done if row is not None], columns=list(COLUMNS))
         every.append(rows)
         parts.append(f"## {folder.resolve().name}")
-        if len(rows):
-            parts += [ratios(rows, against)] * (against is not None) + [table(rows, against)]
-        else:
-            parts.append("no flight")
+        if len(rows) and against is not None:
+            parts.append(ratios(rows, against))
+        parts.append(table(rows, against) if len(rows) else "no flight")
 
     def write(out: Path) -> None:
         pd.concat(every).to_csv(out / "samples.csv", index=False)

@@ -75,6 +75,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *BEYOND,
         "fault_gallery",
         "real_logs",
+        "log_samples",
         "__main__",
     }
 
