@@ -24,6 +24,7 @@ from gtmbench.report.dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.tables.markdown import interval, share_text
+from gtmbench.testing.mechanisms import MECHANISMS
 
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]
 BEYOND = {  # studies of what the dissertation leaves open, with reports of their own, and lines that they print
@@ -76,6 +77,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *BEYOND,
         "fault_gallery",
         "real_logs",
+        "log_samples",
         "__main__",
     }
 
@@ -134,6 +136,17 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     assert re.search(r"\| flight.csv +\| 25 +\| 37 .* no fault found +\| 0.0 .* \| 0: no fault found", said)
     readings = pd.read_csv(tmp_path / "report/readings.csv")
     assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
+
+
+def test_logs_samples_become_a_row_a_flight_beside_those_of_before(tmp_path):
+    (tmp_path / "logs").mkdir()
+    gb.write_log(MECHANISMS["held samples"](0).record, tmp_path / "logs/held.csv")
+    (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
+    assert run("log_samples", "logs", "--quick", "--out", "report", cwd=tmp_path).returncode == 0
+    rows = pd.read_csv(tmp_path / "report/samples.csv")
+    assert (list(rows["log"]), list(rows["gyros"]), list(rows["remarks"])) == (["held.csv"], ["integrated"], ["held 1"])
+    again = run("log_samples", "logs", "--quick", "--against", "report/samples.csv", cwd=tmp_path)
+    assert "- *integrated*, 1 logs: residuals were 1.00 times as large before" in again.stdout, again.stderr
 
 
 @pytest.mark.parametrize(

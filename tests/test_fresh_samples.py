@@ -291,3 +291,19 @@ def test_every_format_tells_of_repeats(tmp_path):
         log = gb.open_log(path, needs=MOTION, mapping=mapping)
         assert kinds(log) == ["held"], name
         assert log.sample_period_s == pytest.approx(0.1), name
+
+
+@pytest.mark.parametrize("name", ["held samples", "hardly fresh"])
+def test_a_gyro_that_fails_beside_a_slow_attitude_is_named_and_a_healthy_one_isnt(tmp_path, name):
+    """The fault is in the log's own samples, before anything is integrated."""
+    made = MECHANISMS[name](1).record
+    onset_s = round(0.7 * made.end_s, 1)
+    for record in (made, gb.inject(made, gb.Jam(channel="q", onset_s=onset_s))):
+        gb.write_log(record, tmp_path / "log.csv")
+        watched = gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0.0, 0.5 * made.end_s)])
+        if record is made:
+            assert (watched.outcome.name, watched.alarms) == ("HEALTHY", ())
+            continue
+        (alarm,) = watched.alarms
+        assert (alarm.verdict, alarm.doubt) == ("q failed", "")
+        assert onset_s < alarm.time_s < onset_s + 4.0

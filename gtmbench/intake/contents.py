@@ -170,7 +170,8 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
             no_time = str(error)
         chosen = choose_of(list(CHANNELS), timed, mapped)
         channels, span_s = _channels(chosen, timed)
-        by_column = {id(choice.series): choice.channel for choice in chosen}
+        by_column = {choice.series.name: choice.channel for choice in chosen}
+        by_column |= dict.fromkeys(timed.time[0].split(" + ") if timed.time else (), "time")
         own_attitude = not set(ANGLES) <= set(mapped)  # what somebody maps is anybody's
         return LogContents(
             path=path,
@@ -192,11 +193,11 @@ def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, 
     no_use = of_no_use(chosen, raw.clocks)
     told, spans = [], []
     tracks: dict[str, Track] = {}
-    for clock in dict.fromkeys(choice.series.clock for choice in chosen):
+    for clock in dict.fromkeys(choice.series.clock for choice in chosen if choice.series.clock in raw.clocks):
         own = [choice for choice in chosen if choice.series.clock == clock]
         try:
-            clocks, breaks_s, _ = cleaned({clock: raw.clocks[clock]} if clock in raw.clocks else {})
-            made = tracks_of(own, clocks, breaks_s)[0] if clocks else []
+            clocks, breaks_s, _ = cleaned({clock: raw.clocks[clock]})
+            made = tracks_of(own, clocks, breaks_s)[0]
         except InputError as error:
             no_use = {**{choice.channel: str(error) for choice in own}, **no_use}
             made = []
@@ -248,13 +249,13 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
         return tuple(_column(series, timed, {}) for series in raw.series)
 
 
-def _column(series: RawSeries, raw: RawLog, by_column: Mapping[int, str]) -> LogColumn:
+def _column(series: RawSeries, raw: RawLog, by_column: Mapping[str, str]) -> LogColumn:
     told = judged(series, raw)
     stamps = raw.clocks.get(series.clock)
     time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
     steps = np.diff(time_s)
     forward = steps[steps > 0]
-    channel = by_column.get(id(series), told.channel if told.meaning else "")
+    channel = by_column.get(series.name, told.channel if told.meaning else "")
     return LogColumn(
         name=series.name,
         unit=series.meaning.unit if series.meaning else stated_unit(series.name, series.unit)[1],

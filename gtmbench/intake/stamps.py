@@ -244,35 +244,44 @@ def _single(
         return rows, slipped_s, values
     first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
     text = f"{label}{len(doubled)} stamps stand there twice, or nearly: the first row is taken"
-    values = values.copy()
-    filled = 0
-    for row in doubled[::-1]:  # a row's numbers pass on to the one before, as far as that goes
-        lacks = ~np.isfinite(values[row - 1]) & np.isfinite(values[row])
-        values[row - 1, lacks] = values[row, lacks]
-        filled += bool(lacks.any())
+    kept = np.delete(rows, doubled)
+    merged = _first_numbers(values, kept)
+    filled = np.count_nonzero(np.any(np.isfinite(merged) & ~np.isfinite(values[kept]), axis=1))
     if filled:
         text += f", and of {filled} what it lacks from the second"
     remarks.append(remark("duplicate", first_s, last_s, text))
-    return np.delete(rows, doubled), np.delete(slipped_s, doubled), np.delete(values, doubled, axis=0)
+    return kept, slipped_s[kept], merged
+
+
+def _first_numbers(values: FloatArray, starts: IntArray) -> FloatArray:
+    """Return every column's first number of the rows from each start to before the next, NaN where there is none."""
+    count = len(values)
+    ends = np.append(starts[1:], count)
+    merged = values[starts]
+    for column, own in zip(merged.T, values.T, strict=True):
+        numbers = np.where(np.isfinite(own), np.arange(count), count)
+        first = np.minimum.accumulate(numbers[::-1])[::-1][starts]
+        there = first < ends
+        column[there] = own[first[there]]
+    return merged
 
 
 def _in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) -> FloatArray:
     """Return stamps where rows of one time that hold different samples are put into the pause before them."""
-    steps = np.diff(time_s)
-    near = np.concatenate([[False], steps < _NEAR * period_s])
+    near = np.concatenate([[False], np.diff(time_s) < _NEAR * period_s])
+    if not near.any():
+        return time_s
     starts = np.flatnonzero(~near)
-    ends = np.append(starts[1:], len(time_s))
-    places = time_s.copy()
-    for first, stop in zip(starts, ends, strict=True):
-        count = stop - first
-        if count < 2 or first == 0 or count > _FEW:
-            continue
-        pause_s = time_s[stop - 1] - places[first - 1]
-        own = values[first:stop]
-        repeats = np.all((own[1:] == own[:-1]) | ~np.isfinite(own[1:]) | ~np.isfinite(own[:-1]), axis=1)
-        if abs(pause_s / period_s - count) <= 2 * _NEAR and not repeats.any():
-            places[first:stop] = time_s[stop - 1] - np.arange(count - 1, -1, -1) * pause_s / count
-    return places
+    counts = np.diff(np.append(starts, len(time_s)))
+    ends_s = time_s[starts + counts - 1]
+    pauses_s = ends_s - np.append(np.nan, time_s[starts[1:] - 1])
+    same = (values[1:] == values[:-1]) | ~np.isfinite(values[1:]) | ~np.isfinite(values[:-1])
+    repeats = near & np.append(False, np.all(same, axis=1))
+    own = (counts > 1) & (counts <= _FEW) & ~np.logical_or.reduceat(repeats, starts)
+    own &= np.abs(pauses_s / period_s - counts) <= 2 * _NEAR
+    left = np.repeat(starts + counts, counts) - np.arange(len(time_s)) - 1  # rows behind, of the same time
+    spread_s = np.repeat(ends_s, counts) - left * np.repeat(pauses_s / counts, counts)
+    return np.where(np.repeat(own, counts), spread_s, time_s)
 
 
 def _label(name: str) -> str:

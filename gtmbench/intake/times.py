@@ -13,6 +13,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
 from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
 from gtmbench.intake.names import is_table_header, stated_unit
+from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST
 from gtmbench.intake.units import unit
 from gtmbench.record import Span
@@ -43,7 +44,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     if meaning.late_s:
         raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    beyond = _beyond_seconds(raw, series)
+    beyond = _beyond_seconds(series, _by_lower_name(raw))
     if beyond is not None:
         return _in_two_columns(raw, series, *beyond)
     clocks, since = in_seconds({series.clock: series.load()}, known.factor)
@@ -53,13 +54,17 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     )
 
 
-def _beyond_seconds(raw: RawLog, seconds: RawSeries) -> tuple[RawSeries, float] | None:
+def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
+    return {series.name.lower(): series for series in raw.series}
+
+
+def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple[RawSeries, float] | None:
     """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
     told = _WHOLE.fullmatch(seconds.name)
     if told is None:
         return None
-    names = {told["before"].lower() + ending: per_second for ending, per_second in _FINE.items()}
-    of = [(other, names[other.name.lower()]) for other in raw.series if other.name.lower() in names]
+    endings = [(told["before"].lower() + ending, per_second) for ending, per_second in _FINE.items()]
+    of = [(names[name], per_second) for name, per_second in endings if name in names]
     return of[0] if len(of) == 1 and of[0][0].clock == seconds.clock else None
 
 
@@ -82,15 +87,16 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
     sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
-    pairs = [(series, Meaning(channel="time", unit="s")) for series in raw.series if _beyond_seconds(raw, series)]
+    names = _by_lower_name(raw)
+    pairs = [(series, Meaning(channel="time", unit="s")) for series in raw.series if _beyond_seconds(series, names)]
     for certain in (exact, pairs, sure):
         if len(certain) == 1:
             return certain[0]
     if sure or pairs:
         both = dict.fromkeys(series.name for series, _ in (*sure, *pairs))
         first = (sure or pairs)[0]
-        names = " and ".join(map(repr, both))
-        raise InputError(f"columns {names} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
+        named = " and ".join(map(repr, both))
+        raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
     if looks:
         raise InputError("; ".join(f"column '{series.name}' {told.why_not}" for series, told in looks[:3]))
     measured = [
@@ -114,8 +120,9 @@ def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
     for name, time_s in clocks.items():
         known = time_s[np.isfinite(time_s)]
         if len(known):
-            low, high = np.quantile(known, [0.02, 0.98], method="nearest")  # single stray stamps don't count
-            spans[name], counts[name] = (float(low), float(high)), len(known)
+            pieces = np.split(known, np.flatnonzero(np.abs(np.diff(known)) > FAR_S) + 1)
+            most = max(pieces, key=len)  # stamps from before a clock was set don't count, nor stray ones
+            spans[name], counts[name] = (float(most.min()), float(most.max())), len(known)
     groups: list[tuple[Span, list[str]]] = []
     for name, (start_s, end_s) in sorted(spans.items(), key=lambda one: one[1]):
         if groups and start_s <= groups[-1][0][1] + _BESIDE_S:

@@ -25,6 +25,7 @@ _KINDS = (
 )
 _MOST = 4  # lines on what is open, or of no use
 _LEAST_WIDTH = 60
+_LONGEST = 4  # lines of the screen
 
 
 def listing_lines(contents: LogContents, width: int) -> list[str]:
@@ -122,6 +123,7 @@ def banks_for(channels: Iterable[str]) -> tuple[list[str], dict[str, list[str]]]
 
 
 def _wrapped(line: str, width: int) -> list[str]:
+    line = _cut(line, _LONGEST * width)  # names may be of any length
     return textwrap.wrap(line, width, subsequent_indent="  ", break_on_hyphens=False) if len(line) > width else [line]
 
 
