@@ -145,15 +145,15 @@ class Fitter:
     @cached_property
     def frequency_hz(self) -> float:
         """Where the spectrum of the residual that holds most of the fault peaks."""
-        from scipy.fft import next_fast_len, rfft, rfftfreq
+        from scipy.fft import next_fast_len
 
         residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
         whites = np.nan_to_num(self.suspect.white[residuals])
         white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
         rows = len(white)
         size = next_fast_len(_FINER * rows, real=True)
-        spectrum = np.abs(rfft(white * np.hanning(rows), size))
-        frequency = rfftfreq(size, self.period_s).astype(np.float64)
+        spectrum = np.abs(np.fft.rfft(white * np.hanning(rows), size))
+        frequency = np.fft.rfftfreq(size, self.period_s)
         spectrum[frequency < 1.5 / (rows * self.period_s)] = 0.0
         peak = int(np.argmax(spectrum))
         at, around = float(frequency[peak]), slice(peak - 1, peak + 2)

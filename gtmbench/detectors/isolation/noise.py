@@ -96,11 +96,9 @@ class Noise:
 
     def fits(self, left: FloatArray) -> tuple[NoiseFit, NoiseFit]:
         """Return the best white noise and the best random walk on the readings, of what is left otherwise."""
-        from scipy.fft import rfft
-
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
-        lines = rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
+        lines = np.fft.rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
         binned = np.add.reduceat(weights * (np.square(lines.real) + np.square(lines.imag)) / counts, edges, axis=1)
         return self._best(left, binned, self._white), self._best(left, binned, self._walk)
 

@@ -38,7 +38,8 @@ class Transient:
 def transients(case: Case, suspects: Sequence[Suspect]) -> list[Transient]:
     """Return the best step and the best pulse of every suspect, the best first."""
     rows = slice(case.start, case.judged.start)
-    white = {output: np.nan_to_num(values[rows]) for output, values in case.white.items()}
+    entered = {path.output for suspect in suspects for path in suspect.paths}
+    white = {output: np.nan_to_num(case.white[output][rows]) for output in entered}
     found: list[Transient] = []
     for suspect in suspects:
         shapes = [(True, np.ones(_REMEMBERED))] + [(False, np.ones(length)) for length in _PULSES]
