@@ -92,7 +92,7 @@ def _leaves_more(fitter: Fitter, most: float) -> bool:
     elsewhere = fitter.suspect.elsewhere
     if _left_by_shapes(fitter) <= most:
         return False
-    return elsewhere > most or all(noise.left.deviance + elsewhere > most for noise in fitter.noises(*fitter.shapes))
+    return elsewhere > most or all(noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0])
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:
@@ -120,4 +120,4 @@ def _swapped_back(case: Case, one: str, other: str) -> Left:
     record = case.record.replace(one, np.where(since, others, ones)).replace(other, np.where(since, ones, others))
     swapped = case.with_record(record)
     white = np.array([values[case.judged] for values in swapped.white.values()])
-    return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), white=white)
+    return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), work_out=lambda: white)
