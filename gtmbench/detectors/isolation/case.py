@@ -249,7 +249,7 @@ def _places(window: int) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _cubics(window: int) -> FloatArray:
-    """Return what makes of a window of rows the cubic nearest to them, shape (window, window): Savitzky's and Golay's."""
+    """Return what makes of rows the cubic nearest to them, shape (window, window): Savitzky's and Golay's."""
     powers = np.vander(_places(window) / window, _SMOOTH_ORDER + 1)
     return np.asarray(powers @ np.linalg.pinv(powers))
 

@@ -55,7 +55,8 @@ class Columns:
         return self._shaped(self._y - self._of(names)[0] @ self._shown)
 
     def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, float]:
-        self.deviances([names])
+        if names not in self._fitted:
+            self._solve([names])
         return self._fitted[names]
 
     def _solve(self, sets: Sequence[tuple[str, ...]]) -> None:

@@ -181,6 +181,12 @@ class Fitter:
         """Return how much of some shapes there is, per unit."""
         return self.columns.weights(names)
 
+    def weigh_all(self) -> None:
+        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long."""
+        mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
+        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
+        self._plains([*sets, ("sin", "cos", "x"), *mixed])
+
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""
         return self._plains([names])[0]
@@ -228,6 +234,11 @@ class Fitter:
         judged = self.suspect.measured[self.suspect.judged]
         there = judged[np.isfinite(judged)]
         return len(there) > 0 and float(np.mean(there == np.median(there))) > _CONSTANT
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether its readings look as if they were held or clipped."""
+        return self.is_straight or self.is_at_limit
 
     @cached_property
     def is_straight(self) -> bool:

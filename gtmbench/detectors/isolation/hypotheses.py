@@ -134,7 +134,7 @@ def _held(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _clipping(fitter: Fitter) -> Iterator[Fit]:
-    if not fitter.is_straight and not fitter.is_at_limit:  # what clips or holds readings leaves traces in them
+    if not fitter.is_traced:  # what clips or holds readings leaves traces in them
         return
     virtual = fitter.virtual[fitter.suspect.sure :]
     reach = float(np.max(np.abs(virtual), initial=0.0))
@@ -272,6 +272,8 @@ FAMILIES: Mapping[str, Callable[[Fitter], Iterator[Fit]]] = {
 
 def known(fitter: Fitter) -> Iterator[Fit]:
     """Give the fits of all kinds there are; a constant reading is only one of those that replace it."""
+    if not fitter.is_constant:
+        fitter.weigh_all()
     for family, kinds in FAMILIES.items():
         if family not in fitter.without and (family == "replacing" or not fitter.is_constant):
             yield from kinds(fitter)

@@ -18,6 +18,7 @@ from gtmbench.record import BoolArray, FloatArray
 
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
+_LIKELIEST = 8.1  # of -2 log likelihood a row: its noise has gone (3.5), and its gain nearly (4.6)
 _FAR_DEG = 5.0
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
@@ -191,6 +192,11 @@ class Suspect:
         case = self.case
         others = sum(energy for output, energy in case.energies.items() if output not in self.outputs)
         return others + sum(surprise for channel, surprise in case.surprises.items() if channel != self.channel)
+
+    @property
+    def at_least(self) -> float:
+        """-2 log likelihood that no fault of it goes below: `elsewhere`, and rows as likely as ever."""
+        return self.elsewhere - self.sick_elsewhere - _LIKELIEST * (self.judged.stop - self.judged.start)
 
     @cached_property
     def sick_elsewhere(self) -> float:

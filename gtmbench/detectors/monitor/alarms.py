@@ -446,9 +446,7 @@ class AlarmLogic:
         elif judged.doubt and self.row >= fault.row + self._rows_of(HORIZONS_S[-1]):
             self._close(fault)  # should it calm later, watching goes on
 
-    def _case(
-        self, fault: OpenFault, trusted: tuple[str, ...], suspects: tuple[str, ...], *, is_late: bool
-    ) -> Case:
+    def _case(self, fault: OpenFault, trusted: tuple[str, ...], suspects: tuple[str, ...], *, is_late: bool) -> Case:
         """Cut out what a judgement with this row needs."""
         stop = self.row + 1
         start, sure = fault.start, fault.row + 2
