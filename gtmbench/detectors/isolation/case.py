@@ -244,7 +244,7 @@ class Case:
 
 
 def _places(window: int) -> FloatArray:
-    return np.arange(window) - 0.5 * (window - 1)
+    return np.arange(window, dtype=np.float64) - 0.5 * (window - 1)
 
 
 @lru_cache(maxsize=8)

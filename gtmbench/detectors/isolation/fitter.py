@@ -153,7 +153,7 @@ class Fitter:
         rows = len(white)
         size = next_fast_len(_FINER * rows, real=True)
         spectrum = np.abs(np.fft.rfft(white * np.hanning(rows), size))
-        frequency = np.fft.rfftfreq(size, self.period_s)
+        frequency = np.arange(len(spectrum)) / (size * self.period_s)
         spectrum[frequency < 1.5 / (rows * self.period_s)] = 0.0
         peak = int(np.argmax(spectrum))
         at, around = float(frequency[peak]), slice(peak - 1, peak + 2)

@@ -44,7 +44,7 @@ class Left:
     @cached_property
     def white(self) -> FloatArray:
         """They, rid of the fault, shape (outputs, rows); noise that belongs to it is still there."""
-        return self.work_out()
+        return np.asarray(self.work_out())
 
     def heals(self, monitor: CalibratedBank) -> bool:
         """Tell whether it is healthy by the monitor's test."""
@@ -191,9 +191,10 @@ class Suspect:
         """-2 log likelihood of everything that it doesn't enter, the other suspects' readings included."""
         case = self.case
         others = sum(energy for output, energy in case.energies.items() if output not in self.outputs)
-        return others + sum(surprise for channel, surprise in case.surprises.items() if channel != self.channel)
+        surprises = sum(surprise for channel, surprise in case.surprises.items() if channel != self.channel)
+        return float(others + surprises)
 
-    @property
+    @cached_property
     def at_least(self) -> float:
         """-2 log likelihood that no fault of it goes below: `elsewhere`, and rows as likely as ever."""
         return self.elsewhere - self.sick_elsewhere - _LIKELIEST * (self.judged.stop - self.judged.start)
