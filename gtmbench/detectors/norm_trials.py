@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, stretches
-from gtmbench.faults.fault import SLACK_S, Fault
+from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import rising
 from gtmbench.method.convolution import filtered
 from gtmbench.method.residual import moving_sum, residual
@@ -48,7 +46,7 @@ class NormTrials:
 
     def first_alarm_s(self, fault: Fault) -> float | None:
         """Return when the first alarm could be raised at or after a fault's onset; None where none is."""
-        row = self._onset_row(fault)
+        row = fault.onset_row(self._record)
         if not self._is_simple(fault, row):
             return self._watched.first_alarm_s(fault)
         for known in stretches(row, len(self._record)):
@@ -62,7 +60,7 @@ class NormTrials:
 
     def detection(self, fault: Fault) -> Detection:
         """Return that, and how far E(k) went by the record's end."""
-        row = self._onset_row(fault)
+        row = fault.onset_row(self._record)
         norms = self._changed(fault, row, len(self._record)) if self._is_simple(fault, row) else None
         if norms is None:
             return self._watched.detection(fault)
@@ -70,9 +68,6 @@ class NormTrials:
         is_entered = fault.channel in (*self._operator.outputs, *self._operator.inputs)
         peak = float(np.fmax.reduce(known, initial=0.0)) / self._threshold if is_entered else 0.0
         return Detection(alarm_s=self._alarm_s(fault, norms), peak_ratio=peak)
-
-    def _onset_row(self, fault: Fault) -> int:
-        return math.ceil((fault.onset_s - SLACK_S - self._record.start_s) / self._record.sample_period_s)
 
     def _is_simple(self, fault: Fault, row: int) -> bool:
         is_one = fault.changes == (fault.channel,) and all(name in self._record for name in fault.reads)
@@ -101,7 +96,7 @@ class NormTrials:
         return np.concatenate([self._norms[:first], np.sqrt(moving_sum(squares, self._window + 1))[:known]])
 
     def _effect(self, channel: str, change: FloatArray, row: int, begin: int) -> FloatArray:
-        """Return what a change of a channel from a row on adds to the residual from another on, shape (rows, outputs)."""
+        """Return what a change of a channel from a row on adds to the residual, from `begin` on, an output a column."""
         operator = self._operator
         effect = np.zeros((row - begin + len(change), len(operator.outputs)))
         if channel in operator.outputs:

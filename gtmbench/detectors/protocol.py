@@ -65,6 +65,10 @@ class Monitor(Protocol):
         How far before its time an alarm looks back; infinite where that isn't bounded.
     provenance : mapping
         Where it comes from, as plain values.
+
+    Notes
+    -----
+    A method `trials(record)` may be there, too, where it is quicker than watching (`gtmbench.detectors.trials`).
     """
 
     @property

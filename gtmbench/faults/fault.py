@@ -8,6 +8,7 @@ result, and a fault can sit inside a control loop. When a fault is active and ho
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -143,6 +144,10 @@ class Fault:
         """
         broken, carried = self.distort(np.array([now]), np.array([elapsed_s]), sample_period_s, carried)
         return float(broken[0]), carried
+
+    def onset_row(self, record: Record) -> int:
+        """Return the row of a record from which on the fault may act: the first at or after the onset."""
+        return math.ceil((self.onset_s - SLACK_S - record.start_s) / record.sample_period_s)
 
     def active(self, time_s: Value) -> Any:
         """Return at which times the fault is active; a time counts as reached up to a nanosecond before it."""

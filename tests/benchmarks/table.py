@@ -9,6 +9,7 @@ TARGETS = {  # figure of bench.json: (at least or at most, bound)
     ("identification", "ratio"): (">=", 100.0),
     ("identification", "memory_ratio"): (">=", 8.0),
     ("identification", "markov_rel_diff"): ("<=", 1e-9),
+    ("fresh", "tenth"): (">=", 100.0),
     ("residual", "ratio"): (">=", 10.0),
     ("norm", "ratio"): (">=", 10.0),
     ("flight", "ratio"): ("<=", 1.35),
@@ -16,6 +17,10 @@ TARGETS = {  # figure of bench.json: (at least or at most, bound)
 ROWS = (  # what is measured, section, and its keys of time, memory and difference
     ("numpy lstsq over `gb.identify`", "identification", "ratio", "memory_ratio", "markov_rel_diff"),
     ("the same, building lstsq's regressor counted", "identification", "ratio_with_regressor", "", ""),
+    ("the same in a fresh process, first call, imports counted", "fresh", "with_imports", "", ""),
+    ("first call, SciPy imported before", "fresh", "first", "", ""),
+    ("tenth call", "fresh", "tenth", "", ""),
+    ("the call after an lstsq", "fresh", "after_lstsq", "", ""),
     ("copying the regressor and multiplying over `gb.residual`", "residual", "ratio", "memory_ratio", "rel_diff"),
     ("`np.correlate` per channel over `gb.residual`", "residual", "correlate_ratio", "correlate_memory_ratio", ""),
     ("summing `sliding_window_view` over `gb.windowed_norm`", "norm", "ratio", "memory_ratio", "rel_diff"),

@@ -6,7 +6,6 @@ Whitening passes that on from the onset, and the scores after it follow from the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,7 +17,7 @@ from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.detectors.statistics.greatest import greatest_score
 from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
 from gtmbench.detectors.statistics.whitening import Whitener
-from gtmbench.faults.fault import SLACK_S, Fault
+from gtmbench.faults.fault import Fault
 from gtmbench.record import BoolArray, FloatArray, Record
 
 
@@ -137,7 +136,7 @@ class Superposition:
     def changed(self, fault: Fault, stop: int) -> tuple[int, FloatArray]:
         """Return the row of a fault's onset, and what the residual is from there to another row."""
         period_s = self.record.sample_period_s
-        row = max(math.ceil((fault.onset_s - SLACK_S - self.record.start_s) / period_s), 0)
+        row = max(fault.onset_row(self.record), 0)
         before = max(row - 1, 0)  # what a fault begins with
         readings = self._readings(fault.reads)[before:stop]
         change = fault.broken(readings, self._time_s[before:stop], period_s) - readings[:, 0]

@@ -1,12 +1,12 @@
 """Trials of a bank: what a fault doesn't touch is worked out once, and a diagnosis never.
 
-A sensor doesn't enter its own prediction, so a gyro's fault changes its own residual by what it changes in its readings.
-An angle enters residuals by way of pseudo inputs, which aren't linear: those are worked out anew, from the onset on.
+A sensor doesn't enter its own prediction, so a gyro's fault changes its own residual by what it changes in its
+readings. An angle enters residuals by way of pseudo inputs, which aren't linear: those are worked out anew, from the
+onset on.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from gtmbench.detectors.monitor.scores import crossings, residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, stretches
-from gtmbench.faults.fault import SLACK_S, Fault
+from gtmbench.faults.fault import Fault
 from gtmbench.record import FloatArray, Record
 
 _SLOPE_ROWS = 2  # on either side of a sample, that a derivative looks at, and one to spare
@@ -82,7 +82,7 @@ class BankTrials:
         """Return when the first alarm could be raised at or after a fault's onset; None where none is."""
         if not self._is_simple(fault):
             return self._watched.first_alarm_s(fault)
-        for known in stretches(self._onset_row(fault), len(self._record)):
+        for known in stretches(fault.onset_row(self._record), len(self._record)):
             changed = self._changed(fault, known.stop)
             if changed is None:
                 return self._watched.first_alarm_s(fault)
@@ -96,7 +96,7 @@ class BankTrials:
         changed = self._changed(fault, len(self._record)) if self._is_simple(fault) else None
         if changed is None:
             return self._watched.detection(fault)
-        whole = range(self._onset_row(fault), len(self._record))
+        whole = range(fault.onset_row(self._record), len(self._record))
         peak = max([0.0, *(each.greatest(whole) for each in changed)])
         parts = stretches(whole.start, whole.stop) if peak > 1.0 else [whole]
         found = (min(times_s) for known in parts if (times_s := self._alarms_s(fault, changed, known)))
@@ -108,15 +108,12 @@ class BankTrials:
         times_s = [round(float(self._time_s[row]), 9) for row in rows]
         return times_s + self._elsewhere_s(fault, changed, float(self._time_s[known.stop - 1]))
 
-    def _onset_row(self, fault: Fault) -> int:
-        return math.ceil((fault.onset_s - SLACK_S - self._record.start_s) / self._record.sample_period_s)
-
     def _entered(self, fault: Fault) -> tuple[str, ...]:
         """Return the residuals that a fault's channel enters."""
         return tuple(spec.output for spec in self._bank.bank.residuals if fault.channel in spec.needs)
 
     def _is_simple(self, fault: Fault) -> bool:
-        row, onset_s = self._onset_row(fault), fault.onset_s
+        row, onset_s = fault.onset_row(self._record), fault.onset_s
         is_one = fault.changes == (fault.channel,) and all(name in self._record for name in fault.reads)
         is_within = 0 < row < len(self._record)
         if not (is_one and is_within) or any(alarm.time_s < onset_s - TIE_S for alarm in self._alarms):
@@ -138,7 +135,7 @@ class BankTrials:
 
     def _changed(self, fault: Fault, stop: int) -> list[_Changed] | None:
         """Return the residuals that a fault enters, by what is known with rows before `stop`; None where some miss."""
-        row = self._onset_row(fault)
+        row = fault.onset_row(self._record)
         some = slice(row - 1, stop)  # a fault begins with the last healthy sample
         readings = self._record.matrix(fault.reads)[some]
         broken = fault.broken(readings, self._time_s[some], self._record.sample_period_s)

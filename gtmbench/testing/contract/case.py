@@ -35,14 +35,21 @@ class Case:
     monitor : Monitor
     healthy : tuple of Record
         That it was calibrated on.
-    record : Record
-        With the fault.
+    last : Record
+        Healthy, and not of those.
+    faults : tuple of Fault
     """
 
     detector: Detector | None
     monitor: Monitor
     healthy: tuple[Record, ...]
-    record: Record
+    last: Record
+    faults: tuple[Fault, ...]
+
+    @cached_property
+    def record(self) -> Record:
+        """The last with the faults."""
+        return inject(self.last, self.faults)
 
     @cached_property
     def watch(self) -> Watch:
@@ -95,7 +102,8 @@ def contract_case(
         detector=recipe,
         monitor=monitor,
         healthy=tuple(healthy),
-        record=inject(last, _drifts(last, channel) if fault is None else fault),
+        last=last,
+        faults=tuple(_drifts(last, channel) if fault is None else [fault] if isinstance(fault, Fault) else fault),
     )
 
 

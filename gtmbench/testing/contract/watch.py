@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING
+from gtmbench.detectors.trials import WatchedTrials, trials_on
 from gtmbench.record import Record
 from gtmbench.testing.contract.case import Case, refused, rows_of, same
 
@@ -52,6 +53,18 @@ def scores_fit(case: Case) -> None:
         )
     odd = {alarm.source for alarm in case.watch.alarms if alarm.test != MISSING} - set(scores)
     assert not scores or not odd, f"alarms of {', '.join(odd)}, and scores of {', '.join(scores)}"
+
+
+def trials(case: Case) -> None:
+    """Check that trials of a monitor's own say when each fault alone would first alarm, as `watch` does."""
+    if not hasattr(case.monitor, "trials"):
+        return
+    own, watched = trials_on(case.monitor, case.last), WatchedTrials(case.monitor, case.last)
+    for fault in case.faults:
+        said, wanted = own.detection(fault), watched.detection(fault)
+        what = f"of a {fault.kind} of {fault.channel} at {fault.onset_s:g} s trials say"
+        assert said.alarm_s == wanted.alarm_s, f"{what} {said.alarm_s}, watching {wanted.alarm_s}"
+        assert own.first_alarm_s(fault) == wanted.alarm_s, f"{what} {own.first_alarm_s(fault)} at once"
 
 
 def untouched(case: Case) -> None:
@@ -154,6 +167,7 @@ WATCH: dict[str, Callable[[Case], None]] = {
     "detects": detects,
     "in time": in_time,
     "scores fit": scores_fit,
+    "trials": trials,
     "record untouched": untouched,
     "repeatable": repeatable,
     "cut": cut,
