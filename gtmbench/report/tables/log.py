@@ -165,6 +165,7 @@ def _scored(row: Scored) -> Mapping[str, Any]:
         "delay_s": row.delay_s,
         "said": row.said,
         "verdict": "" if row.alarm is None else row.alarm.verdict,
+        "others_named_wrong": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in row.others],
         "autopilot_s": None if row.word is None else row.word.time_s,
         "autopilot_delay_s": row.word_delay_s,
         "autopilot": "" if row.word is None else row.word.text,

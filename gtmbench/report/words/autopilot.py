@@ -123,8 +123,10 @@ def score_report(scores: ScoredLog) -> list[str]:
     of = counted(len(trials), "failure")
     ours = ", ".join(f"{count} {what}" for what, count in said.items())
     what = f" ({ours})" if ours else ""
+    wrong = [alarm for row in trials for alarm in row.others]
+    also = f"; {counted(len(wrong), 'further alarm')} named wrong" if wrong else ""
     return [
-        f"we: {len(found)} of {of} found{what}; {_false_text(len(scores.false_alarms), 'alarm')}",
+        f"we: {len(found)} of {of} found{what}{also}; {_false_text(len(scores.false_alarms), 'alarm')}",
         f"the autopilot: {len(told)} of {of} told of as a sensor's; {_false_text(len(scores.false_words), 'word')}",
     ]
 

@@ -7,6 +7,7 @@ As in `gtmbench.study.score`, without a healthy record to compare with:
 - *named*: in the end the alarm's sensor is one that had failed, and of no other IMU; *either-or*: it is among the
   candidates; *can't tell*: the alarm may be no fault's; *wrong*: another sensor, or an either-or without it; *passed*:
   nothing is left to explain.
+- *others*: further alarms within the window that are named wrong.
 - *false alarm*: an alarm outside of all windows that accuses a sensor. A *false word* is the autopilot's, of a gyro or
   accelerometer.
 - *watched*: failures of gyros that were watched, begun while watched. Others are told, and not scored.
@@ -52,6 +53,8 @@ class Scored:
         The first within its window.
     said : str
         What that alarm comes to: named, either-or, can't tell, named wrong, passed; empty without one.
+    others : tuple of Alarm
+        Further ones within its window that are named wrong.
     word : Event or None
         The autopilot's first within its window: of a gyro or accelerometer, else of an estimator or the flight.
     """
@@ -60,6 +63,7 @@ class Scored:
     why_not: str
     alarm: Alarm | None
     said: str
+    others: tuple[Alarm, ...]
     word: Event | None
 
     @property
@@ -191,12 +195,14 @@ def _within(time_s: float, windows: Iterable[Span]) -> bool:
 
 
 def _scored(watched: WatchedLog, injection: Injection, window: Span, words: Sequence[Event]) -> Scored:
-    alarm = next((alarm for alarm in watched.alarms if window[0] <= alarm.time_s <= window[1]), None)
+    alarms = [alarm for alarm in watched.alarms if window[0] <= alarm.time_s <= window[1]]
+    alarm = next(iter(alarms), None)
     return Scored(
         injection=injection,
         why_not=_why_not(watched, injection),
         alarm=alarm,
         said="" if alarm is None else _said(alarm, watched),
+        others=tuple(other for other in alarms[1:] if _said(other, watched) == WRONG),
         word=first_between(words, *window),
     )
 
