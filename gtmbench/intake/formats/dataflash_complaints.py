@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event, EventKind, onsets
-from gtmbench.intake.formats.dataflash_events import Told, messages_of, rows_of
+from gtmbench.intake.formats.dataflash_events import Told, column_of, messages_of
+from gtmbench.record import BoolArray
 
 # LogStructure.h of AP_InertialSensor, AP_NavEKF2 and AP_NavEKF3; with instances the second is IMU#1
 _IMUS, _ESTIMATORS = ("IMU", "IMU2", "IMU3"), ("EKF4", "NKF4", "XKF4")
@@ -54,37 +56,37 @@ def _instances(told: Mapping[str, Told], names: tuple[str, ...]) -> Iterator[tup
                 yield called, name, instance
 
 
-def _raised(rows: list[tuple[float, float]], *, above: float) -> Iterator[float]:
-    """Give when values rise above a bound."""
-    if rows:
-        time_s, values = np.array(rows, dtype=float).T
-        for row in onsets(time_s, values > above):
-            yield float(time_s[row])
-
-
 def _sensors(told: Mapping[str, Told]) -> Iterator[Event]:
     for called, name, instance in _instances(told, _IMUS):
         number = _IMUS.index(name) + 1 + instance
         for about, (health, counts) in _OF_IMU.items():
-            unhealthy = [(time_s, float(value == 0)) for time_s, value in rows_of(told, called, health)]
-            for time_s in _raised(unhealthy, above=0.0):
+            for time_s in _raised(told, called, health, lambda values: values == 0.0):
                 yield _complaint(time_s, f"{about} {number} isn't healthy ({called}.{health})", about, number)
             for field in counts:
-                counted = rows_of(told, called, field)
-                steps = np.diff([value for _, value in counted], prepend=counted[0][1]) if counted else ()
-                more = [(time_s, float(step)) for (time_s, _), step in zip(counted, steps, strict=True)]
-                for time_s in _raised(more, above=0.0):
+                for time_s in _raised(told, called, field, _grows):
                     yield _complaint(time_s, f"{about} {number} counts errors ({called}.{field})", about, number)
 
 
 def _estimators(told: Mapping[str, Told]) -> Iterator[Event]:
     for called, _, instance in _instances(told, _ESTIMATORS):
         for field, what in _RATIOS.items():
-            for time_s in _raised(rows_of(told, called, field), above=1.0):
+            for time_s in _raised(told, called, field, lambda values: values > 1.0):
                 text = f"estimator {instance} rejects {what} ({called}.{field} above 1)"
                 yield _complaint(time_s, text, "estimator")
-        for time_s in _raised(rows_of(told, called, "FS"), above=0.0):
+        for time_s in _raised(told, called, "FS", lambda values: values != 0.0):
             yield _complaint(time_s, f"estimator {instance} has a fault ({called}.FS)", "estimator")
+
+
+def _grows(counts: FloatArray) -> BoolArray:
+    return np.diff(counts, prepend=counts[:1]) > 0.0
+
+
+def _raised(told: Mapping[str, Told], kind: str, name: str, when: Callable[[FloatArray], BoolArray]) -> Iterator[float]:
+    """Give when a column's values begin to be so."""
+    column = column_of(told, kind, name)
+    if column is not None and len(column[0]):
+        for row in onsets(column[0], when(column[1])):
+            yield float(column[0][row])
 
 
 def _texts(told: Mapping[str, Told]) -> Iterator[Event]:

@@ -77,6 +77,18 @@ def rows_of(told: Mapping[str, Told], kind: str, *columns: str, texts: Collectio
     return list(zip(messages.time_s[whole].tolist(), *(column[whole].tolist() for column in values), strict=True))
 
 
+def column_of(told: Mapping[str, Told], kind: str, name: str) -> tuple[FloatArray, FloatArray] | None:
+    """Return the times and values of a column of numbers; None where there is none."""
+    messages = told.get(kind)
+    if messages is None or name not in messages.names:
+        return None
+    values = messages.column(name)
+    if values.dtype.kind == "S":
+        return None
+    whole = np.isfinite(messages.time_s) & np.isfinite(values)
+    return messages.time_s[whole], values[whole].astype(np.float64)
+
+
 def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
     rows = rows_of(told, "EV", "Id")
     for time_s, code in rows:

@@ -40,6 +40,7 @@ _ACCEPTED = 0  # VehicleCommandAck.msg
 _ANSWERED_S = 2.0
 _MOST_ENTRIES, _MOST_NUMBERS = 4, 16  # of failure_injection, of its instance_mask
 _ALL = 0xFFFF
+_MOST_MESSAGES = 1000  # that are looked at: nobody injects more in a flight
 Key = tuple[int, int]  # a unit, an instance (0 for all)
 
 
@@ -76,7 +77,9 @@ def _in_force(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, lis
     if counts is None:
         return None
     changes: dict[Key, list[tuple[float, float]]] = {}
-    for row, (time_s, count) in enumerate(zip(clocks["failure_injection"].tolist(), counts.tolist(), strict=True)):
+    for row, (time_s, count) in enumerate(
+        zip(clocks["failure_injection"][:_MOST_MESSAGES].tolist(), counts[:_MOST_MESSAGES].tolist(), strict=True)
+    ):
         now = dict(_entries(fields, row, int(min(count, _MOST_ENTRIES))))
         for key in {*now, *changes}:
             changes.setdefault(key, []).append((time_s, now.get(key, _OK)))
@@ -102,7 +105,7 @@ def _commanded(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, li
         return {}
     changes: dict[Key, list[tuple[float, float]]] = {}
     refused_s = _refused_s(topics, clocks)
-    asked = np.flatnonzero(fields["command"] == _COMMAND)
+    asked = np.flatnonzero(fields["command"] == _COMMAND)[:_MOST_MESSAGES]
     for row in asked.tolist():
         time_s = float(clocks["vehicle_command"][row])
         values = [float(fields[name][row]) for name in names[1:]]
@@ -120,4 +123,4 @@ def _refused_s(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[float]:
     if not {"command", "result"} <= set(fields):
         return []
     refused = (fields["command"] == _COMMAND) & (fields["result"] != _ACCEPTED)
-    return [float(time_s) for time_s in clocks["vehicle_command_ack"][refused]]
+    return [float(time_s) for time_s in clocks["vehicle_command_ack"][refused][:_MOST_MESSAGES]]

@@ -164,6 +164,7 @@ def _scored(row: Scored) -> Mapping[str, Any]:
         "alarm_s": None if row.alarm is None else row.alarm.time_s,
         "delay_s": row.delay_s,
         "said": row.said,
+        "named_delay_s": row.named_delay_s,
         "verdict": "" if row.alarm is None else row.alarm.verdict,
         "others_named_wrong": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in row.others],
         "autopilot_s": None if row.word is None else row.word.time_s,

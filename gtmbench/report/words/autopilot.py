@@ -89,7 +89,9 @@ def imu_lines(watched: WatchedLog) -> list[str]:
         return []
     names = listed([imu.name for imu in watched.log.imus])
     if watched.comparison is None:
-        return [f"IMUs: {names} can't be compared: no attitude, no common time, or too little that is healthy"]
+        return [
+            f"IMUs: {names} can't be compared: no attitude, no common time, too little that is healthy, or too long"
+        ]
     compared = watched.comparison
     names = listed([imu.name for imu in compared.imus])
     if not compared.alarms:

@@ -30,7 +30,7 @@ SAME = "the other IMUs read the same"
 APART = "the IMUs disagree about its axis"
 _FASTEST_HZ = 25.0
 _BLOCK_S = 1.0
-_LONGEST_S = 2e5  # of a log that is compared: two days
+_LONGEST_S = 2e4  # of a log that is compared
 _FEWEST, _MOST_IMUS, _MOST = 15, 3, 6
 _WINDOWS = (1, 2, 4, 8)  # blocks whose mean is judged ...
 _APART, _MINUTE, _FEWEST_BEFORE = 5, 60, 10  # ... against the median of the minute before, five seconds earlier
@@ -62,6 +62,18 @@ class Comparison:
     watched: Imu | None
     alarms: tuple[Alarm, ...]
     blocks: _Blocks = field(repr=False)
+
+    def parting(self) -> list[tuple[str, FloatArray, FloatArray]]:
+        """Return what the channels differ by that part, second by second: which, times, in deg/s."""
+        channels = {name for alarm in self.alarms for name in alarm.candidates}
+        seconds = np.arange(len(self.blocks.motion), dtype=np.float64) + 0.5
+        time_s = np.asarray(self.blocks.start_s + seconds * _BLOCK_S)
+        return [
+            (f"{name} of {self.imus[i].name} - {self.imus[j].name}", time_s, difference[:, axis])
+            for axis, name in enumerate(GYROS)
+            if name in channels
+            for (i, j), difference in self.blocks.differences.items()
+        ]
 
     def agree(self, alarm: Alarm) -> bool:
         """Tell whether the others read what the watched IMU reads while an alarm says that its gyro is wrong."""
@@ -337,13 +349,12 @@ def _means(values: FloatArray, window: int) -> FloatArray:
 
 def _before(values: FloatArray) -> FloatArray:
     """Return the median of the minute before each block, that ended five seconds earlier; zero where that is short."""
-    found = np.zeros(len(values))
-    for row in range(len(values)):
-        earlier = values[max(row - _APART - _MINUTE, 0) : max(row - _APART, 0)]
-        earlier = earlier[np.isfinite(earlier)]
-        if len(earlier) >= _FEWEST_BEFORE:
-            found[row] = np.median(earlier)
-    return found
+    padded = np.concatenate([np.full(_MINUTE + _APART, np.nan), values])
+    earlier = np.sort(np.lib.stride_tricks.sliding_window_view(padded, _MINUTE)[: len(values)], axis=1)
+    count = np.isfinite(earlier).sum(axis=1)  # those that are missing stand last
+    rows = np.arange(len(values))
+    low, high = (earlier[rows, np.clip(place, 0, _MINUTE - 1)] for place in ((count - 1) // 2, count // 2))
+    return np.where(count >= _FEWEST_BEFORE, 0.5 * (low + high), 0.0)
 
 
 def _judged(blocks: _Blocks, imus: Sequence[Imu], channel: str, pair: tuple[int, int], row: int, onset: int) -> Alarm:

@@ -72,6 +72,12 @@ class Scored:
         return None if self.alarm is None else self.alarm.time_s - self.injection.onset_s
 
     @property
+    def named_delay_s(self) -> float | None:
+        """From the onset to when the sensor could be named; None while none is."""
+        known_s = None if self.alarm is None else self.alarm.isolated_s
+        return None if known_s is None else known_s - self.injection.onset_s
+
+    @property
     def word_delay_s(self) -> float | None:
         """From the onset to the autopilot's word."""
         return None if self.word is None else self.word.time_s - self.injection.onset_s
