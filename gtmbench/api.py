@@ -43,6 +43,8 @@ from gtmbench.faults.shaping import (
 )
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.imus import Imu
+from gtmbench.intake.injections import Injection
 from gtmbench.intake.open import LogColumn, log_columns, open_log
 from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
@@ -66,6 +68,7 @@ from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.log.inject import ChangedColumn, inject_log
+from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -108,6 +111,8 @@ __all__ = [
     "Hardover",
     "Hysteresis",
     "Imperfections",
+    "Imu",
+    "Injection",
     "InputChoice",
     "InputError",
     "InstrumentalVariables",
@@ -142,6 +147,7 @@ __all__ = [
     "ScaleFactor",
     "Scenario",
     "Score",
+    "ScoredLog",
     "SignFlip",
     "Signatures",
     "SimpleDetector",
@@ -194,6 +200,7 @@ __all__ = [
     "run_study",
     "save_monitor",
     "score",
+    "score_log",
     "select_inputs",
     "select_orders",
     "setting",
