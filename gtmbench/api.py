@@ -47,6 +47,8 @@ from gtmbench.faults.shaping import (
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.imus import Imu
+from gtmbench.intake.injections import Injection
 from gtmbench.intake.open import open_log
 from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
@@ -70,6 +72,7 @@ from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.log.inject import ChangedColumn, inject_log
+from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -114,6 +117,8 @@ __all__ = [
     "Hardover",
     "Hysteresis",
     "Imperfections",
+    "Imu",
+    "Injection",
     "InputChoice",
     "InputError",
     "InstrumentalVariables",
@@ -150,6 +155,7 @@ __all__ = [
     "ScaleFactor",
     "Scenario",
     "Score",
+    "ScoredLog",
     "SignFlip",
     "Signatures",
     "SimpleDetector",
@@ -205,6 +211,7 @@ __all__ = [
     "run_study",
     "save_monitor",
     "score",
+    "score_log",
     "select_inputs",
     "select_orders",
     "setting",

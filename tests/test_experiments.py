@@ -78,6 +78,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "fault_gallery",
         "real_logs",
         "log_samples",
+        "several_imus",
         "__main__",
     }
 
@@ -156,6 +157,12 @@ def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, tmp_path):
     done = run("real_logs", *given, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
+
+
+def test_of_several_imus_none_is_named_wrong(tmp_path):
+    done = run("several_imus", "--quick", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 3 +\| 3 +\| 0 ", done.stdout)
 
 
 def alarm(sensor, *candidates, doubt=""):

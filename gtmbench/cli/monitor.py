@@ -102,7 +102,7 @@ def monitor_command(
         watched = watch_log(
             log,
             monitor,
-            healthy=[_healthy(text) for text in healthy],
+            healthy=[healthy_part(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
             false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
@@ -160,7 +160,7 @@ def _watcher(
     return bank_between(*split, look_s=number("--look", look, 0.0, 60.0))
 
 
-def _healthy(text: str) -> Span | Path:
+def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
     if ":" not in text or is_file(Path(text)):
         return Path(text)

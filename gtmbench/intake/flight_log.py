@@ -8,6 +8,8 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
+from gtmbench.intake.imus import Imu
+from gtmbench.intake.injections import Injection
 from gtmbench.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -73,6 +75,10 @@ class FlightLog:
         The columns that the channels are read from.
     events : tuple of Event
         In time: what the log itself says happened. Of formats that say such a thing: PX4's and ArduPilot's.
+    injections : tuple of Injection
+        In time: the failures that the log says were put into its flight.
+    imus : tuple of Imu
+        The gyros of three axes that it holds, each with stamps that come often enough to be compared.
     """
 
     path: Path
@@ -81,6 +87,8 @@ class FlightLog:
     method: tuple[str, ...]
     sources: tuple[Source, ...] = ()
     events: tuple[Event, ...] = ()
+    injections: tuple[Injection, ...] = ()
+    imus: tuple[Imu, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import tracks_of
+from gtmbench.intake.imus import imus_of
+from gtmbench.intake.injections import Injection, in_time
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.quaternions import with_quaternions
@@ -145,6 +147,8 @@ def _opened(
         method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method, *unplaced))),
         sources=(*(choice.source for choice in chosen), *_time_source(raw)),
         events=events,
+        injections=_injections(raw, breaks_s, segments),
+        imus=imus_of(raw),
     )
 
 
@@ -153,10 +157,22 @@ def _events(
 ) -> tuple[tuple[Event, ...], tuple[str, ...]]:
     """Return the events of a log, and a word on those that can't be placed: where its clock isn't as they have it."""
     told = raw.events()
-    if told and (breaks_s or raw.time is not None):
+    if told and not _is_placed(raw, breaks_s):
         why = "its clock was set back" if breaks_s else f"the time is taken from '{raw.time[0] if raw.time else ''}'"
         return (), (f"{len(told)} events of the log aren't taken, for {why}: when they were isn't known",)
     return of_flight(told, segments[0].start_s, segments[-1].end_s), ()
+
+
+def _injections(raw: RawLog, breaks_s: tuple[float, ...], segments: Sequence[Record]) -> tuple[Injection, ...]:
+    """Return the failures that were injected before a log's end and weren't over at its beginning."""
+    start_s, end_s = segments[0].start_s, segments[-1].end_s
+    told = raw.injections() if _is_placed(raw, breaks_s) else ()
+    return in_time(each for each in told if each.onset_s < end_s and (each.end_s is None or each.end_s > start_s))
+
+
+def _is_placed(raw: RawLog, breaks_s: tuple[float, ...]) -> bool:
+    """Tell whether the log's clock is as its messages have it."""
+    return not breaks_s and raw.time is None
 
 
 def _time_source(raw: RawLog) -> list[Source]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
+from gtmbench.intake.injections import Injection
 
 IntArray = NDArray[np.int64]
 
@@ -91,6 +92,8 @@ class RawLog:
         Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
     events : function
         Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
+    injections : function
+        Gives the failures that the log says were injected, likewise.
     """
 
     kind: str
@@ -102,6 +105,7 @@ class RawLog:
     time: tuple[str, str] | None = None
     attitude_from_gyros: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
+    injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
         """Return the log with these clocks beside its own, and with notes on them."""
