@@ -71,6 +71,8 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.recording.read import read_recording
+from gtmbench.study.campaign.conduct import campaign
+from gtmbench.study.campaign.plan import Campaign, load_campaign
 from gtmbench.study.log.inject import ChangedColumn, inject_log
 from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
@@ -95,6 +97,7 @@ __all__ = [
     "Baseline",
     "Bayesian",
     "Bias",
+    "Campaign",
     "ChangedColumn",
     "Channel",
     "ConvergenceWarning",
@@ -178,6 +181,7 @@ __all__ = [
     "alarms",
     "bank_between",
     "calibrate",
+    "campaign",
     "count_excitations",
     "decimate",
     "derivable",
@@ -195,6 +199,7 @@ __all__ = [
     "innovations",
     "load_aircraft",
     "load_bank",
+    "load_campaign",
     "load_monitor",
     "load_scenario",
     "log_columns",

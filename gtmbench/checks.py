@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -82,13 +83,14 @@ def keys(table: Table, legal: Iterable[str], *, where: str = "", section: str = 
     >>> keys({"widow": 10}, ["window"], section="alarm")
     Traceback (most recent call last):
         ...
-    gtmbench.errors.InputError: unknown key 'widow' in [alarm]; there are window
+    gtmbench.errors.InputError: unknown key 'widow' in [alarm]; there are window; did you mean 'window'?
     """
     known = tuple(legal)
     for key in table:
         if key not in known:
             before, within = f"{where}: " if where else "", f" in [{section}]" if section else ""
-            raise InputError(f"{before}unknown key {shown(key)}{within}; {there} {', '.join(known) or 'none'}")
+            legal = f"{there} {', '.join(known) or 'none'}{meant(key, known)}"
+            raise InputError(f"{before}unknown key {shown(key)}{within}; {legal}")
     return table
 
 
@@ -116,6 +118,16 @@ def listed(items: Iterable[str], word: str = "and") -> str:
     """
     *most, last = items
     return f"{', '.join(most)} {word} {last}" if most else last
+
+
+def meant(given: Any, known: Iterable[str]) -> str:
+    """Return how a message ends that lists what there is, where one of it is likely meant.
+
+    >>> meant("sed", ["seed", "aircraft"]), meant("x", ["seed"])
+    ("; did you mean 'seed'?", '')
+    """
+    close = get_close_matches(str(given)[:_LONGEST_TEXT], list(known), n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""
 
 
 def shown(value: Any) -> str:

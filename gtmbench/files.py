@@ -10,17 +10,22 @@ import tempfile
 import threading
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 LARGEST_TOML_BYTES = 100_000
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
 _LONGEST_LINE_BYTES = 1 << 20
+_HIDDEN, _LOCK, _NEW = ".gtmbench-", "lock", "new"  # a folder beside the target; in it its lock, and what is written
 
 
 def is_file(path: Path) -> bool:
@@ -187,11 +192,39 @@ def _folder_beside(target: Path) -> Iterator[Path]:
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
+    _clear_left_behind(parent)
     try:
-        aside = Path(tempfile.mkdtemp(prefix=".gtmbench-", dir=parent))
+        own, lock = _own_folder(parent)
     except OSError as error:
         raise InputError(f"can't write {target}: {error.strerror}; choose another place") from error
     try:
-        yield aside
+        yield own / _NEW
     finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        shutil.rmtree(own, ignore_errors=True)
+        lock.release()
+
+
+def _own_folder(parent: Path) -> tuple[Path, FileLock]:
+    """Make a hidden folder to write into; while this process lives, its lock tells others that it is in use."""
+    from filelock import FileLock, Timeout
+
+    while True:
+        own = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=parent))
+        lock = FileLock(own / _LOCK)
+        try:
+            lock.acquire(timeout=0)
+            (own / _NEW).mkdir()
+        except (Timeout, FileNotFoundError):  # somebody took it for one that was left behind
+            lock.release()
+            continue
+        return own, lock
+
+
+@cache
+def _clear_left_behind(parent: Path) -> None:
+    """Remove what killed processes left: hidden folders whose lock is free; once a process and folder."""
+    from filelock import FileLock, Timeout
+
+    for left in parent.glob(f"{_HIDDEN}????????"):
+        with suppress(OSError, Timeout), FileLock(left / _LOCK).acquire(timeout=0):
+            shutil.rmtree(left, ignore_errors=True)

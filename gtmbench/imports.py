@@ -21,6 +21,7 @@ from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.files import is_file
 
+_PRIVATE = "_gtmbench_"  # how the names of modules begin that come from files
 _HOW = "give FILE.py or a module's dotted name"
 
 
@@ -49,6 +50,12 @@ def load_module(source: str | Path) -> ModuleType:
         raise InputError(f"{shown(text)} names no module; {_HOW}")
     with _without_current_folder(), _told(text):
         return import_module(text)
+
+
+def loaded_files() -> tuple[str, ...]:
+    """Return the files that `load_module` has imported, for another process that is to have the same."""
+    files = (module.__file__ for name, module in sys.modules.items() if name.startswith(_PRIVATE))
+    return tuple(sorted(file for file in files if file))
 
 
 def load_object(source: str) -> object:
@@ -134,7 +141,7 @@ def _of_file(path: Path) -> ModuleType:
     path = path.resolve()
     # its own place in sys.modules: dataclasses and pickle look a class's module up there
     stem = "".join(letter if letter.isalnum() else "_" for letter in path.stem)
-    name = f"_gtmbench_{stem}_{sha256(bytes(path)).hexdigest()[:12]}"
+    name = f"{_PRIVATE}{stem}_{sha256(bytes(path)).hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
     spec = spec_from_file_location(name, path)

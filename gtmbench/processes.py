@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, TypeVar
 
 from gtmbench.errors import GtmbenchError
@@ -16,6 +18,7 @@ from gtmbench.progress import Progress, silent
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+_AHEAD = 2  # tasks a process that are handed out, so that none waits for its next
 _KILLED = "a process was killed (no memory?); close others, or use fewer processes"
 
 
@@ -62,37 +65,71 @@ def spread(
     count 2 2
     [2, 3]
     """
-    results: list[Result] = []
+    results: dict[int, Result] = {}
     progress(step, 0, len(tasks))
-    with _mapped(min(processes, len(tasks)), begin, killed) as mapped:
-        for result in mapped(work, tasks):
-            results.append(result)
-            progress(step, len(results), len(tasks))
-    return results
+    fewer = min(processes, len(tasks))
+    for number, result in completed(work, tasks, processes=fewer, begin=begin, killed=killed):
+        results[number] = result
+        progress(step, len(results), len(tasks))
+    return [results[number] for number in range(len(tasks))]
+
+
+def completed(
+    work: Callable[[Task], Result],
+    tasks: Iterable[Task],
+    *,
+    processes: int,
+    begin: Callable[[], object] | None = None,
+    killed: str = _KILLED,
+) -> Iterator[tuple[int, Result]]:
+    """Give what some work makes of every task as soon as it is made, with the task's place among the tasks.
+
+    Tasks are taken as processes become free, so there may be any number of them; `spread` has what is left out here.
+
+    Examples
+    --------
+    >>> dict(completed(abs, [-2, 3], processes=1))
+    {0: 2, 1: 3}
+    """
+    if processes <= 1 and begin is None:
+        yield from enumerate(map(work, tasks))
+        return
+    with _pool(max(processes, 1), begin, killed) as submit:
+        if submit is None:  # a machine without semaphores
+            yield from enumerate(map(work, tasks))
+            return
+        waiting = enumerate(tasks)
+        running: dict[Future[Result], int] = {}
+        while True:
+            for number, task in islice(waiting, _AHEAD * max(processes, 1) - len(running)):
+                running[submit(work, task)] = number
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(future), future.result()
 
 
 @contextmanager
-def _mapped(processes: int, begin: Callable[[], object] | None, killed: str) -> Iterator[Callable[..., Any]]:
-    """Give a `map` over processes that end with the block; the plain one where there is no need of others."""
-    if processes <= 1 and begin is None:
-        yield map
-        return
+def _pool(
+    processes: int, begin: Callable[[], object] | None, killed: str
+) -> Iterator[Callable[..., Future[Any]] | None]:
+    """Give how to submit work to processes that end with the block; None where there can't be any."""
     context = multiprocessing.get_context("spawn")  # a fork would copy locks that threads of ours hold
     try:
-        pool = ProcessPoolExecutor(max(processes, 1), mp_context=context, initializer=_begun, initargs=(begin,))
-    except (OSError, ImportError):  # a machine without semaphores
+        pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begun, initargs=(begin,))
+    except (OSError, ImportError):
         if begin is not None:
             begin()
-        yield map
+        yield None
         return
 
-    def mapped(work: Callable[[Any], Any], tasks: Sequence[Any]) -> Any:
+    def submit(work: Callable[[Any], Any], task: Any) -> Future[Any]:
         with _interrupts_wait():  # the processes start here; Ctrl-C is ours to handle, not theirs
-            return pool.map(work, tasks)
+            return pool.submit(work, task)
 
     others = set(multiprocessing.active_children())
     try:
-        yield mapped
+        yield submit
     except BrokenProcessPool as error:
         raise GtmbenchError(killed) from error
     except BaseException:  # nobody waits for what goes nowhere
@@ -105,8 +142,17 @@ def _mapped(processes: int, begin: Callable[[], object] | None, killed: str) -> 
 
 def _begun(begin: Callable[[], object] | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     if begin is not None:
         begin()
+
+
+def _end_with_parent() -> None:
+    """End when the process that wants the work is gone, however it went: nobody would ask for more."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

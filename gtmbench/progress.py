@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from gtmbench.checks import printable
 
+_REMEMBERED_S = 3600.0  # how far back the time that is left is estimated from: a step may take minutes
 Progress = Callable[[str, int, int], None]  # a step, how many are done, of how many
 Tell = Callable[[str], None]  # a step, as it begins
 
@@ -41,16 +42,31 @@ def progress_bar(*, silent: bool = False) -> Iterator[Callable[[str, int | None,
     The bar stands on stderr, on terminals only, and is gone afterwards.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
         TextColumn("{task.description:<24}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=silent or not console.is_terminal, transient=True) as bar:
+    with Progress(
+        *columns,
+        console=console,
+        disable=silent or not console.is_terminal,
+        transient=True,
+        speed_estimate_period=_REMEMBERED_S,
+    ) as bar:
         task = bar.add_task("reading", total=None)
 
         def tell(step: str, done: int | None = None, total: int | None = None) -> None:

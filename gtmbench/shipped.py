@@ -1,7 +1,9 @@
-"""What ships with the package: aircraft, scenarios, banks, baselines."""
+"""What ships with the package: aircraft, scenarios, campaigns, banks, baselines."""
 
 from __future__ import annotations
 
+import hashlib
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
@@ -12,7 +14,7 @@ MAIN_JOB = ("deadzone", "drift", "jam", "rate_saturation", "saturation")
 
 
 def share() -> Path:
-    """Return the folder that holds ``aircraft/`` and ``faults/``: the wheel's copy, else the checkout's."""
+    """Return the folder of ``aircraft/``, ``faults/``, ``experiments/``: the wheel's copy, else the checkout."""
     return _PACKAGE / "_share" if is_installed() else _PACKAGE.parent
 
 
@@ -24,6 +26,11 @@ def shipped_aircraft() -> list[str]:
 def shipped_scenarios() -> dict[str, Path]:
     """Return the scenarios that come with the package, by name."""
     return {path.stem: path for path in sorted((share() / "faults").glob("*.toml"))}
+
+
+def shipped_campaigns() -> dict[str, Path]:
+    """Return the campaigns that come with the package, by name."""
+    return {path.stem: path for path in sorted((share() / "experiments/campaigns").glob("*.toml"))}
 
 
 def shipped_banks() -> dict[str, Path]:
@@ -39,3 +46,13 @@ def shipped_baselines() -> dict[str, Path]:
 def is_installed() -> bool:
     """Whether this is an installed package, not a checkout: what it ships isn't the user's to write."""
     return (_PACKAGE / "_share").is_dir()
+
+
+@cache
+def source_digest() -> str:
+    """Return a digest of the package's code and of the aircraft and banks that it ships: which one this is, in work."""
+    digest = hashlib.sha256()
+    files = [path for folder in (_PACKAGE, share() / "aircraft") for path in folder.rglob("*")]
+    for path in sorted({path.resolve() for path in files if path.suffix in {".py", ".toml", ".xml"}}):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -2,7 +2,7 @@
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
 (`monitor`, `score`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was
-foreseen (one line says why); 3 `monitor` or `score` could not tell; 130 Ctrl-C.
+foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign` failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import click
 from gtmbench.checks import one_line
 from gtmbench.cli.autopilot import autopilot_command
 from gtmbench.cli.calibrate import bank_command, calibrate_command
+from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, list_command, trim_command
@@ -42,6 +43,7 @@ def app() -> None:
 
 for command in (
     run_command,
+    campaign_command,
     check_command,
     calibrate_command,
     bank_command,

@@ -30,7 +30,8 @@ from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.report.words.judgement import loop_text
-from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_scenarios
+from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
+from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.scenario import load_faults, load_scenario
 
 
@@ -175,7 +176,7 @@ def _ratio(text: str) -> float:
 @click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
 @common_options
 def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
-    """List aircraft, channels, excitations, faults, scenarios, detectors, banks and pseudo inputs."""
+    """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
     sections = {
         "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()}
         | (jsbsim_titles() if with_all else {}),
@@ -184,6 +185,7 @@ def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
         "faults": {name: _first_line(of) for name, of in loaded_faults().items()}
         | {name: f"installed: {place}" for name, place in installed(FAULT_GROUP).items()},
         "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
+        "campaigns": {name: load_campaign(name).title for name in shipped_campaigns()},
         "detectors": detector_names(),
         "banks": {name: load_bank(name).title for name in shipped_banks()},
         "pseudo inputs": {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()},

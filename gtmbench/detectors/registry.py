@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import shown
+from gtmbench.checks import meant, shown
 from gtmbench.detectors.adapt import adapted, installed, installed_names
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
@@ -108,7 +108,7 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         raise InputError(f"{name} is a file of Python; say which object in it is the detector: {name}:OBJECT")
     raise InputError(
         f"no detector is called {shown(name)}; there are {', '.join(detector_names())}, or give a bank's .toml, a "
-        "monitor's .json, FILE.py:OBJECT or package.module:OBJECT"
+        f"monitor's .json, FILE.py:OBJECT or package.module:OBJECT{meant(name, detector_names())}"
     )
 
 

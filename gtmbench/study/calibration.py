@@ -112,7 +112,7 @@ class Calibrator:
 
     @property
     def _need_flights(self) -> bool:
-        return any(not _is_tied(detector) for detector in self._recipes)
+        return any(not is_tied(detector) for detector in self._recipes)
 
     def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
         """Calibrate what has to be, and return every monitor by name."""
@@ -124,13 +124,14 @@ class Calibrator:
                 continue
             assert is_recipe(watcher)
             tell(f"calibrate {name}")
-            tied = _is_tied(watcher)
+            tied = is_tied(watcher)
             monitor = watcher.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
             monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
         return monitors
 
 
-def _is_tied(detector: Detector) -> bool:
+def is_tied(detector: Detector) -> bool:
+    """Whether a detector learns what excites its records, and so is calibrated on every flight anew."""
     return bool(getattr(detector, "tied_to_excitation", False))
 
 
@@ -200,4 +201,5 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "duration_s": min(setup.duration_s, _LONGEST_S),
         "noise": _noise(setup),
         "seed": _seed(setup, 0),
+        **setup.trim_point,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from typing import ClassVar
 
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
@@ -19,7 +20,7 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import Injection
 
-_BROKEN = 2  # the record that is broken in the trials
+BROKEN = 2  # the record that is broken in the trials
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
 
 
@@ -35,6 +36,7 @@ class Flown:
     trim: Trim
     flight: Record = field(repr=False)
     commands: bool = False
+    is_in_loop: ClassVar[bool] = False
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
@@ -48,22 +50,32 @@ class Flown:
         Each channel's noise has the amplitude that it has in the study: a signal-to-noise ratio would give another on
         another flight.
         """
-        truth = fly(self.setup.aircraft, excitation, duration_s, seed)
+        truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
         readings = self.sensed(number)
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
 
-    def broken(self, scenario: str, spec: FaultSpec) -> tuple[Injection, Record]:
-        """Break record 2 by a trial's faults, their severities resolved against the flight.
+    def broken(
+        self, scenario: str, spec: FaultSpec, healthy: Record, number: int = BROKEN
+    ) -> tuple[Injection, Record]:
+        """Break a record by a trial's faults, their severities resolved against the flight.
 
         Return it, and what the sensors would have read without them.
+
+        Parameters
+        ----------
+        scenario : str
+        spec : FaultSpec
+        healthy : Record
+            What they do read, `sensed` of the number.
+        number : int
         """
-        faults = self._faults(spec)
-        healthy = self.sensed(_BROKEN)
+        faults = self.faults(spec)
         return _injection(scenario, faults, self.flight, inject(healthy, faults)), healthy
 
-    def _faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
+    def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
+        """Return a trial's faults, their severities resolved against the flight."""
         return spec.faults(self.flight.between(*self.setup.severity_reference_s))
 
 
@@ -74,11 +86,13 @@ class FlownInLoop(Flown):
     `flight` is the truth of record 2.
     """
 
+    is_in_loop: ClassVar[bool] = True
+
     healthy: LoopFlight = field(repr=False)
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same air and excitation, other noise."""
-        if number == _BROKEN:
+        if number == BROKEN:
             return self.healthy.readings(commands=self.commands)
         return _flown_healthy(self.setup, number).readings(commands=self.commands)
 
@@ -87,12 +101,14 @@ class FlownInLoop(Flown):
         other = replace(self.setup, excitation=excitation, duration_s=duration_s)
         return _flown_healthy(other, number, seed).readings(commands=self.commands)
 
-    def broken(self, scenario: str, spec: FaultSpec) -> tuple[Injection, Record]:
-        """Fly record 2 with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
-        faults = self._faults(spec)
-        flight = _flown_in_loop(self.setup, _BROKEN, faults)
+    def broken(
+        self, scenario: str, spec: FaultSpec, healthy: Record, number: int = BROKEN
+    ) -> tuple[Injection, Record]:
+        """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
+        faults = self.faults(spec)
+        flight = _flown_in_loop(self.setup, number, faults)
         injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
-        unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, _BROKEN))
+        unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
         return injection, unbroken
 
 
@@ -109,6 +125,7 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
         autopilot=setup.autopilot,
         faults=faults,
         noise=setup.noise,
+        **setup.trim_point,
         noise_seed=_noise_seed(setup, number),
     )
 
@@ -146,12 +163,12 @@ def _injection(
 def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     """Trim and fly a setup."""
     tell("trim")
-    trimmed = trim(setup.aircraft)
+    trimmed = trim(setup.aircraft, **setup.trim_point)
     tell("fly")
     if setup.autopilot is None:
-        flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed)
+        flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
         return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
-    healthy = _flown_healthy(setup, _BROKEN)
+    healthy = _flown_healthy(setup, BROKEN)
     return FlownInLoop(setup=setup, trim=trimmed, flight=healthy.truth, healthy=healthy, commands=commands)
 
 

@@ -98,8 +98,11 @@ class CalibrationFlights:
             Told the step, how many are flown, and of how many.
         """
         check_flown(detector.name, detector.channels)
-        channels = detector.channels or SENSORS
-        tasks = [(self, channels, self.seed + i) for i in range(self.flights)]
+        return self.sensed(detector.channels or SENSORS, processes=processes, progress=progress)
+
+    def sensed(self, channels: Sequence[str], *, processes: int = 1, progress: Progress = silent) -> list[Record]:
+        """Fly, and return what some sensors read (and commands, where they are named), as `records` does."""
+        tasks = [(self, tuple(channels), self.seed + i) for i in range(self.flights)]
         return spread(_flown, tasks, processes=processes, step="flying", progress=progress, killed=_KILLED)
 
     def provenance(self) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def run_study(
     if not any(own):
         scenarios = [_without_operator(scenario) for scenario in scenarios]
     if not all(own):
-        scenarios = [_with_noise(scenario) for scenario in scenarios]
+        scenarios = [with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
     named = {name: watcher(setup) if watcher is own_detector else watcher for name, watcher in watchers.items()}
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
@@ -112,7 +112,7 @@ def _without_operator(scenario: Scenario) -> Scenario:
     return replace(scenario, setup=replace(scenario.setup, operator=OperatorSetup(), alarm=kept))
 
 
-def _with_noise(scenario: Scenario) -> Scenario:
+def with_noise(scenario: Scenario) -> Scenario:
     """Return a scenario with the T2's noise where it states none: that is what monitors are calibrated on."""
     if scenario.states_noise:
         return scenario
@@ -127,14 +127,14 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
         record = healthy if number == 0 else flown.sensed(2 + number)
         for name, monitor in monitors.items():
             tell(f"healthy record {number + 1}")
-            watches[name].append(_watched(monitor, record, flown.setup))
+            watches[name].append(watched(monitor, record, flown.setup))
     baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
-        broken, unbroken = flown.broken(scenario, spec)
+        broken, unbroken = flown.broken(scenario, spec, healthy)
         for name, monitor in monitors.items():
             tell(f"{broken.fault} of {broken.channel}")
-            watch = _watched(monitor, broken.record, flown.setup)
+            watch = watched(monitor, broken.record, flown.setup)
             verdict = score(watch, fault=broken.injected, also=broken.also, healthy=unbroken, broken=broken.record)
             trials[name].append(
                 Trial(
@@ -149,7 +149,8 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
     return Study(baselines=tuple(baselines.values()), trials=tuple(trial for of in trials.values() for trial in of))
 
 
-def _watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+def watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
+    """Watch a record of a study, from where its scenarios say."""
     return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
 
 

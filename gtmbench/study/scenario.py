@@ -23,6 +23,7 @@ from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000
+_MOST_FAULTS = 100_000  # of a campaign's flight
 _LONGEST_S = 500_000.0  # of all trials: 7 GB
 
 
@@ -61,10 +62,18 @@ class Setup:
     snr: float | None = 50.0
     noise: str | None = None
     seed: int = 1
+    altitude_ft: float | None = None  # None: the aircraft's own trim
+    tas_kt: float | None = None
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
     operator: OperatorSetup = field(default_factory=OperatorSetup)
     alarm: AlarmSetup = field(default_factory=AlarmSetup)
+
+    @property
+    def trim_point(self) -> dict[str, float]:
+        """What is said of the trim, as `fly` and `trim` take it."""
+        stated = {"altitude_ft": self.altitude_ft, "tas_kt": self.tas_kt}
+        return {name: value for name, value in stated.items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +104,7 @@ def load_scenario(source: str | Path) -> Scenario:
     path = _find(source)
     table = read_toml(path, "scenario")
     with naming(path):
-        return _scenario(path.stem, table)
+        return _held(scenario_of(path.stem, table))
 
 
 def _find(source: str | Path) -> Path:
@@ -108,25 +117,44 @@ def _find(source: str | Path) -> Path:
     return path
 
 
-def _scenario(name: str, table: dict[str, Any]) -> Scenario:
+def scenario_of(name: str, table: dict[str, Any]) -> Scenario:
+    """Return the scenario that a file's table says, however many trials it has.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what was given and what is legal.
+    """
     title = text("title", table.pop("title", text("its name", name)))
     blocks = table.pop("faults", None)
     setup = _setup(table)
     specs = _specs(blocks, setup.duration_s)
-    if len(specs) * setup.duration_s > _LONGEST_S:
-        held = f"{len(specs)} trials of {setup.duration_s:g} s would be held in memory"
-        raise InputError(f"{held}; a scenario has at most {_LONGEST_S:g} s in all, so split it")
     states_noise = "snr" in table or "noise" in table
     return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
+
+
+def _held(scenario: Scenario) -> Scenario:
+    """Refuse a scenario whose trials can't be held in memory together, as a run's are."""
+    trials, duration_s = len(scenario.faults), scenario.setup.duration_s
+    if trials > _MOST_TRIALS:
+        raise InputError(f"{trials} trials; a scenario has at most {_MOST_TRIALS}, so split it, or make it a campaign")
+    if trials * duration_s > _LONGEST_S:
+        held = f"{trials} trials of {duration_s:g} s would be held in memory"
+        raise InputError(f"{held}; a scenario has at most {_LONGEST_S:g} s in all, so split it, or make it a campaign")
+    return scenario
 
 
 def _specs(blocks: Any, end_s: float) -> list[FaultSpec]:
     if not isinstance(blocks, list) or not blocks or not all(isinstance(block, dict) for block in blocks):
         raise InputError("no [[faults]] given; add at least one table with kind, channels and onset_s")
-    specs = [spec for i, block in enumerate(blocks, 1) for spec in fault_specs(f"faults, table {i}", block, end_s)]
-    if len(specs) > _MOST_TRIALS:
-        raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
-    return specs
+    if (most := sum(map(_combinations, blocks))) > _MOST_FAULTS:
+        raise InputError(f"{most} trials of one flight; at most {_MOST_FAULTS} can be meant")
+    return [spec for i, block in enumerate(blocks, 1) for spec in fault_specs(f"faults, table {i}", block, end_s)]
+
+
+def _combinations(block: dict[str, Any]) -> int:
+    """Return how many trials a table asks for at most, before they are made."""
+    return math.prod(len(value) for key, value in block.items() if isinstance(value, list) and key != "also")
 
 
 def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
@@ -148,7 +176,19 @@ def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
         text("title", table.pop("title", path.stem))
         blocks = table.pop("faults", None)
         _setup(table)
-        return tuple(_specs(blocks, math.inf))
+        specs = _specs(blocks, math.inf)
+        if len(specs) > _MOST_TRIALS:
+            raise InputError(f"{len(specs)} trials; a scenario has at most {_MOST_TRIALS}, so split it")
+        return tuple(specs)
+
+
+def setting(key: str, value: Any) -> Any:
+    """Return the value of a setup's key, checked as in a file.
+
+    >>> setting("duration_s", 60)
+    60.0
+    """
+    return _CHECKS[key](key, value)
 
 
 def _setup(table: dict[str, Any]) -> Setup:
@@ -243,6 +283,8 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "snr": lambda key, value: None if value is None else number(key, value, *SNR_SPAN),
     "noise": _noise,
     "seed": whole,
+    "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
+    "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
     "severity_reference_s": _times,
     "autopilot": table_of,
     "operator": _table(OperatorSetup),

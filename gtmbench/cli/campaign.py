@@ -1,0 +1,137 @@
+"""``gtmbench campaign``: scenarios times axes, on as many processes and machines as there are."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gtmbench.checks import whole
+from gtmbench.cli.detectors import detector_option, import_option
+from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.errors import InputError
+from gtmbench.files import atomic_folder
+from gtmbench.progress import progress_bar
+
+if TYPE_CHECKING:
+    from gtmbench.parts import Parts, Shard
+
+SOME_FAILED = 3
+
+
+def _shard(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    """Return a shard's number and how many there are: ``3/40``."""
+    if value is None:
+        return None
+    number, _, of = value.partition("/")
+    if not (number.isascii() and number.isdigit() and of.isascii() and of.isdigit() and len(value) < 20):
+        raise click.BadParameter(f"'{value[:40]}' is no shard; give its number and how many there are, such as 3/40")
+    if not 1 <= int(number) <= int(of):
+        raise click.BadParameter(f"'{value}': shards of {of} are numbered from 1 to {of}")
+    return int(number), int(of)
+
+
+@click.command("campaign")
+@click.argument("source", metavar="NAME|CAMPAIGN.toml")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the parts and results.  [default: the name]")
+@detector_option("Watches beside those that the campaign names.", multiple=True, calibrated=False)
+@import_option
+@click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@click.option(
+    "--shard", callback=_shard, metavar="I/N", help="Only the I-th of N equal shares, as a Slurm array wants."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Do the tasks on a Dask cluster: tcp://HOST:PORT, tls://...")
+@click.option(
+    "--tls", type=click.Path(path_type=Path), metavar="FOLDER", help="With --scheduler: ca.pem, cert.pem, key.pem."
+)
+@click.option("--resume", is_flag=True, help="Go on with what stands in the folder.")
+@click.option("--dry-run", is_flag=True, help="Say what would be flown, and fly nothing.")
+@click.option("--yes", is_flag=True, help="More than ten million trials are meant.")
+@common_options
+def campaign_command(
+    source: str,
+    out: Path | None,
+    detectors: tuple[str, ...],
+    jobs: int | None,
+    shard: tuple[int, int] | None,
+    scheduler: str | None,
+    tls: Path | None,
+    resume: bool,
+    dry_run: bool,
+    yes: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run a campaign: every flight of its axes, every fault on it, every detector.
+
+    A task is a flight; each that is finished is a Parquet file in the folder, so whatever ends a run, --resume goes on,
+    and comes to the same table. When all are there, results.json and trials.csv are made of them (docs/campaigns.md).
+
+    Exit codes: 0 well; 2 bad input, or it ended before its end; 3 some trials failed, and their rows say why.
+    """
+    from gtmbench.parts import Shard
+    from gtmbench.report.tables.campaign import campaign_results, write_campaign
+    from gtmbench.report.words.campaign import plan_facts, plan_lines
+    from gtmbench.study.campaign.conduct import check_size, conduct
+    from gtmbench.study.campaign.plan import load_campaign
+    from gtmbench.study.campaign.watchers import named
+
+    campaign = load_campaign(source, detectors=detectors)
+    processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
+    if tls is not None and scheduler is None:
+        raise InputError("--tls is for a --scheduler, and none is given")
+    if dry_run:
+        plan = plan_facts(campaign, named(campaign).names, processes)
+        check_size(campaign, len(plan["detectors"]), yes=True)
+        if as_json:
+            print_json(plan)
+        elif not quiet:
+            for line in plan_lines(plan):
+                echo(line)
+        return 0
+    folder = Path(campaign.name) if out is None else out
+    own = None if shard is None else Shard(*shard)
+    with progress_bar(silent=as_json or quiet) as tell:
+        parts = conduct(
+            campaign,
+            folder,
+            jobs=processes,
+            shard=own,
+            scheduler=scheduler,
+            tls=tls,
+            resume=resume,
+            yes=yes,
+            progress=tell,
+        )
+    if parts.todo():
+        return _print_share(parts, own, as_json=as_json, quiet=quiet)
+    with atomic_folder(folder) as aside:
+        write_campaign(parts, aside)
+    results = campaign_results(parts)
+    if as_json:
+        print_json(results | {"out": str(folder)})
+    elif not quiet:
+        _print_results(results, folder)
+    return SOME_FAILED if results["failed"] else 0
+
+
+def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:
+    done = len(parts.done())
+    if as_json:
+        print_json({"out": str(parts.folder), "shard": str(shard), "tasks": parts.tasks, "tasks_done": done})
+    elif not quiet:
+        echo(f"shard {shard}: done; {done} of {parts.tasks} tasks stand in {parts.folder}/, --resume collects them")
+    return 0
+
+
+def _print_results(results: dict[str, Any], folder: Path) -> None:
+    from gtmbench.report.words.campaign import fault_rows, summary_lines
+
+    columns, rows, right = fault_rows(results)
+    if rows:
+        print_table(f"{results['campaign']}: {results['title']}", columns, rows, right=right)
+    for line in summary_lines(results):
+        echo(line)
+    echo(f"results.json, trials.csv, {results['tasks']} parts: {folder}/")

@@ -1,0 +1,360 @@
+"""Work that is kept part by part: what is finished stands in a folder however a run ends, and the next one goes on.
+
+The folder is flat: ``manifest.json`` says what the run is (its *facts*), and every finished task is a Parquet file,
+written aside and renamed, so that a part is there whole or not at all. The parts are the truth: what is made of them
+can be made anew. Facts that differ in anything don't mix, and a lock keeps two runs out of one folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gtmbench.checks import listed, one_line, shown
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files import atomic_write, check_size, is_file
+from gtmbench.plain import dumps, plain
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FORMAT, VERSION = "gtmbench parts", 1
+_MANIFEST = "manifest.json"
+_RUN, _TASK = b"gtmbench.run", b"gtmbench.task"  # in a part's metadata: of which run it is, and which task's
+_PART = re.compile(r"part-(\d{6,})\.parquet")
+_LOCK = ".lock"
+_PATIENCE_S = 3.0  # a lock that is only looked at is held for a millisecond
+_LARGEST_MANIFEST_BYTES = 10_000_000
+
+
+class Shard(NamedTuple):
+    """One of `of` runs that share a run's tasks and its folder; the first has `number` 1."""
+
+    number: int
+    of: int
+
+    def holds(self, task: int) -> bool:
+        """Whether a task is this one's.
+
+        >>> [task for task in range(7) if Shard(2, 3).holds(task)]
+        [1, 4]
+        """
+        return task % self.of == self.number - 1
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """A folder of parts.
+
+    Attributes
+    ----------
+    folder : Path
+    what : str
+        What kind of run it is: "campaign".
+    tasks : int
+        Of how many tasks it consists; their numbers are 0, 1, ...
+    facts : dict
+        What the run is, as plain values: whatever changes a row has to change a fact.
+    """
+
+    folder: Path
+    what: str
+    tasks: int
+    facts: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def digest(self) -> str:
+        """Of all facts; every part holds it."""
+        return hashlib.sha256(dumps(self._manifest()).encode()).hexdigest()
+
+    def path(self, task: int) -> Path:
+        """Return a task's part."""
+        return self.folder / f"part-{task:06d}.parquet"
+
+    def done(self) -> tuple[int, ...]:
+        """Return the tasks that are finished, in order.
+
+        Raises
+        ------
+        InputError
+            Where a part isn't whole, or is of another run.
+        """
+        found = (_PART.fullmatch(path.name) for path in self.folder.iterdir())
+        numbers = sorted(int(match[1]) for match in found if match)
+        for number in numbers:
+            self._check(number)
+        return tuple(numbers)
+
+    def todo(self, shard: Shard | None = None) -> tuple[int, ...]:
+        """Return the tasks that aren't, in order; of a shard those that are its own."""
+        done = frozenset(self.done())
+        return tuple(task for task in range(self.tasks) if task not in done and (shard is None or shard.holds(task)))
+
+    def read(self, columns: list[str] | None = None) -> pa.Table:
+        """Return the rows of all parts, in the order of the tasks, however they came to be."""
+        import pyarrow as pa
+
+        return pa.concat_tables(self.each(columns))
+
+    def each(self, columns: list[str] | None = None) -> Iterator[pa.Table]:
+        """Give the rows of every part, in the order of the tasks."""
+        import pyarrow.parquet as pq
+
+        for number in self.done():
+            yield pq.ParquetFile(self.path(number)).read(columns=columns).replace_schema_metadata(None)
+
+    def write(self, task: int, rows: pa.Table) -> None:
+        """Keep what a task gave: on the disk, and there whole, when this returns.
+
+        Raises
+        ------
+        GtmbenchError
+            Where it can't be written; what is finished stays.
+        """
+        import pyarrow.parquet as pq
+
+        marks = {_RUN: self.digest.encode(), _TASK: str(task).encode()}
+        marked = rows.replace_schema_metadata({**(rows.schema.metadata or {}), **marks})
+        try:
+            with atomic_write(self.path(task)) as aside:
+                pq.write_table(marked, aside, row_group_size=max(len(rows), 1), compression="zstd")
+                _to_disk(aside)
+        except OSError as error:
+            raise GtmbenchError(
+                f"can't write {self.path(task)}: {error.strerror or error}; what is finished stays, --resume goes on"
+            ) from error
+
+    def _check(self, task: int) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        path = self.path(task)
+        try:
+            metadata = pq.read_schema(path).metadata or {}
+        except (OSError, pa.ArrowException) as error:
+            why = one_line(str(error))
+            raise InputError(f"{path} isn't whole ({why}); delete it, and --resume does its task anew") from error
+        if metadata.get(_RUN) != self.digest.encode() or metadata.get(_TASK) != str(task).encode():
+            raise InputError(
+                f"{path} is of another {self.what}, or of this one before something of it changed; rows that aren't "
+                "alike don't mix: delete it, and --resume does its task anew, or give another --out"
+            )
+
+    def _manifest(self) -> dict[str, Any]:
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "what": self.what,
+            "tasks": self.tasks,
+            "facts": self.facts,
+        }
+
+    def _write_manifest(self) -> None:
+        try:
+            with atomic_write(self.folder / _MANIFEST) as aside:
+                aside.write_text(dumps(self._manifest(), indent=2) + "\n", encoding="utf-8")
+                _to_disk(aside)
+        except OSError as error:
+            raise InputError(f"can't write into {self.folder}: {error.strerror or error}") from error
+
+
+def read_parts(folder: Path) -> Parts:
+    """Return the parts that stand in a folder, to be read.
+
+    Raises
+    ------
+    InputError
+        Where it is no such folder.
+    """
+    path = folder / _MANIFEST
+    if not is_file(path):
+        raise InputError(f"{folder} holds no parts of a run: there is no {_MANIFEST}")
+    check_size(path, "manifest", _LARGEST_MANIFEST_BYTES)
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["format"] != FORMAT or found["version"] != VERSION:
+            raise InputError(
+                f"{path} is {shown(found['format'])}, version {shown(found['version'])}, no {FORMAT} {VERSION}"
+            )
+        return Parts(folder=folder, what=str(found["what"]), tasks=int(found["tasks"]), facts=dict(found["facts"]))
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{path} isn't the manifest of a run: {one_line(str(error))}") from error
+
+
+@contextmanager
+def parts_in(
+    folder: Path, *, what: str, tasks: int, facts: Mapping[str, Any], resume: bool = False, shard: Shard | None = None
+) -> Iterator[Parts]:
+    """Give a folder's parts to go on with, for this run alone; the folder is made where there is none.
+
+    Parameters
+    ----------
+    folder : Path
+    what : str
+        What kind of run it is: "campaign".
+    tasks : int
+    facts : mapping
+        As far as they are known; `hold` adds others.
+    resume : bool
+        Whether parts may be there already.
+    shard : Shard, optional
+        This run is one of several, which go on with each other's folder at the same time.
+
+    Raises
+    ------
+    InputError
+        Where another run is at work there, the folder holds another one's parts, or some and it wasn't to be resumed,
+        or can't be written.
+    """
+    _check_folder(folder, what)
+    _make(folder)
+    with _locked(folder, what, shard):
+        with waiting_alone(folder):
+            parts = _begun(folder, what, tasks, dict(plain(facts)), resume=resume or shard is not None)
+        yield parts
+
+
+def hold(parts: Parts, **facts: Any) -> Parts:
+    """Return the parts of a run that is this, too: facts that are written down, or held against those that are.
+
+    Raises
+    ------
+    InputError
+        Naming the fact that differs.
+    """
+    with waiting_alone(parts.folder):
+        known = read_parts(parts.folder)
+        new = dict(plain(facts))
+        _compare(known, {key: value for key, value in new.items() if key in known.facts})
+        held = Parts(folder=parts.folder, what=parts.what, tasks=parts.tasks, facts={**known.facts, **new})
+        if held.facts != known.facts:
+            held._write_manifest()
+    return held
+
+
+@contextmanager
+def waiting_alone(folder: Path) -> Iterator[None]:
+    """Wait until no other run is in such a block about the folder: shards begin at the same time."""
+    from filelock import FileLock
+
+    with FileLock(folder / f"{_LOCK}-begin"):
+        yield
+
+
+def _begun(folder: Path, what: str, tasks: int, facts: dict[str, Any], *, resume: bool) -> Parts:
+    if not is_file(folder / _MANIFEST):
+        parts = Parts(folder=folder, what=what, tasks=tasks, facts=facts)
+        parts._write_manifest()
+        return parts
+    known = read_parts(folder)
+    if known.what != what:
+        raise InputError(f"{folder} holds a {known.what}, not a {what}; give another --out")
+    if not resume:
+        done = len(known.done())
+        raise InputError(
+            f"{folder} holds {done} of {known.tasks} tasks of a {what}; --resume goes on with it, or give another --out"
+        )
+    _compare(known, facts)
+    if known.tasks != tasks:
+        raise InputError(f"{folder} holds another {what}: of {known.tasks} tasks, not {tasks}; give another --out")
+    known.done()  # parts of another run are refused before the work, not after it
+    return known
+
+
+def _compare(known: Parts, facts: Mapping[str, Any]) -> None:
+    differs = next(_differences({key: known.facts.get(key) for key in facts}, facts), None)
+    if differs is not None:
+        where, was, now = differs
+        raise InputError(
+            f"{known.folder} holds another {known.what}, and rows that aren't alike don't mix: {where} was "
+            f"{shown(was)} and is {shown(now)}; put it back, or give another --out"
+        )
+
+
+def _differences(was: Any, now: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Give what differs between plain values, and where.
+
+    >>> list(_differences({"a": [1, {"b": 2}]}, {"a": [1, {"b": 3}]}))
+    [('a[1].b', 2, 3)]
+    """
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in (*was, *(key for key in now if key not in was)):
+            yield from _differences(was.get(key), now.get(key), f"{where}.{key}" if where else str(key))
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        for i, (before, after) in enumerate(zip(was, now, strict=True)):
+            yield from _differences(before, after, f"{where}[{i}]")
+    elif was != now:
+        yield where, was, now
+
+
+def _check_folder(folder: Path, what: str) -> None:
+    """Refuse a folder that holds something else: nothing of somebody's is to be mixed with parts."""
+    try:
+        is_folder, exists = folder.is_dir(), folder.exists() or folder.is_symlink()
+        others = [] if not is_folder else [path.name for path in folder.iterdir() if not path.name.startswith(".")]
+    except (OSError, ValueError) as error:
+        raise InputError(f"can't write into {folder}: {error}") from error
+    if exists and not is_folder:
+        raise InputError(f"{folder} isn't a folder; give another --out")
+    if others and not is_file(folder / _MANIFEST):
+        raise InputError(
+            f"{folder} exists and holds no {what}, but {listed(sorted(others)[:3])}; give another --out, a new folder"
+        )
+
+
+def _make(folder: Path) -> None:
+    try:
+        if not folder.parent.is_dir():
+            raise InputError(f"can't write {folder}: folder {folder.parent} doesn't exist; create it first")
+        folder.mkdir(exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(f"can't write {folder}: {error}; give another --out") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"can't write into {folder}: no permission; give another --out")
+
+
+@contextmanager
+def _locked(folder: Path, what: str, shard: Shard | None) -> Iterator[None]:
+    """Keep others out while a run is at work: every other one, or of a shard's the same shard and whole runs.
+
+    The system gives a lock back when its process dies, however it dies; a lock's file stays.
+    """
+    from filelock import FileLock, Timeout
+
+    whole = folder / f"{_LOCK}-run"
+    own = whole if shard is None else folder / f"{_LOCK}-{shard.number}-of-{shard.of}"
+    held = "another run" if shard is None else f"a whole run, or shard {shard},"
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(FileLock(own).acquire(timeout=_PATIENCE_S))
+            if shard is None:
+                for other in sorted(folder.glob(f"{_LOCK}-*-of-*")):
+                    held = f"shard {other.name.removeprefix(f'{_LOCK}-').replace('-of-', '/')}"
+                    stack.enter_context(FileLock(other).acquire(timeout=_PATIENCE_S))
+            else:
+                FileLock(whole).acquire(timeout=_PATIENCE_S).lock.release()
+        except Timeout:
+            raise InputError(
+                f"{held} is at work in {folder}; wait for it (or end it: nothing is lost), or give another --out"
+            ) from None
+        except OSError as error:
+            raise InputError(f"can't lock {folder} for this {what}: {error.strerror or error}") from error
+        yield
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until a file is on the disk: its new name must not get there before it."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())

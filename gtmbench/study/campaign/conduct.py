@@ -1,0 +1,224 @@
+"""A campaign at work: its tasks on processes of this machine, one shard of them, or on a Dask cluster, into parts.
+
+Whoever conducts it writes the parts; processes and workers only make rows. So nothing but the folder has to be kept,
+and it doesn't matter who ends when.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gtmbench.cluster import completed_on_cluster
+from gtmbench.errors import InputError
+from gtmbench.imports import load_module, loaded_files
+from gtmbench.parts import Parts, Shard, parts_in
+from gtmbench.processes import completed
+from gtmbench.progress import Progress, silent
+from gtmbench.shipped import source_digest
+from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
+from gtmbench.study.campaign.rows import table_of
+from gtmbench.study.campaign.task import Task, Watchers, rows_of
+from gtmbench.study.campaign.watchers import Named, calibrated, named
+from gtmbench.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+WHAT = "campaign"
+_LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions rows hang on
+_KILLED = "a process was killed (no memory?); what is finished stays: go on with --resume, perhaps with fewer --jobs"
+
+
+class Work(NamedTuple):
+    """A task as it travels: what has to be imported first, what watches, and the task, the two as pickles."""
+
+    versions: tuple[tuple[str, str], ...]
+    files: tuple[str, ...]
+    watchers: bytes
+    task: bytes
+
+
+def campaign(
+    source: str | Path | Campaign,
+    *,
+    out: str | Path,
+    detectors: Sequence[str] = (),
+    jobs: int = 1,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> pd.DataFrame:
+    """Run a campaign, and return a row a trial and detector, and one a healthy record and detector.
+
+    Parameters
+    ----------
+    source : str, Path or Campaign
+        A TOML file, or the name of one of the package's (``ci``).
+    out : str or Path
+        The folder of its parts, one a flight, which are written as they are finished.
+    detectors : sequence of str
+        That watch beside those that it names, as `find_detector` takes them.
+    jobs : int
+        Processes. The caller's main module is imported by each of them, so a script needs its
+        ``if __name__ == "__main__":``.
+    resume : bool
+        Go on with what stands in the folder.
+    progress : callable
+        Told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    GtmbenchError
+        As `conduct` does. A trial that fails is a row with its `error`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rows = campaign("dissertation", out=Path(folder, "out"))
+    >>> trials = rows[rows["fault"].notna()]
+    >>> len(trials), int(trials["detected"].sum()), int(rows["false_alarms"].sum())
+    (15, 15, 0)
+    """
+    meant = source if isinstance(source, Campaign) else load_campaign(source)
+    return (
+        conduct(meant.watched_by(detectors), Path(out), jobs=jobs, resume=resume, yes=True, progress=progress)
+        .read()
+        .to_pandas()
+    )
+
+
+def conduct(
+    campaign: Campaign,
+    out: Path,
+    *,
+    jobs: int = 1,
+    shard: Shard | None = None,
+    scheduler: str | None = None,
+    tls: Path | None = None,
+    resume: bool = False,
+    yes: bool = False,
+    progress: Progress = silent,
+) -> Parts:
+    """Fly, break and watch what isn't in the folder yet, and return its parts.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : Path
+        The folder of the parts; made where there is none.
+    jobs : int
+        Processes on this machine. The caller's main module is imported by each of them, so a script needs its
+        ``if __name__ == "__main__":``.
+    shard : Shard, optional
+        Only these tasks; other shards may be at work in the folder at the same time.
+    scheduler : str, optional
+        The address of a Dask scheduler whose workers do the tasks instead.
+    tls : Path, optional
+        A folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
+    resume : bool
+        Whether the folder may hold parts already.
+    yes : bool
+        Whether more than ten million trials are meant.
+    progress : callable
+        Told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    InputError
+        Where the campaign can't be meant, or the folder is of another one, or in use.
+    GtmbenchError
+        Where it ends before its end; what is finished stays.
+    """
+    detectors = named(campaign)
+    check_size(campaign, len(detectors.names), yes=yes)
+    facts = {"campaign": campaign.facts(), "versions": versions(), "python": _python()}
+    with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
+        parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
+        todo = parts.todo(shard)
+        wanted = frozenset(todo)
+        tasks = (task for task in campaign.tasks() if task.number in wanted)
+        packed = (_packed(task, detectors, monitors) for task in tasks)
+        progress("flights", 0, len(todo))
+        for finished, (place, rows) in enumerate(_worked(packed, jobs, scheduler, tls), 1):
+            parts.write(todo[place], rows)
+            progress("flights", finished, len(todo))
+        return parts
+
+
+def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
+    """Refuse a campaign of so many trials that nobody means it without saying so.
+
+    Raises
+    ------
+    InputError
+    """
+    trials = (campaign.trials + campaign.records) * detectors
+    if trials > MANY and not yes:
+        raise InputError(
+            f"{campaign.flights:,} flights with {trials:,} trials in all; that is more than {MANY:,}: say --yes if "
+            "it is meant, or look at the axes (--dry-run)"
+        )
+
+
+def versions() -> dict[str, str]:
+    """Return what rows hang on beside the campaign: versions, and a digest of this package's code and data."""
+    return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in _LIBRARIES}}
+
+
+def _python() -> dict[str, str]:
+    """Return digests of the files that the user has had imported: detectors and faults of their own."""
+    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in loaded_files()}
+
+
+def _packed(task: Task, detectors: Named, monitors: dict[Any, Any]) -> Work:
+    watchers = detectors.watchers(task.setup, monitors)
+    return Work(tuple(versions().items()), loaded_files(), pickle.dumps(watchers), pickle.dumps(task))
+
+
+def _worked(
+    packed: Iterable[Work], jobs: int, scheduler: str | None, tls: Path | None
+) -> Iterator[tuple[int, pa.Table]]:
+    if scheduler is None:
+        return completed(done, packed, processes=jobs, killed=_KILLED)
+    return completed_on_cluster(done, packed, scheduler=scheduler, tls=tls)
+
+
+def done(work: Work) -> pa.Table:
+    """Do a task, in whichever process, and return its rows.
+
+    Raises
+    ------
+    InputError
+        Where this isn't the gtmbench that the work comes from: its rows would be others.
+    """
+    if dict(work.versions) != versions():
+        differs = {name: (was, versions().get(name)) for name, was in work.versions if versions().get(name) != was}
+        said = ", ".join(f"{name} {here} instead of {there}" for name, (there, here) in differs.items())
+        raise InputError(f"a worker has {said}; rows of both don't mix: install the same everywhere")
+    return table_of(rows_of(_task(work.files, work.task), _watchers(work.files, work.watchers)))
+
+
+@lru_cache(maxsize=2)  # of two aircraft
+def _watchers(files: tuple[str, ...], pickled: bytes) -> Watchers:
+    _import(files)
+    watchers: Watchers = pickle.loads(pickled)  # noqa: S301  our own, from the process that conducts
+    return watchers
+
+
+def _task(files: tuple[str, ...], pickled: bytes) -> Task:
+    _import(files)
+    task: Task = pickle.loads(pickled)  # noqa: S301
+    return task
+
+
+def _import(files: Sequence[str]) -> None:
+    """Import the user's own detectors and faults: pickles name their classes."""
+    for file in files:
+        load_module(file)

@@ -1,0 +1,400 @@
+"""What a campaign is: scenarios, the axes that multiply them, what watches; and the tasks that it comes to.
+
+A campaign's TOML is a scenario's with four keys and three tables more: ``scenarios`` (others, by name or file),
+``detectors``, ``isolate``; ``[axes]``, ``[healthy]`` and ``[calibration]``. Every value of every axis is flown with
+every value of the others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from gtmbench.bench.excitation import parts_of
+from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
+from gtmbench.detectors.registry import for_data_file, is_python
+from gtmbench.errors import InputError
+from gtmbench.files import is_file, read_toml
+from gtmbench.plain import plain
+from gtmbench.shipped import shipped_campaigns
+from gtmbench.study.calibration import OWN
+from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
+from gtmbench.study.fault_tables import FaultSpec
+from gtmbench.study.flights import SEED_STEP
+from gtmbench.study.healthy_records import CalibrationFlights
+from gtmbench.study.run import with_noise
+from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
+from gtmbench.study.trial import fault_row
+
+MANY = 10_000_000  # trials: nobody means more without saying so
+_RANGE = re.compile(r"\s*(\d{1,10})\s*:\s*(\d{1,10})\s*")
+_OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration")
+CALIBRATION = CalibrationFlights(flights=12, duration_s=300.0, seed=1_000_000_001)  # those of `gtmbench run`
+
+_ANY_FAULT = {"kind": "dropout", "channels": ["p"], "onset_s": 0.0}  # a scenario has one
+
+Axes = Mapping[str, Sequence[Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """What is flown, broken and watched: scenarios times axes.
+
+    Attributes
+    ----------
+    name, title : str
+    scenarios : tuple of Scenario
+        What breaks, and on which flight; an axis takes the place of a scenario's own setting.
+    axes : mapping of str to sequence
+        By the names of `AXES`: the values that multiply the scenarios.
+    healthy : mapping of str to sequence, or None
+        Axes of further flights, on which nothing breaks: those that it doesn't name are the campaign's.
+    detectors : tuple of str
+        What watches, as a data file may name it.
+    isolate : bool
+        Whether it is asked which sensor failed and how, or only whether and when there was an alarm.
+    calibration : CalibrationFlights
+        What detectors are calibrated on that aren't tied to an excitation, once an aircraft.
+    false_alarms_per_hour : float or None
+        Wanted of those; None: as they do.
+    """
+
+    name: str
+    title: str
+    scenarios: tuple[Scenario, ...]
+    axes: Axes = field(default_factory=dict)
+    healthy: Axes | None = None
+    detectors: tuple[str, ...] = (OWN,)
+    isolate: bool = True
+    calibration: CalibrationFlights = CALIBRATION
+    false_alarms_per_hour: float | None = None
+
+    def watched_by(self, detectors: Sequence[str]) -> Campaign:
+        """Return it with other detectors beside its own.
+
+        Scenarios that state neither snr nor noise have the T2's noise where anything but their own operator watches, as
+        in a study.
+        """
+        everyone = tuple(dict.fromkeys((*self.detectors, *detectors)))
+        others = any(detector != OWN for detector in everyone)
+        scenarios = tuple(with_noise(each) if others else each for each in self.scenarios)
+        return replace(self, detectors=everyone, scenarios=scenarios)
+
+    def tasks(self) -> Iterator[Task]:
+        """Give the tasks, one a flight, in an order that stays: the first axis named varies slowest."""
+        numbers = itertools.count()
+        for setup, faults in self._setups():
+            for breaking, axes in self._blocks():
+                for flown in _flights(setup, axes):
+                    yield Task(
+                        number=next(numbers),
+                        setup=flown,
+                        faults=tuple(faults) if breaking else (),
+                        noise_seeds=tuple(_noise_seeds(axes)),
+                        isolate=self.isolate,
+                    )
+
+    def _setups(self) -> list[tuple[Setup, list[tuple[str, FaultSpec]]]]:
+        """Return the setups that differ, and all that breaks on the flights of each."""
+        found: list[tuple[Setup, list[tuple[str, FaultSpec]]]] = []
+        for scenario in self.scenarios:
+            own = next((faults for setup, faults in found if setup == scenario.setup), None)
+            if own is None:
+                found.append((scenario.setup, own := []))
+            own += [(scenario.name, spec) for spec in scenario.faults]
+        return found
+
+    def _blocks(self) -> list[tuple[bool, Axes]]:
+        """Return the axes of flights on which something breaks, and of those on which nothing does."""
+        blocks: list[tuple[bool, Axes]] = [(True, self.axes)] if any(one.faults for one in self.scenarios) else []
+        return blocks + ([] if self.healthy is None else [(False, {**self.axes, **self.healthy})])
+
+    @property
+    def flights(self) -> int:
+        """How many flights there are, which is how many tasks."""
+        return sum(_count(axes) for _, axes in self._blocks()) * len(self._setups())
+
+    @property
+    def trials(self) -> int:
+        """How many faults every detector is tried on, healthy records not among them."""
+        faults = sum(len(scenario.faults) for scenario in self.scenarios)
+        flown = (_count(axes) * len(_noise_seeds(axes)) for breaks, axes in self._blocks() if breaks)
+        return faults * sum(flown)
+
+    @property
+    def records(self) -> int:
+        """How many healthy records every detector watches."""
+        return sum(
+            _count(axes) * len(healthy_seeds(setup, _noise_seeds(axes)))
+            for setup, _ in self._setups()
+            for _, axes in self._blocks()
+        )
+
+    @property
+    def aircraft(self) -> tuple[str, ...]:
+        """Every aircraft that is flown."""
+        own = [scenario.setup.aircraft for scenario in self.scenarios]
+        named = [name for _, axes in self._blocks() for name in axes.get("aircraft", own)]
+        return tuple(dict.fromkeys(named))
+
+    def facts(self) -> dict[str, Any]:
+        """Return all that rows hang on, as plain values."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "scenarios": {
+                scenario.name: {"setup": asdict(scenario.setup), "faults": [_fact(spec) for spec in scenario.faults]}
+                for scenario in self.scenarios
+            },
+            "axes": {name: _fact_of_axis(values) for name, values in self.axes.items()},
+            "healthy": None if self.healthy is None else {n: _fact_of_axis(v) for n, v in self.healthy.items()},
+            "detectors": list(self.detectors),
+            "isolate": self.isolate,
+            "calibration": self.calibration.provenance() | {"false_alarms_per_hour": self.false_alarms_per_hour},
+            "aircraft": {name: _digest(Path(name)) for name in self.aircraft if Path(name).is_dir()},
+        }
+
+    def check_kept_apart(self) -> None:
+        """Refuse flights that detectors are calibrated on: what was seen there is no test.
+
+        Raises
+        ------
+        InputError
+            Naming the seed.
+        """
+        known = range(self.calibration.seed, self.calibration.seed + self.calibration.flights)
+        for setup, _ in self._setups():
+            for _, axes in self._blocks():
+                records = [0, 1, *map(record_number, healthy_seeds(setup, _noise_seeds(axes)))]
+                seeds = axes.get("seed", (setup.seed,))
+                spans = [seeds] if isinstance(seeds, range) else [range(seed, seed + 1) for seed in seeds]
+                for span, record in itertools.product(spans, records):  # record 0's noise has the flight's own seed
+                    first = max(span[0], known[0] - SEED_STEP * record)
+                    if first <= min(span[-1], known[-1] - SEED_STEP * record):
+                        raise InputError(
+                            f"seed {first} is one of calibration's, {known[0]} to {known[-1]} (or its noise is): what "
+                            "was calibrated on is no test; give calibration.seed another first one"
+                        )
+
+
+def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campaign:
+    """Read a campaign from a file, or one of the package's by name (``ci``).
+
+    Parameters
+    ----------
+    source : str or Path
+    detectors : sequence of str
+        That watch beside those that it names.
+
+    Raises
+    ------
+    InputError
+        Naming file, key, what was given and what is legal.
+
+    Examples
+    --------
+    >>> campaign = load_campaign("dissertation")
+    >>> campaign.flights, campaign.trials, campaign.detectors
+    (1, 15, ('dissertation',))
+    """
+    shipped = shipped_campaigns()
+    path = shipped.get(str(source), Path(source))
+    if not is_file(path):
+        raise InputError(f"no campaign '{str(source)[:200]}'; give a TOML file or one of {', '.join(shipped)}")
+    table = read_toml(path, "campaign")
+    with naming(path):
+        campaign = _campaign(path.stem, table)
+    return campaign.watched_by(detectors)
+
+
+def _campaign(name: str, table: dict[str, Any]) -> Campaign:
+    keys(table, [*_OWN_KEYS, *(item.name for item in fields(Setup)), "faults"])
+    own = {key: table.pop(key) for key in _OWN_KEYS if key in table}
+    title = text("title", own.get("title", name))
+    axes = _axes("axes", own.get("axes", {}))
+    healthy = _axes("healthy", own["healthy"]) if "healthy" in own else None
+    scenarios = _scenarios(name, title, own.get("scenarios", []), table, only_healthy=healthy is not None)
+    detectors = _names("detectors", own.get("detectors", [OWN]))
+    for python in filter(is_python, detectors):
+        for_data_file(python)  # refuses it
+    isolate = own.get("isolate", True)
+    if not isinstance(isolate, bool):
+        raise InputError(f"isolate is {shown(isolate)}; it must be true or false")
+    calibration, rate = _calibration(own.get("calibration", {}))
+    campaign = Campaign(
+        name=name,
+        title=title,
+        scenarios=scenarios,
+        axes=axes,
+        healthy=healthy,
+        detectors=detectors,
+        isolate=isolate,
+        calibration=calibration,
+        false_alarms_per_hour=rate,
+    )
+    campaign.check_kept_apart()
+    return campaign
+
+
+def _scenarios(name: str, title: str, named: Any, table: dict[str, Any], *, only_healthy: bool) -> tuple[Scenario, ...]:
+    """Return the scenarios that a campaign names, and the one that its own keys make."""
+    others = [load_scenario(source) for source in _names("scenarios", named, least=0)]
+    twice = [other.name for other in others if [one.name for one in others].count(other.name) > 1]
+    if twice:
+        raise InputError(f"two scenarios go by the name '{twice[0]}'; rename one file")
+    if "faults" in table:
+        return (*others, scenario_of(name, {"title": title, **table}))
+    if others and table:
+        raise InputError(
+            f"{next(iter(table))} stands beside scenarios, which have their own; give it in their files or in [axes]"
+        )
+    if others:
+        return tuple(others)
+    if not only_healthy:
+        raise InputError("nothing would break: name scenarios = [...], or add [[faults]] (or [healthy] for that alone)")
+    stated = scenario_of(name, {"title": title, **table, "faults": [_ANY_FAULT]})
+    return (replace(stated, faults=()),)
+
+
+def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
+    table = table_of("calibration", given)
+    keys(table, ["flights", "duration_s", "excitation", "seed", "false_alarms_per_hour"], section="calibration")
+    stated = {name: value for name, value in table.items() if name != "false_alarms_per_hour"}
+    rate = table.get("false_alarms_per_hour")
+    with naming("calibration"):
+        if "excitation" in stated:
+            setting("excitation", stated["excitation"])
+        return (
+            replace(CALIBRATION, **stated),
+            None if rate is None else number("false_alarms_per_hour", rate, 1e-9, 1e3),
+        )
+
+
+def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:
+    if not isinstance(given, list) or len(given) < least or not all(isinstance(name, str) for name in given):
+        raise InputError(f"{key} is {shown(given)}; it must be a list of names or files")
+    twice = [name for name in given if given.count(name) > 1]
+    if twice:
+        raise InputError(f"{key} names '{twice[0]}' twice")
+    return tuple(given)
+
+
+# ---- axes ----
+
+
+def _axes(section: str, given: Any) -> dict[str, Sequence[Any]]:
+    table = keys(table_of(section, given), AXES, section=section)
+    return {name: AXES[name](f"{section}.{name}", value) for name, value in table.items()}
+
+
+def _listed(key: str, given: Any, check: Callable[[Any], Any]) -> tuple[Any, ...]:
+    values = given if isinstance(given, list) else [given]
+    if not values:
+        raise InputError(f"{key} is an empty list: nothing would be flown; give a value, or leave it out")
+    with naming(key):
+        checked = tuple(check(value) for value in values)
+    twice = [value for i, value in enumerate(checked) if value in checked[:i]]
+    if twice:
+        raise InputError(f"{key} holds {shown(twice[0])} twice; what is flown twice is the same flight")
+    return checked
+
+
+def _settings(name: str) -> Callable[[str, Any], Sequence[Any]]:
+    return lambda key, given: _listed(key, given, lambda value: setting(name, value))
+
+
+def _flags(key: str, given: Any) -> Sequence[bool]:
+    def check(value: Any) -> bool:
+        if isinstance(value, bool):
+            return value
+        raise InputError(f"it holds {shown(value)}; it must be true or false, or both: [false, true]")
+
+    return _listed(key, given, check)
+
+
+def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
+    """Return a check of seeds: one, a list, or the first and the last: ``"1:20"``."""
+
+    def check(key: str, given: Any) -> Sequence[int]:
+        if not isinstance(given, str):
+            return _listed(key, given, lambda value: whole("a seed", value, least))
+        match = _RANGE.fullmatch(given)
+        seeds = range(int(match[1]), int(match[2]) + 1) if match else range(0)
+        if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > most:
+            raise InputError(
+                f"{key} is {shown(given)}: no seed; give whole numbers from {least} on, or the first and the last of "
+                f'at most {most}, such as "1:20"'
+            )
+        return seeds
+
+    return check
+
+
+AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
+    "aircraft": _settings("aircraft"),
+    "excitation": _settings("excitation"),
+    "turbulence": _flags,
+    "altitude_ft": _settings("altitude_ft"),
+    "tas_kt": _settings("tas_kt"),
+    "seed": _seeds(0, 10_000_000),
+    "noise_seed": _seeds(1, 10_000),
+}
+_OF_A_FLIGHT = tuple(name for name in AXES if name != "noise_seed")  # a flight is measured many times
+
+
+def _count(axes: Axes) -> int:
+    return math.prod(len(axes[name]) for name in _OF_A_FLIGHT if name in axes)
+
+
+def _noise_seeds(axes: Axes) -> Sequence[int]:
+    return axes.get("noise_seed", (1,))
+
+
+def _flights(setup: Setup, axes: Axes) -> Iterator[Setup]:
+    """Give a setup with every combination of the axes' values."""
+    named = [name for name in axes if name in _OF_A_FLIGHT]
+    for values in itertools.product(*(axes[name] for name in named)):
+        changed = dict(zip(named, values, strict=True))
+        turbulent = changed.pop("turbulence", None)
+        flown = replace(setup, **changed)
+        yield flown if turbulent is None else replace(flown, excitation=_in_air(flown.excitation, turbulent))
+
+
+def _in_air(excitation: str, turbulent: bool) -> str:
+    """Return an excitation in turbulent air, or in calm.
+
+    >>> _in_air("doublets", True), _in_air("multisine+turbulence", False)
+    ('doublets+turbulence', 'multisine')
+    """
+    moved = [part for part in parts_of(excitation) if part != "turbulence"]
+    parts = moved + ["turbulence"] * turbulent
+    if not parts:
+        raise InputError("excitation 'turbulence' with turbulence = false: nothing would move; give another excitation")
+    return "+".join(parts)
+
+
+# ---- facts ----
+
+
+def _fact(spec: FaultSpec) -> dict[str, Any]:
+    """Say of a trial to come all that its rows hang on."""
+    given = {name: str(severity) for name, severity in spec.severities.items()}
+    return {**plain(fault_row(spec.fault)), "given": given, "also": [_fact(other) for other in spec.also]}
+
+
+def _fact_of_axis(values: Sequence[Any]) -> Any:
+    return f"{values[0]}:{values[-1]}" if isinstance(values, range) else list(values)
+
+
+def _digest(folder: Path) -> str:
+    """Return a digest of an aircraft of somebody's own."""
+    digest = hashlib.sha256()
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]

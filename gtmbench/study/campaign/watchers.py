@@ -1,0 +1,150 @@
+"""What watches a campaign: every detector is calibrated once an aircraft, and its file stands with the parts."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.checks import naming
+from gtmbench.detectors.files import load_monitor, save_monitor
+from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.detectors.registry import as_detector
+from gtmbench.errors import InputError
+from gtmbench.parts import Parts, hold, waiting_alone
+from gtmbench.progress import Progress
+from gtmbench.record import Record
+from gtmbench.study.calibration import OWN, Calibrator, is_tied, own_detector, with_provenance
+from gtmbench.study.campaign.plan import Campaign
+from gtmbench.study.campaign.task import Watchers
+from gtmbench.study.scenario import Setup
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """A campaign's detectors by name, found and held against its flights, and not yet calibrated.
+
+    Attributes
+    ----------
+    detectors : mapping of str to Detector or Monitor
+    own : bool
+        Whether the scenarios' own watches, too, by each one's ``[operator]`` and ``[alarm]``.
+    """
+
+    detectors: Mapping[str, Detector | Monitor]
+    own: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All of their names."""
+        return ((OWN,) if self.own else ()) + tuple(self.detectors)
+
+    def watchers(self, setup: Setup, calibrated: Mapping[tuple[str, str], Monitor]) -> Watchers:
+        """Return what watches a flight; what is tied to its excitation as a recipe."""
+        own: dict[str, Detector | Monitor] = {OWN: own_detector(setup)} if self.own else {}
+        others = {name: calibrated.get((name, setup.aircraft), detector) for name, detector in self.detectors.items()}
+        return own | others
+
+
+def named(campaign: Campaign) -> Named:
+    """Find a campaign's detectors, and refuse those that don't fit its flights.
+
+    Raises
+    ------
+    InputError
+        Where one can't be meant, two have one name, or one is of other sensors than the flights'.
+    """
+    detectors: dict[str, Detector | Monitor] = {}
+    for source in campaign.detectors:
+        if source == OWN:
+            continue
+        detector = as_detector(source)
+        if detector.name in detectors:
+            raise InputError(f"two detectors go by the name '{detector.name}'; rows couldn't tell them apart")
+        detectors[detector.name] = detector
+    found = Named(detectors=detectors, own=OWN in campaign.detectors)
+    for scenario in campaign.scenarios:
+        with naming(scenario.name):
+            Calibrator.of(scenario.setup, found.watchers(scenario.setup, {}))
+            for name, detector in detectors.items():
+                if _learns(detector) and scenario.setup.noise is None:
+                    raise InputError(
+                        f"its noise is stated by snr, which is another one on every flight, and '{name}' is calibrated "
+                        'for one; state noise = "t2" instead'
+                    )
+    return found
+
+
+def calibrated(
+    campaign: Campaign, detectors: Named, parts: Parts, *, processes: int, progress: Progress
+) -> tuple[Parts, dict[tuple[str, str], Monitor]]:
+    """Return every monitor by name and aircraft, as its file in the folder has it; what isn't there yet is calibrated.
+
+    Of several shards that begin together one calibrates, and the others wait for it.
+    """
+    monitors, digests = {}, {}
+    with waiting_alone(parts.folder):
+        for aircraft in campaign.aircraft:
+            records: list[Record] = []
+            for name, detector in detectors.detectors.items():
+                if is_recipe(detector) and is_tied(detector):
+                    continue
+                if is_ready(detector) and not _is_kept(detector):
+                    monitors[name, aircraft] = detector
+                    continue
+                path = parts.folder / _file_name(name, aircraft, several=len(campaign.aircraft) > 1)
+                if not path.is_file():
+                    if _learns(detector) and not records:
+                        records = _flown(campaign, detectors, aircraft, processes, progress)
+                    save_monitor(_monitor(campaign, detector, records, aircraft, progress), path)
+                monitors[name, aircraft] = load_monitor(path, detector if is_recipe(detector) else None)
+                digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return hold(parts, monitors=digests), monitors
+
+
+def _learns(detector: Detector | Monitor) -> bool:
+    """Whether it is calibrated on flights that shake everything, once."""
+    return is_recipe(detector) and not is_tied(detector) and not isinstance(detector, FunctionDetector)
+
+
+def _is_kept(monitor: Monitor) -> bool:
+    """Whether a monitor can be written down; one in Python goes to the tasks as it is."""
+    try:
+        monitor.figures()
+    except (InputError, AttributeError):
+        return False
+    return True
+
+
+def _flown(campaign: Campaign, detectors: Named, aircraft: str, processes: int, progress: Progress) -> list[Record]:
+    """Fly what all detectors are calibrated on, once."""
+    wanted = {channel for detector in detectors.detectors.values() for channel in detector.channels}
+    commands = [name for name in COMMANDS if name in wanted]
+    flights = replace(campaign.calibration, aircraft=aircraft)
+    return flights.sensed([*SENSORS, *commands], processes=processes, progress=progress)
+
+
+def _monitor(
+    campaign: Campaign, detector: Detector | Monitor, records: list[Record], aircraft: str, progress: Progress
+) -> Monitor:
+    if not is_recipe(detector):
+        assert is_ready(detector)
+        return detector
+    if isinstance(detector, FunctionDetector):
+        return detector.calibrate()
+    seen = [record.select(detector.channels) for record in records] if detector.channels else records
+    monitor = detector.calibrate(seen, campaign.false_alarms_per_hour, progress=progress)
+    origin = replace(campaign.calibration, aircraft=aircraft).provenance()
+    return with_provenance(monitor, origin | {"records": len(records)})
+
+
+def _file_name(detector: str, aircraft: str, *, several: bool) -> str:
+    """Return a name for a monitor's file: legal everywhere, another one for every detector."""
+    words = f"{detector}-{Path(aircraft).name}" if several else detector
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", words)
+    mark = "" if plain == words else f"-{hashlib.sha256(words.encode()).hexdigest()[:6]}"
+    return f"monitor-{plain[:100]}{mark}.json"

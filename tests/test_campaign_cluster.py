@@ -1,0 +1,125 @@
+"""A campaign on a Dask cluster: a real scheduler and workers on loopback, of which some die on the way."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import gtmbench as gb
+from gtmbench.cluster import completed_on_cluster
+from gtmbench.parts import read_parts
+from gtmbench.study.campaign.conduct import conduct
+from tests.campaigns import TINY, loaded, results, written
+
+pytest.importorskip("distributed", reason="no extra [scale]")
+
+ROOT = Path(__file__).parent.parent
+SLOW = TINY.replace("duration_s = 20", "duration_s = 60")
+
+
+class Cluster:
+    """A scheduler and its workers, a process each."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        self._processes = []
+        self.scheduler = self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-show", "--no-dashboard")
+        self.workers = [self._worker(), self._worker()]
+
+    @property
+    def address(self):
+        import json
+
+        for _ in range(600):
+            with contextlib.suppress(OSError, ValueError, KeyError):
+                return json.loads(self._file.read_text())["address"]
+            time.sleep(0.05)
+        raise AssertionError("no scheduler")
+
+    def _worker(self):
+        return self._begin("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+
+    def _begin(self, what, *options):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "dask", what, "--scheduler-file", self._file, *options]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._processes.append(process)
+        return process
+
+    def end(self):
+        for process in self._processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    cluster = Cluster(tmp_path)
+    yield cluster
+    cluster.end()
+
+
+def test_a_worker_that_is_killed_midway_changes_no_byte(cluster, tmp_path):
+    campaign = loaded(tmp_path, SLOW)
+    finished = []
+
+    def tell(step, done, _of):
+        if step == "flights" and done == 3:
+            finished.append(done)
+            cluster.workers[0].send_signal(signal.SIGKILL)
+
+    parts = conduct(campaign, tmp_path / "out", scheduler=cluster.address, progress=tell)
+    assert finished == [3]
+    assert cluster.workers[0].wait(10) == -signal.SIGKILL
+    assert parts.todo() == ()
+    conduct(campaign, tmp_path / "alone")
+    assert results(tmp_path / "out") == results(tmp_path / "alone")
+
+
+def test_a_scheduler_that_dies_costs_what_wasnt_finished_and_no_more(cluster, tmp_path):
+    campaign = loaded(tmp_path, SLOW)
+
+    def tell(step, done, _of):
+        if step == "flights" and done == 2:
+            cluster.scheduler.kill()
+
+    with pytest.raises(gb.GtmbenchError, match="is gone; what is finished stays: go on with --resume"):
+        conduct(campaign, tmp_path / "out", scheduler=cluster.address, progress=tell)
+    assert len(read_parts(tmp_path / "out").done()) >= 2
+    assert conduct(campaign, tmp_path / "out", resume=True).todo() == ()
+
+
+def fails(task):
+    raise gb.InputError(f"not {task}")
+
+
+def asserts(task):
+    raise AssertionError(task)
+
+
+def test_what_a_worker_cant_do_is_one_line(cluster):
+    with pytest.raises(gb.InputError, match="not 3"):
+        list(completed_on_cluster(fails, [3], scheduler=cluster.address))
+    with pytest.raises(gb.GtmbenchError, match=r"a worker couldn't do a task \(AssertionError: 3\)"):
+        list(completed_on_cluster(asserts, [3], scheduler=cluster.address))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "tcp://", "udp://127.0.0.1:8786"])
+def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkeypatch, address):
+    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1)
+    code, out, err = cli("campaign", written(tmp_path), "--scheduler", address, "--out", "out")
+    assert (code, out) == (2, "")
+    assert "no scheduler answers at" in err
+    assert err.count("\n") == 1
+
+
+def test_certificates_that_arent_there_are_told(cli, tmp_path):
+    code, _, err = cli(
+        "campaign", written(tmp_path), "--scheduler", "tls://127.0.0.1:1", "--tls", tmp_path, "--out", "o"
+    )
+    assert (code, "lacks ca.pem, cert.pem, key.pem" in err) == (2, True)
