@@ -1,5 +1,6 @@
 """Campaigns of seconds, for the tests of campaigns."""
 
+import gtmbench as gb
 from gtmbench.study.campaign.conduct import conduct
 from gtmbench.study.campaign.plan import load_campaign
 
@@ -54,3 +55,11 @@ def table(folder, text=TINY, **how):
 def results(folder):
     """Return all that a finished campaign leaves, but for its locks and times: by name, the bytes."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+def fails(task):
+    raise gb.InputError(f"not {task}")
+
+
+def asserts(task):
+    raise AssertionError(task)

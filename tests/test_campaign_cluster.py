@@ -1,6 +1,7 @@
 """A campaign on a Dask cluster: a real scheduler and workers on loopback, of which some die on the way."""
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -14,12 +15,12 @@ import gtmbench as gb
 from gtmbench.cluster import completed_on_cluster
 from gtmbench.parts import read_parts
 from gtmbench.study.campaign.conduct import conduct
-from tests.campaigns import TINY, loaded, results, written
+from tests.campaigns import TINY, asserts, fails, loaded, results, written
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 
 ROOT = Path(__file__).parent.parent
-SLOW = TINY.replace("duration_s = 20", "duration_s = 60")
+MORE = TINY.replace("1:8", "1:12")
 
 
 class Cluster:
@@ -33,8 +34,6 @@ class Cluster:
 
     @property
     def address(self):
-        import json
-
         for _ in range(600):
             with contextlib.suppress(OSError, ValueError, KeyError):
                 return json.loads(self._file.read_text())["address"]
@@ -65,7 +64,7 @@ def cluster(tmp_path):
 
 
 def test_a_worker_that_is_killed_midway_changes_no_byte(cluster, tmp_path):
-    campaign = loaded(tmp_path, SLOW)
+    campaign = loaded(tmp_path, MORE)
     finished = []
 
     def tell(step, done, _of):
@@ -82,7 +81,7 @@ def test_a_worker_that_is_killed_midway_changes_no_byte(cluster, tmp_path):
 
 
 def test_a_scheduler_that_dies_costs_what_wasnt_finished_and_no_more(cluster, tmp_path):
-    campaign = loaded(tmp_path, SLOW)
+    campaign = loaded(tmp_path, MORE)
 
     def tell(step, done, _of):
         if step == "flights" and done == 2:
@@ -92,14 +91,6 @@ def test_a_scheduler_that_dies_costs_what_wasnt_finished_and_no_more(cluster, tm
         conduct(campaign, tmp_path / "out", scheduler=cluster.address, progress=tell)
     assert len(read_parts(tmp_path / "out").done()) >= 2
     assert conduct(campaign, tmp_path / "out", resume=True).todo() == ()
-
-
-def fails(task):
-    raise gb.InputError(f"not {task}")
-
-
-def asserts(task):
-    raise AssertionError(task)
 
 
 def test_what_a_worker_cant_do_is_one_line(cluster):

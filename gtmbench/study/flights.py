@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import ClassVar
 
 from gtmbench.bench.equilibrium import Trim
@@ -40,9 +41,17 @@ class Flown:
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
-        setup = self.setup
-        seed = _noise_seed(setup, number)
-        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands)
+        if number not in self._last:  # the trials of a record ask for it one after the other
+            setup, seed = self.setup, _noise_seed(self.setup, number)
+            self._last.clear()
+            self._last[number] = measure(
+                self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands
+            )
+        return self._last[number]
+
+    @cached_property
+    def _last(self) -> dict[int, Record]:
+        return {}
 
     def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
         """Return what the same sensors read on another flight; `number` is of the noise, as `sensed` has it.
@@ -56,22 +65,12 @@ class Flown:
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
 
-    def broken(
-        self, scenario: str, spec: FaultSpec, healthy: Record, number: int = BROKEN
-    ) -> tuple[Injection, Record]:
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
 
         Return it, and what the sensors would have read without them.
-
-        Parameters
-        ----------
-        scenario : str
-        spec : FaultSpec
-        healthy : Record
-            What they do read, `sensed` of the number.
-        number : int
         """
-        faults = self.faults(spec)
+        faults, healthy = self.faults(spec), self.sensed(number)
         return _injection(scenario, faults, self.flight, inject(healthy, faults)), healthy
 
     def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
@@ -101,9 +100,7 @@ class FlownInLoop(Flown):
         other = replace(self.setup, excitation=excitation, duration_s=duration_s)
         return _flown_healthy(other, number, seed).readings(commands=self.commands)
 
-    def broken(
-        self, scenario: str, spec: FaultSpec, healthy: Record, number: int = BROKEN
-    ) -> tuple[Injection, Record]:
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
         faults = self.faults(spec)
         flight = _flown_in_loop(self.setup, number, faults)
@@ -125,8 +122,9 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
         autopilot=setup.autopilot,
         faults=faults,
         noise=setup.noise,
-        **setup.trim_point,
         noise_seed=_noise_seed(setup, number),
+        altitude_ft=setup.altitude_ft,
+        tas_kt=setup.tas_kt,
     )
 
 

@@ -131,7 +131,7 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
     baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
-        broken, unbroken = flown.broken(scenario, spec, healthy)
+        broken, unbroken = flown.broken(scenario, spec)
         for name, monitor in monitors.items():
             tell(f"{broken.fault} of {broken.channel}")
             watch = watched(monitor, broken.record, flown.setup)

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
-from gtmbench.detectors.monitor.scores import over
 from gtmbench.detectors.rivals.level import Level
-from gtmbench.detectors.statistics.statistic import Carried, Given, Statistic, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.statistic import Carried, Given, Statistic, Tolerance, over, tolerance_of
 from gtmbench.detectors.statistics.thresholds import thresholds_of
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.detectors.tables import keys

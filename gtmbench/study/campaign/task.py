@@ -75,10 +75,10 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
         about = {**_about(task), "noise_seed": noise_seed}
         healthy = _tried(_sensed, flown, noise_seed)
         quiet = {name: _tried(watched, monitor, healthy, task.setup) for name, monitor in monitors.items()}
-        judges = {name: _tried(_judge, watch, healthy, flown, task) for name, watch in quiet.items()}
+        judges = {name: _tried(_judge, watch, flown, task) for name, watch in quiet.items()}
         rows += [{**about, "detector": name, **_cells(_tried(_healthy, watch))} for name, watch in quiet.items()]
         for scenario, spec in task.faults if noise_seed in task.noise_seeds else ():
-            broken = _tried(_Broken, flown, scenario, spec, healthy, noise_seed)
+            broken = _tried(_Broken, flown, scenario, spec, noise_seed)
             fault = {**about, **_of_fault(scenario, spec), **_severity(broken)}
             for name in monitors:
                 verdict = _tried(lambda judge, broken: judge(broken), judges[name], broken)
@@ -145,15 +145,15 @@ def _sensed(flown: Flown, noise_seed: int) -> Record:
 class _Broken:
     """A trial's faults, and the record with them: made where somebody looks at it."""
 
-    def __init__(self, flown: Flown, scenario: str, spec: FaultSpec, healthy: Record, noise_seed: int) -> None:
-        self._flown, self._scenario, self._spec, self._healthy = flown, scenario, spec, healthy
+    def __init__(self, flown: Flown, scenario: str, spec: FaultSpec, noise_seed: int) -> None:
+        self._flown, self._scenario, self._spec = flown, scenario, spec
         self._number = record_number(noise_seed)
         self.faults = flown.faults(spec)
 
     @cached_property
     def record(self) -> tuple[Injection, Record]:
         """The broken record, and what it would have been without."""
-        return self._flown.broken(self._scenario, self._spec, self._healthy, self._number)
+        return self._flown.broken(self._scenario, self._spec, self._number)
 
 
 def _healthy(watch: Watch) -> Row:
@@ -161,7 +161,7 @@ def _healthy(watch: Watch) -> Row:
     return {"false_alarms": len(false_alarms(watch)), "armed_hours": watch.armed_hours}
 
 
-def _judge(quiet: Watch, healthy: Record, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
+def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
     """Return what is asked of a monitor on a record with faults: everything, or only whether and when it alarms."""
     judge = partial(_judged, quiet.monitor, task.setup)
     if task.isolate:
