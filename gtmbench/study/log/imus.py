@@ -403,7 +403,7 @@ def _lasts(values: FloatArray, onset: int, late: tuple[int, int]) -> bool:
 
 
 def _is_steady(values: FloatArray, onset: int) -> bool:
-    """Tell whether it has been about so ever since: an estimator follows what is fresh, or comes and goes with motion."""
+    """Tell whether it has been about so ever since: an estimator follows what is fresh, or comes and goes."""
     whole = _shift(values, onset, _LATE)
     earlier = values[max(onset - _APART - _MINUTE, 0) : max(onset - _APART, 0)]
     shares = (values - np.nanmedian(earlier)) / whole
