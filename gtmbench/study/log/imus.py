@@ -39,6 +39,7 @@ _GAIN = 0.02  # by which scale and direction of two gyros differ: an a priori st
 _VOTE, _ALIKE, _EITHER_HALF = 8, 0.25, 0.3
 _LATE = (15, 40)  # blocks after the onset: an estimator has been corrected
 _ENOUGH_LATE, _FEWEST_SHIFTS, _ABOVE = 15, 3, 4.0
+_WAVERS, _WAVERS_LATE = 0.75, 0.5  # of its late mean, what differs may in five seconds
 _LIES, _TELLS_TRUTH = 0.8, 0.2  # shares of the difference that a gyro's distance from the attitude has
 _STILL, _HELD_BLOCKS = 1e-3, 2
 _SOON_S = 10.0
@@ -401,6 +402,20 @@ def _lasts(values: FloatArray, onset: int, late: tuple[int, int]) -> bool:
     return bool(min(half / whole for half in halves) > _EITHER_HALF) if whole else False
 
 
+def _is_steady(values: FloatArray, onset: int) -> bool:
+    """Tell whether it has been about so ever since: an estimator follows what is fresh, or comes and goes."""
+    whole = _shift(values, onset, _LATE)
+    earlier = values[max(onset - _APART - _MINUTE, 0) : max(onset - _APART, 0)]
+    shares = (values - np.nanmedian(earlier)) / whole
+    for first in range(_APART, _LATE[1], _APART):
+        part = shares[onset + first : onset + first + _APART]
+        part = part[np.isfinite(part)]
+        wavers = _WAVERS_LATE if first >= _LATE[0] else _WAVERS
+        if len(part) > _APART // 2 and abs(part.mean() - 1.0) > wavers:
+            return False
+    return True
+
+
 def _voted_out(blocks: _Blocks, imus: Sequence[Imu], axis: int, onset: int) -> int | None:
     """Return the IMU that parts from all others while these agree."""
     if len(imus) < 3:
@@ -431,8 +446,8 @@ def _against_attitude(blocks: _Blocks, axis: int, pair: tuple[int, int], onset: 
         return None, "too little is known before, or after"
     if abs(difference) < max(_ABOVE * max(usual), _LEAST_DEG_S):
         return None, "the attitude isn't good enough for so little, or it has gone"
-    if not _lasts(blocks.differences[pair][:, axis], onset, _LATE):
-        return None, "it doesn't last"
+    if not _is_steady(blocks.differences[pair][:, axis], onset):
+        return None, "it isn't steady"
     share = first / difference
     if _LIES <= share <= 2.0 - _LIES:
         return pair[0], ""

@@ -118,7 +118,7 @@ def score_log(
     rate_hz: float | None = None,
     progress: Progress = silent,
 ) -> ScoredLog:
-    """Watch a log and score what was said on the failures that it says were injected.
+    r"""Watch a log and score what was said on the failures that it says were injected.
 
     Parameters
     ----------
@@ -131,6 +131,18 @@ def score_log(
     ------
     InputError
         Where the log says of no failure, can't be watched, or a healthy span holds one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log = Path(folder, "flight.csv")
+    ...     _ = log.write_text("t [s],gyro_x (rad/s)\n" + "".join(f"{k / 100},0.5\n" for k in range(500)))
+    ...     try:
+    ...         score_log(log)
+    ...     except InputError as error:
+    ...         print("a table tells of none" if "says of no failure" in str(error) else error)
+    a table tells of none
     """
     path = Path(path)
     log = open_log(path, mapping=mapping)
