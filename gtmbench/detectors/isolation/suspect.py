@@ -197,7 +197,8 @@ class Suspect:
     @cached_property
     def at_least(self) -> float:
         """-2 log likelihood that no fault of it goes below: `elsewhere`, and rows as likely as ever."""
-        return self.elsewhere - self.sick_elsewhere - _LIKELIEST * (self.judged.stop - self.judged.start)
+        likely = _LIKELIEST * float(self.judged.stop - self.judged.start)
+        return self.elsewhere - self.sick_elsewhere - likely
 
     @cached_property
     def sick_elsewhere(self) -> float:
