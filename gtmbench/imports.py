@@ -8,7 +8,7 @@ has been imported by these functions before.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from importlib import import_module
@@ -52,9 +52,14 @@ def load_module(source: str | Path) -> ModuleType:
         return import_module(text)
 
 
-def loaded_files() -> tuple[str, ...]:
-    """Return the files that `load_module` has imported, for another process that is to have the same."""
-    files = (module.__file__ for name, module in sys.modules.items() if name.startswith(_PRIVATE))
+def files_of(objects: Iterable[object]) -> tuple[str, ...]:
+    """Return the files of `load_module`'s that hold some objects' classes, or functions, for another process to import.
+
+    >>> files_of([1, print])
+    ()
+    """
+    names = {getattr(one, "__module__", None) or type(one).__module__ for one in objects}
+    files = (sys.modules[name].__file__ for name in names if name.startswith(_PRIVATE) and name in sys.modules)
     return tuple(sorted(file for file in files if file))
 
 

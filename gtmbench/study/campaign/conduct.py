@@ -14,9 +14,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gtmbench.cluster import completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.errors import InputError
-from gtmbench.imports import load_module, loaded_files
+from gtmbench.imports import files_of, load_module
 from gtmbench.parts import Parts, Shard, parts_in
 from gtmbench.processes import completed
 from gtmbench.progress import Progress, silent
@@ -138,13 +138,16 @@ def conduct(
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
-    facts = {"campaign": campaign.facts(), "versions": versions(), "python": _python()}
+    if scheduler is not None:
+        check_cluster(scheduler, tls)
+    files = _files(campaign, detectors)
+    facts = {"campaign": campaign.facts(), "versions": versions(), "python": _digests(files)}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
         todo = parts.todo(shard)
         wanted = frozenset(todo)
         tasks = (task for task in campaign.tasks() if task.number in wanted)
-        packed = (_packed(task, detectors, monitors) for task in tasks)
+        packed = (_packed(task, detectors, monitors, files) for task in tasks)
         progress("flights", 0, len(todo))
         for finished, (place, rows) in enumerate(_worked(packed, jobs, scheduler, tls), 1):
             parts.write(todo[place], rows)
@@ -172,14 +175,21 @@ def versions() -> dict[str, str]:
     return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in _LIBRARIES}}
 
 
-def _python() -> dict[str, str]:
-    """Return digests of the files that the user has had imported: detectors and faults of their own."""
-    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in loaded_files()}
+def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
+    """Return the files in which the user's own detectors and faults stand."""
+    specs = [spec for scenario in campaign.scenarios for spec in scenario.faults]
+    faults = [one.fault for spec in specs for one in (spec, *spec.also)]
+    functions = [getattr(detector, "function", None) for detector in detectors.detectors.values()]
+    return files_of([*faults, *detectors.detectors.values(), *functions])
 
 
-def _packed(task: Task, detectors: Named, monitors: dict[Any, Any]) -> Work:
+def _digests(files: Sequence[str]) -> dict[str, str]:
+    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
+
+
+def _packed(task: Task, detectors: Named, monitors: dict[Any, Any], files: tuple[str, ...]) -> Work:
     watchers = detectors.watchers(task.setup, monitors)
-    return Work(tuple(versions().items()), loaded_files(), pickle.dumps(watchers), pickle.dumps(task))
+    return Work(tuple(versions().items()), files, pickle.dumps(watchers), pickle.dumps(task))
 
 
 def _worked(
