@@ -15,6 +15,7 @@ from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS, Channel
+from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
@@ -77,6 +78,7 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Accommodate",
     "Accommodation",
     "Aircraft",
     "Alarm",
