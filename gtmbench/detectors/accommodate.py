@@ -1,17 +1,18 @@
 """Accommodation: a gyro that a monitor names is flown without; what it should read comes from the attitude's slope.
 
 From the alarm to the name takes two thirds of a second or more, and a damper that works the wrong way needs less to
-throw the aircraft. So who is suspected is heard only as far as the attitude agrees: of the two rates the autopilot gets
-the lesser, and none where they disagree in sign. Whichever of the two is at fault, that is a rate between 0 and the
-right one: damping may be lost, but nothing is driven. With the name the virtual rate alone stands in, and with any
-other verdict, or the fault's end, the gyro's own reading is back.
+throw the aircraft. So from the alarm on a gyro is heard only as far as the attitude agrees: of the two rates the
+autopilot gets the lesser, and none where they differ in sign. Whichever of the two is at fault, that is a rate between
+0 and the right one: damping may be lost, but nothing is driven. Once the gyro is named the virtual rate alone stands
+in. A verdict on anything else, which may be wrong, gives back no more than that lesser one; only the end of the fault,
+or that nothing is left to explain, gives back the gyro.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.channels import SENSORS
@@ -140,11 +141,8 @@ class Accommodate:
         return hand_on
 
 
-def distrusted(alarms: Sequence[Alarm], gyros: Iterable[str]) -> dict[str, str]:
-    """Return which gyros a stream's alarms name (`REPLACED`), and which they may yet (`SUSPECTED`).
-
-    Of a fault that has ended or was explained away nothing is left. While one is undecided its candidates are
-    suspected, and whose score rose with it; once it is decided, the one it names is enough.
+def distrusted(alarms: Sequence[Alarm], gyros: Sequence[str]) -> dict[str, str]:
+    """Return which gyros the faults that last name (`REPLACED`), and whose scores rose with them (`SUSPECTED`).
 
     Examples
     --------
@@ -156,22 +154,21 @@ def distrusted(alarms: Sequence[Alarm], gyros: Iterable[str]) -> dict[str, str]:
     >>> distrusted([alarm], "pqr"), distrusted([replace(alarm, judgements=(undecided, named))], "pqr")
     ({'q': 'suspected'}, {'q': 'replaced'})
     """
-    named: set[str] = set()
-    suspected: set[str] = set()
+    named: set[str | None] = set()
+    risen: set[str] = set()
     for alarm in alarms:
         first = alarm
         while not first.is_first:
             first = alarms[first.fault]
-        if alarm.ended_s is not None or first.ended_s is not None or first.has_passed:
-            continue
-        if first.last is not None and first.last.sensor is not None:
-            named.add(first.last.sensor)
-            if first.last.swapped and first.last.partner is not None:
-                named.add(first.last.partner)
-        else:
-            suspected.update(first.candidates)
-            suspected.update(gyro for gyro in gyros if gyro == alarm.source or reproduces(alarm.source, gyro))
-    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named | suspected}
+        if alarm.ended_s is None and first.ended_s is None and not first.has_passed:
+            risen.add(alarm.source)
+            if first.last is not None:
+                named |= {first.last.sensor, first.last.partner if first.last.swapped else None}
+
+    def rose(gyro: str) -> bool:
+        return any(source == gyro or reproduces(source, gyro) for source in risen)
+
+    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named or rose(gyro)}
 
 
 def lesser(one: float, other: float) -> float:
