@@ -4,8 +4,9 @@ From the alarm to the name takes two thirds of a second or more, and a damper th
 throw the aircraft. So from the alarm on a gyro is heard only as far as the attitude agrees: of the two rates the
 autopilot gets the lesser, and none where they differ in sign. Whichever of the two is at fault, that is a rate between
 0 and the right one: damping may be lost, but nothing is driven. Once the gyro is named the virtual rate alone stands
-in. A verdict on anything else, which may be wrong, gives back no more than that lesser one; only the end of the fault,
-or that nothing is left to explain, gives back the gyro.
+in. It is given back when the fault has ended, when nothing is left to explain, and when an attitude angle is named for
+the alarm of this one gyro. Where several gyros have alarmed such a verdict gives nothing back: two broken gyros look
+like one broken angle, and to lose damping is safer than to fly on them.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from gtmbench.channels import SENSORS
 from gtmbench.checks import shown, whole
@@ -57,10 +59,10 @@ class Accommodate:
     >>> import gtmbench as gb
     >>> flights = [gb.measure(gb.fly("gtm", "multisine+turbulence", 200.0, seed), noise="t2") for seed in (7, 8)]
     >>> monitor = gb.calibrate(flights, bank=gb.load_bank("C"))
-    >>> flip = gb.SignFlip(channel="q", onset_s=40.0)
+    >>> flip = gb.SignFlip(channel="r", onset_s=40.0)
     >>> rescued = gb.fly_in_loop(duration_s=45.0, faults=flip, accommodate=gb.Accommodate(monitor))
     >>> [(event.kind, event.channel) for event in rescued.events], rescued.departed_s
-    ([('suspected', 'q'), ('replaced', 'q')], None)
+    ([('suspected', 'r'), ('replaced', 'r')], None)
     """
 
     monitor: Monitor = field(kw_only=False)
@@ -142,7 +144,7 @@ class Accommodate:
 
 
 def distrusted(alarms: Sequence[Alarm], gyros: Sequence[str]) -> dict[str, str]:
-    """Return which gyros the faults that last name (`REPLACED`), and whose scores rose with them (`SUSPECTED`).
+    """Return the gyros that are named by a fault that lasts (`REPLACED`), and whose scores rose (`SUSPECTED`).
 
     Examples
     --------
@@ -154,21 +156,19 @@ def distrusted(alarms: Sequence[Alarm], gyros: Sequence[str]) -> dict[str, str]:
     >>> distrusted([alarm], "pqr"), distrusted([replace(alarm, judgements=(undecided, named))], "pqr")
     ({'q': 'suspected'}, {'q': 'replaced'})
     """
-    named: set[str | None] = set()
     risen: set[str] = set()
+    named: set[str | None] = set()
     for alarm in alarms:
         first = alarm
         while not first.is_first:
             first = alarms[first.fault]
         if alarm.ended_s is None and first.ended_s is None and not first.has_passed:
-            risen.add(alarm.source)
-            if first.last is not None:
-                named |= {first.last.sensor, first.last.partner if first.last.swapped else None}
-
-    def rose(gyro: str) -> bool:
-        return any(source == gyro or reproduces(source, gyro) for source in risen)
-
-    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named or rose(gyro)}
+            risen |= {gyro for gyro in gyros if gyro == alarm.source or reproduces(alarm.source, gyro)}
+            said = first.last
+            named |= {None} if said is None else {said.sensor, said.partner if said.swapped else said.sensor}
+    if len(risen) == 1 and not named & {None, *gyros}:  # only angles
+        return {}
+    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named | risen}
 
 
 def lesser(one: float, other: float) -> float:
@@ -211,5 +211,5 @@ class _VirtualRates:
 
     def _slope(self, name: str) -> float:
         values = [readings[_COLUMNS[name]] for readings in self._latest]
-        steps = [(after - before + 180.0) % 360.0 - 180.0 for before, after in zip(values, values[1:], strict=False)]
+        steps = [(after - before + 180.0) % 360.0 - 180.0 for before, after in pairwise(values)]
         return sum(weight * step for weight, step in zip(self._weights, steps, strict=True)) * factor_of(name)
