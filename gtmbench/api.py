@@ -14,6 +14,7 @@ from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loo
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
+from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.alarm import Alarm, Judgement
@@ -164,6 +165,7 @@ __all__ = [
     "Trial",
     "Trim",
     "TrimError",
+    "Tuned",
     "Verdict",
     "Watch",
     "WatchedLog",
@@ -176,6 +178,7 @@ __all__ = [
     "derivable",
     "derive",
     "filtered_attitude",
+    "find_autopilot",
     "find_detector",
     "flag",
     "fly",

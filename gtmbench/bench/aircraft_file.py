@@ -52,11 +52,27 @@ def commented(facts: Facts, model: str | None = None) -> str:
         f"without_io = {_value(facts['without_io'])}  # true: leave out input and output sections, which would open "
         "ports and write files",
     ]
-    for section, what in _SECTIONS.items():
+    for section in _SECTIONS:
         if table := facts.get(section):
-            lines += ["", f"# {what}", f"[{section}]"]
-            lines += [f"{tomlkit.key(key).as_string()} = {_value(value)}" for key, value in table.items()]
+            lines += ["", *_section(section, table)]
     return "\n".join(lines) + "\n"
+
+
+def autopilot_table(gains: Facts) -> str:
+    """Return gains as the table of an ``aircraft.toml`` or a scenario.
+
+    >>> print(autopilot_table({"psi_to_phi": 0.8}))
+    # gains of the autopilot that flies in the loop; found by gtmbench autopilot
+    [autopilot]
+    psi_to_phi = 0.8
+    <BLANKLINE>
+    """
+    return "\n".join(_section("autopilot", gains)) + "\n"
+
+
+def _section(section: str, table: Facts) -> list[str]:
+    values = [f"{tomlkit.key(key).as_string()} = {_value(value)}" for key, value in table.items()]
+    return [f"# {_SECTIONS[section]}", f"[{section}]", *values]
 
 
 def listed(entries: Mapping[str, Facts], head: str) -> str:

@@ -82,6 +82,13 @@ class LoopFlight:
         """When the aircraft departed, or left its envelope; None: it didn't."""
         return departed_s(self.events)
 
+    def readings(self, *, commands: bool = False) -> Record:
+        """Return `sensed`, with the surface commands as they were given where wanted."""
+        if not commands:
+            return self.sensed
+        values = np.column_stack([self.sensed.values, self.truth.matrix(COMMANDS)])
+        return Record(values, channels=(*SENSORS, *COMMANDS), sample_period_s=SAMPLE_PERIOD_S)
+
 
 def departed_s(events: Sequence[LoopEvent]) -> float | None:
     """Return when a departure, or the end of an envelope, comes first among events; None: never."""

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import click
 
 from gtmbench.checks import one_line
+from gtmbench.cli.autopilot import autopilot_command
 from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
@@ -47,6 +48,7 @@ for command in (
     inject_command,
     trim_command,
     fly_command,
+    autopilot_command,
     view_command,
     diff_command,
     list_command,

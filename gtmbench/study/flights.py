@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
-import numpy as np
-
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
@@ -81,28 +79,21 @@ class FlownInLoop(Flown):
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same air and excitation, other noise."""
         if number == _BROKEN:
-            return self._readings(self.healthy)
-        return self._readings(_flown_healthy(self.setup, number))
+            return self.healthy.readings(commands=self.commands)
+        return _flown_healthy(self.setup, number).readings(commands=self.commands)
 
     def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
         """Return what the same sensors read on another flight of the same autopilot."""
         other = replace(self.setup, excitation=excitation, duration_s=duration_s)
-        return self._readings(_flown_healthy(other, number, seed))
+        return _flown_healthy(other, number, seed).readings(commands=self.commands)
 
     def broken(self, scenario: str, spec: FaultSpec) -> tuple[Injection, Record]:
         """Fly record 2 with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
         faults = self._faults(spec)
         flight = _flown_in_loop(self.setup, _BROKEN, faults)
-        injection = _injection(scenario, faults, flight.truth, self._readings(flight), flight.events)
+        injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, _BROKEN))
         return injection, unbroken
-
-    def _readings(self, flight: LoopFlight) -> Record:
-        sensed = flight.sensed
-        if not self.commands:
-            return sensed
-        values = np.column_stack([sensed.values, flight.truth.matrix(COMMANDS)])
-        return Record(values, channels=(*SENSORS, *COMMANDS), sample_period_s=sensed.sample_period_s)
 
 
 def _noise_seed(setup: Setup, number: int) -> int:
