@@ -6,7 +6,8 @@ autopilot gets the lesser, and none where they differ in sign. Whichever of the 
 0 and the right one: damping may be lost, but nothing is driven. Once the gyro is named the virtual rate alone stands
 in. It is given back when the fault has ended, when nothing is left to explain, and when an attitude angle is named for
 the alarm of this one gyro. Where several gyros have alarmed such a verdict gives nothing back: two broken gyros look
-like one broken angle, and to lose damping is safer than to fly on them.
+like one broken angle, and to lose damping is safer than to fly on them. Nor is a gyro heard alone whose score is
+disarmed, for what is known of another fault.
 """
 
 from __future__ import annotations
@@ -20,8 +21,7 @@ from itertools import pairwise
 from gtmbench.channels import SENSORS
 from gtmbench.checks import shown, whole
 from gtmbench.clock import same_period
-from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.protocol import Monitor, is_ready
+from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, factor_of, raw_needs, reproduces
 from gtmbench.record import Record
@@ -124,9 +124,9 @@ class Accommodate:
             attitude.take(readings)
             sample = Record([readings], channels=SENSORS, sample_period_s=sample_period_s, start_s=time_s)
             before = dict(now_is)
-            if stream.push(sample):
+            if stream.push(sample) or now_is:
                 now_is.clear()
-                now_is.update(distrusted(stream.alarms, self.gyros))
+                now_is.update(distrusted(stream, self.gyros))
             if not (now_is or before):
                 return readings
             flown = list(readings)
@@ -143,32 +143,32 @@ class Accommodate:
         return hand_on
 
 
-def distrusted(alarms: Sequence[Alarm], gyros: Sequence[str]) -> dict[str, str]:
-    """Return the gyros that are named by a fault that lasts (`REPLACED`), and whose scores rose (`SUSPECTED`).
+def distrusted(stream: Stream, gyros: Sequence[str]) -> dict[str, str]:
+    """Return the gyros that a fault that lasts names (`REPLACED`), and those that it may hide (`SUSPECTED`).
 
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from gtmbench.detectors.alarm import Judgement
-    >>> undecided = Judgement(time_s=1.0, sensor=None, candidates=("q", "theta"))
-    >>> named = Judgement(time_s=1.65, sensor="q", candidates=("q",))
-    >>> alarm = Alarm(number=0, time_s=1.0, onset_s=0.9, source="q", judgements=(undecided,))
-    >>> distrusted([alarm], "pqr"), distrusted([replace(alarm, judgements=(undecided, named))], "pqr")
-    ({'q': 'suspected'}, {'q': 'replaced'})
+    These are the ones whose scores rose, but for one that a failed angle explains; and while no gyro is named those
+    whose scores the fault keeps from alarming: nobody would say if they failed, too.
     """
     risen: set[str] = set()
     named: set[str | None] = set()
-    for alarm in alarms:
+    for alarm in stream.alarms:
         first = alarm
         while not first.is_first:
-            first = alarms[first.fault]
+            first = stream.alarms[first.fault]
         if alarm.ended_s is None and first.ended_s is None and not first.has_passed:
-            risen |= {gyro for gyro in gyros if gyro == alarm.source or reproduces(alarm.source, gyro)}
+            risen |= _about(alarm.source, gyros)
             said = first.last
             named |= {None} if said is None else {said.sensor, said.partner if said.swapped else said.sensor}
-    if len(risen) == 1 and not named & {None, *gyros}:  # only angles
-        return {}
-    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named | risen}
+    suspected = set(risen)
+    if named - set(gyros):
+        suspected |= {gyro for score, armed in stream.armed.items() if not armed for gyro in _about(score, gyros)}
+    if len(risen) == 1 and not named & {None, *gyros}:  # an angle explains what rose
+        suspected -= risen
+    return {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named | suspected}
+
+
+def _about(score: str, gyros: Sequence[str]) -> set[str]:
+    return {gyro for gyro in gyros if gyro == score or reproduces(score, gyro)}
 
 
 def lesser(one: float, other: float) -> float:
