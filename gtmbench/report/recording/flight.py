@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -56,32 +56,33 @@ def log_scene(recording: rr.RecordingStream, *scenes: Scene) -> None:
         turn = scene.quaternions[shown]
         way = rr.LineStrips3D([place], colors=[rgb(scene.tint)], radii=rr.Radius.ui_points(1.5))
         recording.log(f"/path{below}/flown", way, static=True)
-        _log_moments(recording, f"/path{below}/moments", scene)
+        _log_moments(recording, f"/path{below}/moments", scene, 0.7 * size * (1.0 if i % 2 == 0 else -1.0))
         heading = np.deg2rad(scene.flight["psi"][0])
         beside = 1.3 * (i - (len(scenes) - 1) / 2.0) * np.array([-np.sin(heading), np.cos(heading), 0.0])
-        wing = rgb(scene.tint) if scene.name else _TINTS["wing"]
+        tints = _TINTS | ({"wing": rgb(scene.tint), "fin": rgb(scene.tint)} if scene.name else {})
         for root, scale, moved in (("/path", size, place), ("/attitude", 1.0, np.zeros_like(place) + beside)):
             entity = f"{root}{below}/aircraft"
-            recording.log(entity, _aircraft(scale, wing), static=True)
+            recording.log(entity, _aircraft(scale, tints), static=True)
             poses = rr.Transform3D.columns(translation=moved, quaternion=turn)
             recording.send_columns(entity, indexes=[when], columns=poses)
 
 
-def _log_moments(recording: rr.RecordingStream, entity: str, scene: Scene) -> None:
-    """Log points on the way, each from its time on."""
-    for i, (time_s, text) in enumerate(scene.moments):
-        point = rr.Points3D(
-            [scene.place_ft[scene.row(time_s)]], labels=[text], colors=[rgb(scene.tint)], radii=rr.Radius.ui_points(5.0)
-        )
+def _log_moments(recording: rr.RecordingStream, entity: str, scene: Scene, apart_ft: float) -> None:
+    """Log points on the way, each from its time on; what happened then stands in lines so far apart, downwards."""
+    tint = rgb(scene.tint)
+    for i, (time_s, text) in enumerate(scene.moments, 1):
+        place = scene.place_ft[scene.row(time_s)]
+        words = place + [0.0, 0.0, i * apart_ft]
         set_time(recording, time_s)
-        recording.log(f"{entity}/{i}", point)
+        recording.log(f"{entity}/{i}", rr.Points3D([place], colors=[tint], radii=rr.Radius.ui_points(5.0)))
+        told = rr.Points3D([words], labels=[text], colors=[tint], radii=rr.Radius.ui_points(0.5), show_labels=True)
+        recording.log(f"{entity}/{i}/told", told)
 
 
-def _aircraft(scale: float, wing: list[int]) -> rr.Mesh3D:
+def _aircraft(scale: float, tints: Mapping[str, list[int]]) -> rr.Mesh3D:
     corners = np.concatenate(list(PLANE.values())) * scale
-    tints = [tint for part in PLANE for tint in [wing if part == "wing" else _TINTS[part]] * 3]
     return rr.Mesh3D(
         vertex_positions=corners,
         triangle_indices=np.arange(len(corners)).reshape(-1, 3),
-        vertex_colors=tints,
+        vertex_colors=[tints[part] for part in PLANE for _ in range(3)],
     )
