@@ -180,7 +180,7 @@ def test_an_accommodation_stands_between_sensors_and_autopilot():
     ("wrong", "said"),
     [
         ({"autopilot": replace(OWN, q_to_elevator_s=-3.0)}, r"the loop throws 'gtm' out of its envelope: .*gains"),
-        ({"aircraft": "Camel"}, r"'Camel' has no autopilot; give autopilot="),
+        ({"aircraft": replace(GTM, autopilot=None)}, r"'gtm' has no autopilot; find its gains by gtmbench autopilot"),
         ({"faults": gb.Jam(channel="p", onset_s=99.0)}, r"begins at 99 s, outside"),
         ({"faults": gb.Jam(channel="north", onset_s=1.0)}, r"no sensor channel 'north'"),
         ({"faults": ["jam"]}, r"'jam' is no fault"),

@@ -154,9 +154,9 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
         "envelope": {name: list(span) for name, span in aircraft.envelope.items()},
         "commands": {name: asdict(command) for name, command in aircraft.commands.items()},
         "excitation": dict(aircraft.excitation),
-        "properties": dict(aircraft.properties),
         "departure": {name: list(span) for name, span in aircraft.departure.items()},
         **({"autopilot": asdict(aircraft.autopilot)} if aircraft.autopilot else {}),
+        "properties": dict(aircraft.properties),
     }
 
 

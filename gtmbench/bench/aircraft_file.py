@@ -17,8 +17,8 @@ _SECTIONS = {
     "excitation": "how many times what an excitation moves on the GTM (a multisine: 0.7 deg RMS) it moves here",
     "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
     "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
-    "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
     "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
+    "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
 }
 
 

@@ -49,14 +49,14 @@ class LoopEvent:
         model, where the flight ends; "out of loop": a fault began on a channel that the autopilot doesn't read; and
         what an `Accommodation` tells.
     channel : str
-    value : float
-        Of the channel, in its unit.
+    value : float or None
+        Of the channel, in its unit, where it matters.
     """
 
     time_s: float
     kind: str
     channel: str
-    value: float
+    value: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,7 +185,7 @@ def fly_in_loop(
     if departed := first_outside(truth, craft.departure):
         events.append(_event(DEPARTURE, truth, departed))
     events += [
-        LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel, value=np.nan)
+        LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel)
         for fault in broken
         if not set(fault.changes) & set(pilot.reads)
     ]
@@ -278,7 +278,8 @@ def _fly(
             to_property(given[column] * factor)
         run()
     rows = len(commanded) // len(COMMANDS)
-    return np.array(kept).reshape(rows, -1), np.array(sensed).reshape(rows, -1), np.array(commanded).reshape(rows, -1)
+    arrays = [np.frombuffer(values).reshape(rows, -1) for values in (kept, sensed, commanded)]
+    return arrays[0], arrays[1], arrays[2]
 
 
 def _rows(

@@ -239,7 +239,8 @@ def loop_text(event: LoopEvent) -> str:
     if event.kind in _FLOWN_ON:
         return f"{event.channel} is {_FLOWN_ON[event.kind]}"
     what = {DEPARTURE: "departure", ENVELOPE: "end of the flight, out of the envelope"}.get(event.kind, event.kind)
-    return f"{what}: {event.channel} is {event.value:.4g} {unit_of(event.channel)}".rstrip()
+    value = "" if event.value is None else f" is {event.value:.4g} {unit_of(event.channel)}".rstrip()
+    return f"{what}: {event.channel}{value}"
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:
