@@ -103,7 +103,7 @@ class Accommodation(Protocol):
 
         Return a function that is called once a sample, with the time in seconds and the readings of all sensors in the
         order of `SENSORS` (not to be changed), and returns the readings that the autopilot gets. `tell` takes what it
-        did, to stand among the flight's events.
+        did, a time, a kind, a channel and its value, to stand among the flight's events.
         """
 
 

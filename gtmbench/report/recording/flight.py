@@ -72,7 +72,7 @@ def _log_moments(recording: rr.RecordingStream, entity: str, scene: Scene, apart
     tint = rgb(scene.tint)
     for i, (time_s, text) in enumerate(scene.moments, 1):
         place = scene.place_ft[scene.row(time_s)]
-        words = place + [0.0, 0.0, i * apart_ft]
+        words = place + i * np.array([0.0, 0.0, apart_ft])
         set_time(recording, time_s)
         recording.log(f"{entity}/{i}", rr.Points3D([place], colors=[tint], radii=rr.Radius.ui_points(5.0)))
         told = rr.Points3D([words], labels=[text], colors=[tint], radii=rr.Radius.ui_points(0.5), show_labels=True)
