@@ -219,7 +219,7 @@ def _setup(table: dict[str, Any]) -> Setup:
 
 
 def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
-    """Return a setup with the gains that a table ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
+    """Return a setup with the gains that ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
     gains: Any = setup.autopilot  # the table, as it stands there
     if gains is None:
         return setup
