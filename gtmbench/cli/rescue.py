@@ -20,8 +20,6 @@ from gtmbench.errors import InputError
 from gtmbench.faults.shaping import SignFlip
 from gtmbench.files import atomic_write, check_file
 from gtmbench.progress import Progress, progress_bar
-from gtmbench.report.figures.rescue import rescue_figure
-from gtmbench.report.recording.rescue import write_rescue_recording
 from gtmbench.report.words.judgement import fault_text, loop_text
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.rescue import Rescue, fly_rescue
@@ -72,6 +70,9 @@ def rescue_command(
     The autopilot flies on what the sensors read. A monitor that names the broken gyro takes its reading out of the
     loop on the second flight; `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
+    from gtmbench.report.figures.rescue import rescue_figure
+    from gtmbench.report.recording.rescue import write_rescue_recording
+
     _check_files(out, figure, force=force)
     faults = _OWN if scenario is None and trial is None else trial_faults(scenario, trial)
     silent = as_json or quiet
