@@ -3,18 +3,23 @@
     python aircraft/make_jsbsim.py [NAME ...]
 
 Every one is surveyed (gtmbench.bench.survey): how it is commanded, what its surfaces do, how large excitations are, and
-its trim, at the condition that stands here or at one that its wing loading suggests. None of their files is copied.
+its trim, at the condition that stands here or at one that its wing loading suggests; then gains are found for its
+autopilot (gtmbench.bench.tuning). None of their files is copied.
 """
 
 from __future__ import annotations
 
 import sys
 import tomllib
+from dataclasses import asdict
 from pathlib import Path
 
-from gtmbench.bench.aircraft_file import listed
+from gtmbench.bench.aircraft import aircraft_of
+from gtmbench.bench.aircraft_file import Facts, listed
 from gtmbench.bench.fleet import jsbsim_aircraft
 from gtmbench.bench.survey import survey
+from gtmbench.bench.tuning import find_autopilot
+from gtmbench.errors import GtmbenchError
 
 TARGET = Path(__file__).parent / "jsbsim.toml"
 HEAD = """\
@@ -75,9 +80,21 @@ def main() -> None:
             entries.pop(name, None)
             print(f"{name}: no trim is found; left out", flush=True)
             continue
-        entries[name] = facts | {"title": TITLES[name]}
+        entries[name] = facts | {"title": TITLES[name]} | gains(name, facts)
         print(f"{name}: {facts['trim']['altitude_ft']:g} ft, {facts['trim']['tas_kt']:g} kt", flush=True)
     TARGET.write_text(listed(entries, HEAD), encoding="utf-8")
+
+
+def gains(name: str, facts: Facts) -> Facts:
+    """Return the table of an autopilot that holds an aircraft, or none."""
+    try:
+        tuned = find_autopilot(aircraft_of(jsbsim_aircraft()[name], facts))
+    except GtmbenchError as error:
+        print(f"{name}: {error}", flush=True)
+        return {}
+    off = f"{tuned.altitude_off_ft:.0f} ft and {tuned.tas_off_kt:.0f} kt off, bank {tuned.bank_deg:.0f} deg"
+    print(f"{name}: an autopilot, {off}", flush=True)
+    return {"autopilot": asdict(tuned.autopilot)}
 
 
 if __name__ == "__main__":

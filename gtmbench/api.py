@@ -4,15 +4,19 @@ from typing import Any
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
+from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
+from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
@@ -41,9 +45,12 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.intake.open import LogColumn, log_columns, open_log
+from gtmbench.intake.imus import Imu
+from gtmbench.intake.injections import Injection
+from gtmbench.intake.open import open_log
 from gtmbench.intake.resampling import decimate
 from gtmbench.logs import read_log, write_log
 from gtmbench.method.alarms import Alarms, alarms, threshold
@@ -68,6 +75,7 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
 from gtmbench.study.log.inject import ChangedColumn, inject_log
+from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
@@ -77,10 +85,13 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Accommodate",
+    "Accommodation",
     "Aircraft",
     "Alarm",
     "AlarmStream",
     "Alarms",
+    "Autopilot",
     "Bank",
     "BankDetector",
     "BankMonitor",
@@ -111,6 +122,8 @@ __all__ = [
     "Hardover",
     "Hysteresis",
     "Imperfections",
+    "Imu",
+    "Injection",
     "InputChoice",
     "InputError",
     "InstrumentalVariables",
@@ -120,6 +133,8 @@ __all__ = [
     "Lag",
     "LeastSquares",
     "LogColumn",
+    "LoopEvent",
+    "LoopFlight",
     "Misalignment",
     "Mode",
     "Monitor",
@@ -145,6 +160,7 @@ __all__ = [
     "ScaleFactor",
     "Scenario",
     "Score",
+    "ScoredLog",
     "SignFlip",
     "Signatures",
     "SimpleDetector",
@@ -159,6 +175,7 @@ __all__ = [
     "Trial",
     "Trim",
     "TrimError",
+    "Tuned",
     "Verdict",
     "Watch",
     "WatchedLog",
@@ -172,9 +189,11 @@ __all__ = [
     "derivable",
     "derive",
     "filtered_attitude",
+    "find_autopilot",
     "find_detector",
     "flag",
     "fly",
+    "fly_in_loop",
     "identify",
     "imperfect",
     "inject",
@@ -199,6 +218,7 @@ __all__ = [
     "run_study",
     "save_monitor",
     "score",
+    "score_log",
     "select_inputs",
     "select_orders",
     "setting",

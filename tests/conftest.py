@@ -12,7 +12,7 @@ from gtmbench.method.regression import triangle
 from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
-from gtmbench.study import calibration, flights, healthy_records
+from gtmbench.study import flights, healthy_records
 from tests.watching import written_once
 
 os.environ.setdefault("CI", "1")
@@ -30,7 +30,7 @@ def _flown_once():
         return (shelf if aircraft == "gtm" else fly)(aircraft, *arguments, **point)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (calibration, flights, healthy_records):
+        for module in (flights, healthy_records):
             patch.setattr(module, "fly", flown)
         yield
 

@@ -6,15 +6,26 @@ import struct
 import numpy as np
 
 SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
-ULOG_CODES = {"uint64_t": "Q", "float": "f", "double": "d", "int32_t": "i", "uint8_t": "B"}
+ULOG_CODES = {
+    "uint64_t": "Q",
+    "float": "f",
+    "double": "d",
+    "int32_t": "i",
+    "uint8_t": "B",
+    "uint16_t": "H",
+    "uint32_t": "I",
+}
 
 
 def ulog_message(kind, body):
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def ulog(topics, *, start_us=0):
-    """Return a ULog file; topics: name -> (field declarations like "float xyz[3]", rows that begin with the stamp)."""
+def ulog(topics, *, start_us=0, texts=()):
+    """Return a ULog file; topics: name -> (field declarations like "float xyz[3]", rows that begin with the stamp).
+
+    Texts are (stamp, text).
+    """
     out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", start_us) + ulog_message("B", bytes(40))
     for name, (fields, _) in topics.items():
         out += ulog_message("F", f"{name.partition('#')[0]}:{';'.join(['uint64_t timestamp', *fields])};".encode())
@@ -31,6 +42,7 @@ def ulog(topics, *, start_us=0):
         packer = struct.Struct(codes)
         head = struct.pack("<H", number)
         rows += [(row[0], ulog_message("D", head + packer.pack(int(row[0]), *row[1:]))) for row in table]
+    rows += [(stamp, ulog_message("L", struct.pack("<BQ", 3, stamp) + text.encode())) for stamp, text in texts]
     rows.sort(key=lambda row: row[0])
     return out + b"".join(body for _, body in rows)
 

@@ -15,7 +15,7 @@ from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
 from gtmbench.detectors.bank.composed import GYROS, composed_bank, unwatched
 from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
 from gtmbench.detectors.statistics.statistic import Statistic
-from gtmbench.intake.open import log_channels
+from gtmbench.intake.contents import log_contents
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.log.auto import bank_for_logs
@@ -179,7 +179,7 @@ def test_a_column_without_a_number_isnt_there(tmp_path):
     path = tmp_path / "empty.csv"
     named = {name: f"{name}_deg_s" if name in GYROS else f"{name}_deg" for name in frame}
     frame.rename(columns=named).rename_axis("time_s").to_csv(path)
-    assert "psi" not in log_channels(path).names
+    assert "psi" not in log_contents(path).usable
     assert bank_for_logs([path], ())[0].bank.channels == ("p", "q", "phi", "r", "theta")
 
 
@@ -188,12 +188,12 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
     moving = [(20_000 * k, *(0.1 * math.sin(0.1 * k + i) for i in range(3))) for k in range(300)]
     tables = {"IMU": "GyrX,GyrY,GyrZ", "ATT": "Roll,Pitch,Yaw"}
     path.write_bytes(dataflash_text({kind: ("Qfff", f"TimeUS,{names}", moving) for kind, names in tables.items()}))
-    assert log_channels(path).attitude_from_gyros
+    assert log_contents(path).attitude_from_gyros
     assert bank_for_logs([path], ())[0].bank.attitude_from_gyros
     columns = [f"{name}=ATT.{angle}:deg" for name, angle in (("phi", "Roll"), ("theta", "Pitch"), ("psi", "Yaw"))]
-    assert not log_channels(path, mapping=columns).attitude_from_gyros
+    assert not log_contents(path, mapping=columns).attitude_from_gyros
     table = write(tmp_path)
-    assert not log_channels(table).attitude_from_gyros
+    assert not log_contents(table).attitude_from_gyros
     assert not bank_for_logs([table], ())[0].bank.attitude_from_gyros
 
 

@@ -144,7 +144,7 @@ def test_list_names_everything_there_is(cli):
         "pseudo inputs",
     }
     assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}
-    assert set(listed["scenarios"]) == set(FAULTS)  # one for every kind
+    assert set(listed["scenarios"]) == {*FAULTS, "in_the_loop"}  # one for every kind
     _, text, _ = cli("list")
     assert all(name in text for section in listed.values() for name in section)
 

@@ -136,9 +136,14 @@ def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
     )
     assert "--detector C-early or C-filtered or C or leave-one-out or paper, or --inputs" in err
     assert "bank auto: possible (p, q and r from phi, psi and theta, as bank C)" in out
-    assert "bank C: possible" in out
+    assert "with --detector: bank C-early, C-filtered, C, leave-one-out, paper" in out
     assert "bank B: no, alpha, nz, tas missing" in out
     assert "pseudo inputs: p_att, q_att, r_att" in out
+    assert "p_deg_s, q_deg_s, r_deg_s" in next(line for line in out.splitlines() if line.startswith("gyros"))
+    listed = cli("monitor", "healthy.csv", "--list")
+    assert listed == (0, out, "")
+    code, out, _ = cli("monitor", "healthy.csv", "--all")
+    assert code == 0
     assert all(header in out for header in ("p_deg_s", "samples", "rate (Hz)", "channel"))
     silent = cli("monitor", "healthy.csv", "-q")
     assert silent == (2, "", err)

@@ -25,6 +25,7 @@ from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.tables.markdown import share_text
 from gtmbench.study.scores.intervals import exact_interval
+from gtmbench.testing.mechanisms import MECHANISMS
 
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]
 BEYOND = {  # studies of what the dissertation leaves open, with reports of their own, and lines that they print
@@ -35,8 +36,14 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"\| noise \| [0-9.]+ deg/s \|",  # the smallest that is found
     ),
     "which_gyro": (r"# Which gyro failed\?", r"\*\*Quick: ", r"\| C +\| jam +\| strong +\| 1 of 1 +\| 1 +\| 1 +\|"),
+    "in_the_loop": (
+        r"# In the loop\n\n\*\*Quick: ",
+        r"\| jam +\| q +\| [0-9.]+ ",  # detected, wherever it is put
+        r"\| virtual rate \(C-early\) \| 1 +\| 0 ",  # no departure
+    ),
     "early_alarms": (r"# Alarms that don't wait\n\n\*\*Quick: ", r"\| as it is +\| C-early +\| 100.0 % .* of 1 +\|"),
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
+    "rivals": (r"# Rivals on equal flights\n\n\*\*Quick: ", r"\| kinematic-kalman +\| 100.0 % .* of 1 .* 0 in 0.0 h"),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
 SAID = {"aircraft_gyros": "0.36 and 9.1 deg/s", "choices": "r = 28, d = 50"}  # what the README says of them
@@ -76,6 +83,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *BEYOND,
         "fault_gallery",
         "real_logs",
+        "log_samples",
+        "several_imus",
         "__main__",
     }
 
@@ -136,6 +145,17 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
 
 
+def test_logs_samples_become_a_row_a_flight_beside_those_of_before(tmp_path):
+    (tmp_path / "logs").mkdir()
+    gb.write_log(MECHANISMS["held samples"](0).record, tmp_path / "logs/held.csv")
+    (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
+    assert run("log_samples", "logs", "--quick", "--out", "report", cwd=tmp_path).returncode == 0
+    rows = pd.read_csv(tmp_path / "report/samples.csv")
+    assert (list(rows["log"]), list(rows["gyros"]), list(rows["remarks"])) == (["held.csv"], ["integrated"], ["held 1"])
+    again = run("log_samples", "logs", "--quick", "--against", "report/samples.csv", cwd=tmp_path)
+    assert "- *integrated*, 1 logs: residuals were 1.00 times as large before" in again.stdout, again.stderr
+
+
 @pytest.mark.parametrize(
     ("given", "why"), [(["nonsense"], "nonsense is no folder"), ([], "nothing is given")], ids=["no folder", "nothing"]
 )
@@ -143,6 +163,12 @@ def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, tmp_path):
     done = run("real_logs", *given, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
+
+
+def test_of_several_imus_none_is_named_wrong(tmp_path):
+    done = run("several_imus", "--quick", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 3 +\| 3 +\| 0 ", done.stdout)
 
 
 def alarm(sensor, *candidates, doubt=""):

@@ -37,12 +37,10 @@ def test_a_flight_starts_in_trim(minute):
 def test_without_excitation_the_trim_lasts():
     calm = gb.fly(excitation="doublets", duration_s=60.0)
     from gtmbench.bench import flight as module
-    from gtmbench.bench.equilibrium import trimmed_engine
-    from gtmbench.bench.fleet import load_aircraft
+    from gtmbench.bench.airborne import take_off
 
-    craft = load_aircraft("gtm")
-    fdm, trim = trimmed_engine(craft)
-    read = module._fly(fdm, craft, np.tile(list(trim.commands.values()), (3001, 1)))
+    airborne = take_off("gtm", gb.Excitation(), 30.0, 1)
+    read = module._fly(airborne, module._commands(airborne))
     names = [name for name, channel in CHANNELS.items() if channel.role != "command"]
     drift = read[-1] - read[0]
     assert np.abs(drift[[names.index(rate) for rate in "pqr"]]).max() < 1e-4

@@ -225,7 +225,7 @@ def test_epochs_count_from_the_first_stamp(flight, tmp_path):
     for name, values in stamps.values():
         frame.assign(**{name: values}).to_csv(tmp_path / "log.csv", index=False)
         log = gb.open_log(tmp_path / "log.csv", needs=["p"])
-        assert any("2026-03-04T05:06:07.25" in line for line in log.method), log.method
+        assert any("2026-03-04 05:06:07.250 UTC" in line for line in log.method), log.method
         assert log.segments[0].start_s == pytest.approx(0.0, abs=1e-6)  # seconds since 1970 as doubles keep 0.2 us
         assert log.sample_period_s == 0.01
         np.testing.assert_array_equal(log.segments[0]["p"], flight["p"])

@@ -19,7 +19,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
+from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats import limits, mcap
+from gtmbench.intake.fresh import fresh_rows
+from gtmbench.intake.stamps import single
+from gtmbench.report.words.listing import listing_lines
 from tests import intake_files as files
 
 SAMPLES = 400
@@ -113,6 +117,85 @@ def test_a_damaged_log_is_a_record_or_one_line(tmp_path, capfd, record_property,
     assert capfd.readouterr() == ("", "")
     assert min(read, refused) > 0.02 * INPUTS
     assert slowest < 5.0
+
+
+def odd_table():
+    """Two sensors joined, an attitude as quaternions that repeat, rows that slipped, a time in two columns."""
+    time_ns = 1_714_564_800_000_000_000 + np.arange(SAMPLES) * 20_000_000
+    turn = np.cumsum(np.random.default_rng(8).standard_normal(SAMPLES))[np.arange(SAMPLES) // 5 * 5] * 1e-2
+    gyro = pd.DataFrame({"p_deg_s": np.sin(1e-9 * (time_ns - time_ns[0])), "ns": time_ns})
+    attitude = pd.DataFrame({"qw": np.cos(turn), "qx": np.sin(turn), "qy": 0.0, "qz": 0.0, "ns": time_ns + 100_000})
+    both = pd.concat([gyro, attitude]).sort_values("ns")
+    both.insert(0, "stamp.secs", both["ns"] // 10**9)
+    both.insert(1, "stamp.nsecs", both.pop("ns") % 10**9)
+    both.iloc[100:104, 1] = both.iloc[104, 1]
+    return both.to_csv(index=False).encode()
+
+
+def found_or_said(reader, path):
+    """What was read, and ""; or None, and the one line."""
+    try:
+        return reader(path), ""
+    except gb.InputError as error:
+        said = str(error)
+    assert said.startswith(str(path))
+    assert "\n" not in said
+    return None, said
+
+
+def test_a_damaged_odd_table_is_listed_and_read_or_one_line(tmp_path, capfd):
+    path = tmp_path / "log.csv"
+    content = odd_table()
+    path.write_bytes(content)
+    assert {remark.kind for remark in gb.open_log(path).remarks} >= {"held"}
+    slowest, told = 0.0, {gb.open_log: 0, log_contents: 0}
+    for seed in range(100):
+        path.write_bytes(damaged(content, f"odd {seed}"))
+        for reader in told:
+            began = time.perf_counter()
+            found, said = found_or_said(reader, path)
+            told[reader] += not said
+            if reader is log_contents and not said:
+                lines = listing_lines(found, 80)
+                assert len(lines) < 40
+                assert max(map(len, lines)) <= 80
+            slowest = max(slowest, time.perf_counter() - began)
+    assert min(told.values()) > 2
+    assert slowest < 5.0
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_damaged_log_is_listed_or_one_line(tmp_path, capfd, name):
+    path = tmp_path / name
+    for seed in range(60):
+        path.write_bytes(damaged(whole(name), f"listed {name} {seed}"))
+        began = time.perf_counter()
+        found, said = found_or_said(log_contents, path)
+        assert said or max(map(len, listing_lines(found, 80))) <= 80
+        assert time.perf_counter() - began < 5.0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_million_rows_of_one_time_after_another_take_no_longer_than_others():
+    """Doubles, slips and gaps everywhere: nothing goes row by row."""
+    count = 1_000_000
+    time_s = np.repeat(np.arange(count // 2) * 0.04, 2)
+    values = np.random.default_rng(9).standard_normal((count, 3))
+    values[::3, 1] = np.nan
+    began = time.perf_counter()
+    kept, at_s, merged, _ = single("", time_s, values, ())
+    assert len(kept) == len(at_s) == len(merged)
+    assert np.all(np.diff(at_s) > 0)
+    assert fresh_rows(np.repeat(values[::2, ::2], 2, axis=0)) is not None
+    assert time.perf_counter() - began < 5.0
+
+
+def test_names_without_end_are_cut(tmp_path):
+    names = [f"gyro_{'x' * 5000}{number}.sec" for number in range(150)]
+    (tmp_path / "log.csv").write_text(",".join(["time_s", *names]) + "\n" + ",".join(["0"] * 151) + "\n")
+    lines = listing_lines(log_contents(tmp_path / "log.csv"), 80)
+    assert len(lines) < 30
 
 
 @pytest.mark.parametrize("name", FORMATS)

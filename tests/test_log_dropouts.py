@@ -133,12 +133,12 @@ def test_a_slow_channel_has_not_dropped_out(tmp_path):
 
 
 @pytest.mark.parametrize("length_s", [0.03, 0.06, 0.3, 0.45])
-def test_what_is_tolerated_of_missing_samples_is_tolerated_beside_a_low_pass(length_s, tmp_path):
-    """The low-pass doesn't know half a second about the pause; the sensor was there."""
+def test_what_is_tolerated_of_missing_samples_is_tolerated_where_gyros_are_integrated(length_s, tmp_path):
+    """The integral isn't known over the pause, and an interval to either side; the sensor was there."""
     sent = without(messages(gyro_hz=250), "gyro", (20.0, 20.0 + length_s))
     (record,) = opened("log.ulg", sent, tmp_path).segments
     unknown = np.isnan(record["p"])
-    assert np.count_nonzero(unknown) >= 2 * 13
+    assert 2 <= np.count_nonzero(unknown) <= length_s / PERIOD_S + 4
     assert np.count_nonzero(~record.there[:, 0]) <= length_s / PERIOD_S + 1
     assert [alarm for alarm in monitor().watch(record).alarms if alarm.test == MISSING] == []
 
@@ -251,7 +251,7 @@ def common(some, others):
 def test_a_log_begins_with_its_last_channel_and_one_that_stops_has_dropped_out(tmp_path):
     sent = without(messages(), "gyro", (30.0, 41.0))
     log = watched("log.ulg", without(sent, "attitude", (0.0, 5.0)), tmp_path)
-    assert log.log.segments[0].start_s == pytest.approx(5.263)
+    assert log.log.segments[0].start_s == pytest.approx(5.023)
     assert "all are there from 5.003 s on, when phi, psi, theta begins" in log.log.method
     assert [(alarm.sensor, alarm.onset_s, alarm.ended_s) for alarm in log.alarms] == [
         (channel, same_time(30.0), None) for channel in GYRO

@@ -11,10 +11,11 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench import flight as flight_module
 from gtmbench.bench import jsbsim_trim
+from gtmbench.bench.airborne import take_off
 from gtmbench.bench.aircraft import aircraft_of, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
-from gtmbench.bench.excitation import Excitation
+from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.fleet import jsbsim_aircraft, jsbsim_facts, load_aircraft
 from gtmbench.channels import SURFACES
 
@@ -81,7 +82,7 @@ def test_the_same_flight_twice_and_scaled_to_the_aircraft(name):
     craft = load_aircraft(name)
     for surface, factor in craft.excitation.items():
         moved = first[surface] - gb.trim(name).commands[surface]
-        gtm = flight_module.excitations.excitation("multisine", first.time_s, 3).surfaces[surface]
+        gtm = excitation("multisine", first.time_s, 3).surfaces[surface]
         np.testing.assert_allclose(moved, factor * gtm, atol=1e-9)
 
 
@@ -238,12 +239,11 @@ def test_a_trim_that_takes_too_long_is_given_up(monkeypatch):
 def test_a_flight_that_leaves_its_envelope_ends_there():
     craft = load_aircraft("gtm")
     narrow = replace(craft, envelope=craft.envelope | {"phi": (-5.0, 5.0)})
-    fdm, trim = trimmed_engine(narrow)
-    excited = flight_module.excitations.excitation("dissertation", np.arange(0.0, 60.0, 0.01), 1)
-    commands = flight_module._commands(narrow, trim, excited, 6000)
-    read = flight_module._fly(fdm, narrow, commands)
+    airborne = take_off(narrow, "dissertation", 60.0, 1)
+    commands = flight_module._commands(airborne)
+    read = flight_module._fly(airborne, commands)
     assert len(read) < 1000
-    whole = flight_module._fly(trimmed_engine(craft)[0], craft, commands)
+    whole = flight_module._fly(take_off(craft, "dissertation", 60.0, 1), commands)
     assert (whole[: len(read)] == read).all()  # looking changes nothing
     with pytest.raises(gb.EnvelopeError, match=r"phi is \S+ deg at t = \S+ s, the model holds from -5 to 5 deg"):
         gb.fly(narrow, duration_s=60.0)

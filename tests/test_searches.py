@@ -35,7 +35,7 @@ def flown(tmp_path_factory):
 def test_what_is_found_is_detected_by_watching_and_a_milder_fault_isnt(flown, table):
     (search,) = searches_of([table], 120.0)
     healthy = flown.sensed(2).between(5.0, 119.0)
-    row = search_row(search, flown, monitor(), healthy)
+    row = search_row(search, flown, monitor().watch(healthy))
     assert row["detected"]
     mildest, severest = (bound.value for bound in search.bounds)
     assert min(mildest, severest) < row["smallest"] < max(mildest, severest)
@@ -49,7 +49,7 @@ def test_what_is_found_is_detected_by_watching_and_a_milder_fault_isnt(flown, ta
 
 def test_of_a_share_the_figure_is_what_it_comes_to_on_the_flight(flown):
     (search,) = searches_of([{**SEARCH, "size": ["1 % of rms", "400 % of rms"]}], 120.0)
-    row = search_row(search, flown, monitor(), flown.sensed(2).between(5.0, 119.0))
+    row = search_row(search, flown, monitor().watch(flown.sensed(2).between(5.0, 119.0)))
     q = flown.flight.between(*flown.setup.severity_reference_s)["q"]
     assert row["severity"] == pytest.approx(row["smallest"] * q.std())
 
@@ -57,11 +57,11 @@ def test_of_a_share_the_figure_is_what_it_comes_to_on_the_flight(flown):
 def test_nothing_found_is_no_figure_and_whoever_alarms_anyway_isnt_asked(flown):
     healthy = flown.sensed(2)
     (search,) = searches_of([{**SEARCH, "size": [1e-9, 1e-6]}], 120.0)
-    row = search_row(search, flown, monitor(), healthy)
+    row = search_row(search, flown, monitor().watch(healthy))
     assert not row["detected"]
     assert "smallest" not in row
     always = FunctionDetector(lambda record: record.time_s[::100], name="always").calibrate()
-    assert "detected" not in search_row(search, flown, always, healthy)
+    assert "detected" not in search_row(search, flown, always.watch(healthy))
 
 
 @pytest.mark.parametrize(("bounds", "truth"), [((0.01, 100.0), 0.37), ((100.0, 0.01), 3.0), ((-0.01, -100.0), -5.0)])

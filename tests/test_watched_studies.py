@@ -245,7 +245,7 @@ def test_only_who_asks_gets_surface_commands_and_the_sensors_are_the_same():
 
 
 def test_what_learns_nothing_and_what_is_ready_needs_no_flights(monkeypatch):
-    monkeypatch.setattr("gtmbench.study.calibration.fly", None)
+    monkeypatch.setattr("gtmbench.study.flights.Flown.elsewhere", None)
     ready = gb.FunctionDetector(spikes, name="ready").calibrate()
     for detector in (spikes, ready, monitor(), Limits(tied_to_excitation=True), "dissertation"):
         assert len(gb.run(short_jam(), detectors=[detector])) == 1

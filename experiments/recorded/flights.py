@@ -18,7 +18,7 @@ from gtmbench.testing.mutations import Mutation
 BANK = "C"
 GYROS = ("p", "q", "r")
 CHANNELS = (*GYROS, "phi", "theta", "psi")
-WITH_CAUSE = ("held samples", "hardly fresh", "late attitude")  # mechanisms that a self-check should name
+WITH_CAUSE = ("late attitude",)  # mechanisms that a self-check should name
 FASTEST_HZ = 100.0
 AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual
 SHORTEST_S, PIECE_S = 14.0, 5.5  # of a flight, of a stretch without gaps
@@ -75,7 +75,7 @@ class SyntheticLog:
 
     @property
     def has_cause(self) -> bool:
-        """Whether its attitude is late or held, so that a self-check may say so."""
+        """Whether its attitude is late, so that a self-check may say so."""
         return self.mechanism in WITH_CAUSE
 
     def parts(self) -> Parts:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.checks import keys, number, shown, text
 from gtmbench.errors import InputError
@@ -15,6 +16,7 @@ from gtmbench.record import Span
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _MOST_TIMES = 1e3
+_UPSET: dict[str, Span] = {"phi": (-60.0, 60.0), "theta": (-45.0, 45.0)}
 _STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
 _PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
 
@@ -47,6 +49,11 @@ class Aircraft:
         By surface, how many times what an excitation moves on the GTM it moves here.
     properties : dict
         What is set when the model has been loaded.
+    departure : dict
+        By channel, the span beyond which the aircraft isn't flown any more but falls; alpha's is the envelope's, bank's
+        60 deg and pitch's 45 deg unless told.
+    autopilot : Autopilot or None
+        Its gains, where they are known.
     without_io : bool
         Whether the model's input and output sections are left out; else a model that has some is refused.
     """
@@ -64,6 +71,8 @@ class Aircraft:
     commands: dict[str, Command] = field(default_factory=_in_own_units)
     excitation: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SURFACES, 1.0))
     properties: dict[str, float] = field(default_factory=dict)
+    departure: dict[str, Span] = field(default_factory=dict)
+    autopilot: Autopilot | None = None
     without_io: bool = False
 
     @property
@@ -95,11 +104,14 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
     ):
         if missing := sorted(set(wanted) - given.keys()):
             raise InputError(f"[{table}] lacks {', '.join(missing)}")
-    if unknown := envelope.keys() - CHANNELS.keys():
-        raise InputError(f"[envelope] names no channel: {', '.join(sorted(unknown))}")
+    departure = _table(facts, "departure", {})
+    for table, spans in (("envelope", envelope), ("departure", departure)):
+        if unknown := spans.keys() - CHANNELS.keys():
+            raise InputError(f"[{table}] names no channel: {', '.join(sorted(unknown))}")
     commands = keys(_table(facts, "commands", {}), COMMANDS, section="commands")
     excitation = keys(_table(facts, "excitation", {}), SURFACES, section="excitation")
     properties = _table(facts, "properties", {})
+    within = {key: _span(f"envelope.{key}", value) for key, value in envelope.items()}
     aircraft = Aircraft(
         name=text("the folder's name", folder.name),
         title=text("title", facts.get("title")),
@@ -110,13 +122,17 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         latitude_deg=number("trim.latitude_deg", trim["latitude_deg"], -90.0, 90.0),
         guess={key: number(f"trim.guess.{key}", guess[key]) for key in UNKNOWNS},
         limits={key: _span(f"limits.{key}", limits[key]) for key in COMMANDS},
-        envelope={key: _span(f"envelope.{key}", value) for key, value in envelope.items()},
+        envelope=within,
         commands=_in_own_units() | {key: _command(f"commands.{key}", commands, key) for key in commands},
         excitation=dict.fromkeys(SURFACES, 1.0)
         | {key: number(f"excitation.{key}", value, 0.0, _MOST_TIMES) for key, value in excitation.items()},
         properties={
             _property("properties", key): number(f"properties.{key}", value) for key, value in properties.items()
         },
+        departure=_UPSET
+        | {"alpha": within["alpha"]}
+        | {key: _span(f"departure.{key}", value) for key, value in departure.items()},
+        autopilot=autopilot_of(_table(facts, "autopilot")) if "autopilot" in facts else None,
         without_io=_flag("without_io", facts.get("without_io", False)),
     )
     for key, (low, high) in aircraft.searched.items():
@@ -138,6 +154,8 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
         "envelope": {name: list(span) for name, span in aircraft.envelope.items()},
         "commands": {name: asdict(command) for name, command in aircraft.commands.items()},
         "excitation": dict(aircraft.excitation),
+        "departure": {name: list(span) for name, span in aircraft.departure.items()},
+        **({"autopilot": asdict(aircraft.autopilot)} if aircraft.autopilot else {}),
         "properties": dict(aircraft.properties),
     }
 

@@ -16,6 +16,8 @@ _SECTIONS = {
     "limits": "what can be commanded: deg, percent",
     "excitation": "how many times what an excitation moves on the GTM (a multisine: 0.7 deg RMS) it moves here",
     "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
+    "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
+    "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
     "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
 }
 
@@ -50,11 +52,27 @@ def commented(facts: Facts, model: str | None = None) -> str:
         f"without_io = {_value(facts['without_io'])}  # true: leave out input and output sections, which would open "
         "ports and write files",
     ]
-    for section, what in _SECTIONS.items():
+    for section in _SECTIONS:
         if table := facts.get(section):
-            lines += ["", f"# {what}", f"[{section}]"]
-            lines += [f"{tomlkit.key(key).as_string()} = {_value(value)}" for key, value in table.items()]
+            lines += ["", *_section(section, table)]
     return "\n".join(lines) + "\n"
+
+
+def autopilot_table(gains: Facts) -> str:
+    """Return gains as the table of an ``aircraft.toml`` or a scenario.
+
+    >>> print(autopilot_table({"psi_to_phi": 0.8}))
+    # gains of the autopilot that flies in the loop; found by gtmbench autopilot
+    [autopilot]
+    psi_to_phi = 0.8
+    <BLANKLINE>
+    """
+    return "\n".join(_section("autopilot", gains)) + "\n"
+
+
+def _section(section: str, table: Facts) -> list[str]:
+    values = [f"{tomlkit.key(key).as_string()} = {_value(value)}" for key, value in table.items()]
+    return [f"# {_SECTIONS[section]}", f"[{section}]", *values]
 
 
 def listed(entries: Mapping[str, Facts], head: str) -> str:

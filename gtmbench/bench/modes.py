@@ -9,13 +9,14 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import set_condition
-from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.equilibrium import Trim, trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.record import FloatArray
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")  # ft/s, rad/s, rad
 _STEPS = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4])
+_COMMAND_STEPS = np.array([0.1, 0.1, 0.1, 1.0])  # deg, percent
 # by (lateral, oscillatory), fastest first; enough names for any conventional or odd aircraft of eight states
 _NAMES = {
     (False, True): ["short period", "phugoid", "third longitudinal pair", "fourth longitudinal pair"],
@@ -59,9 +60,9 @@ def modes(
     >>> [mode.name for mode in modes("gtm")]
     ['short period', 'roll', 'dutch roll', 'phugoid', 'spiral']
     """
-    matrix, speed = state_matrix(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    values, vectors = np.linalg.eig(matrix)
-    lateral = _lateral(vectors, speed)
+    linear = linearised(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    values, vectors = np.linalg.eig(linear.state_matrix)
+    lateral = _lateral(vectors, linear.speed_ft_s)
     fastest_first = [i for i in np.argsort(-np.abs(values)) if values[i].imag >= 0]
     names = {kind: iter(known) for kind, known in _NAMES.items()}
     kinds = {i: (bool(lateral[i]), bool(values[i].imag > 0)) for i in fastest_first}
@@ -86,19 +87,44 @@ def _mode(name: str, value: complex) -> Mode:
     )
 
 
-def state_matrix(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearModel:
+    """An aircraft about its trim: x' = A x + B u, in ft/s, rad/s and rad.
+
+    Attributes
+    ----------
+    state_matrix : array, shape (8, 8)
+        A, in the order of `STATES`.
+    input_matrix : array, shape (8, 4)
+        B, by the commands in the order of `COMMANDS`, per deg and per percent; servos and engines have settled.
+    trim : Trim
+        What it is about.
+    """
+
+    state_matrix: FloatArray
+    input_matrix: FloatArray
+    trim: Trim
+
+    @property
+    def speed_ft_s(self) -> float:
+        """The airspeed."""
+        return self.trim.tas_kt / CHANNELS["tas"].scale
+
+
+def linearised(
     aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
-) -> tuple[FloatArray, float]:
-    """Return d(x')/dx at trim, shape (8, 8), in the order of `STATES`, and the airspeed; ft/s, rad/s and rad."""
+) -> LinearModel:
+    """Return the linear model of an aircraft about its trim, by central differences of the nonlinear one."""
     craft = load_aircraft(aircraft)
     fdm, at = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     speed = at.tas_kt / CHANNELS["tas"].scale
     alpha, phi, theta = np.deg2rad([at.alpha_deg, at.roll_deg, at.pitch_deg])
-    trimmed = np.array([speed * np.cos(alpha), 0.0, speed * np.sin(alpha), 0.0, 0.0, 0.0, phi, theta])
-    fixed = {**at.commands, "altitude": at.altitude_ft, "psi": at.yaw_deg}
+    commands = list(at.commands.values())
+    trimmed = np.array([speed * np.cos(alpha), 0.0, speed * np.sin(alpha), 0.0, 0.0, 0.0, phi, theta, *commands])
+    fixed = {"altitude": at.altitude_ft, "psi": at.yaw_deg}
 
-    def derivative(x: FloatArray) -> FloatArray:
-        u, v, w, p, q, r, phi, theta = x
+    def derivative(point: FloatArray) -> FloatArray:
+        u, v, w, p, q, r, phi, theta = point[: len(STATES)]
         v_total = float(np.sqrt(u * u + v * v + w * w))
         degrees = {
             "alpha": np.arctan2(w, u),
@@ -110,7 +136,8 @@ def state_matrix(
             "r": r,
         }
         wanted = {name: float(np.rad2deg(value)) for name, value in degrees.items()}
-        set_condition(fdm, craft, {**fixed, **wanted, "tas": v_total * CHANNELS["tas"].scale})
+        given = dict(zip(COMMANDS, point[len(STATES) :].tolist(), strict=True))
+        set_condition(fdm, craft, {**fixed, **wanted, **given, "tas": v_total * CHANNELS["tas"].scale})
         body = [fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw"]
         body += [fdm[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"]
         # Euler angle kinematics, with this package's own p, q, r
@@ -118,9 +145,8 @@ def state_matrix(
         theta_dot = q * np.cos(phi) - r * np.sin(phi)
         return np.array([*body, phi_dot, theta_dot])
 
-    columns = []
-    for i, step in enumerate(_STEPS):
-        shift = np.zeros(len(STATES))
-        shift[i] = step
-        columns.append((derivative(trimmed + shift) - derivative(trimmed - shift)) / (2.0 * step))
-    return np.column_stack(columns), speed
+    shifts = np.diag(np.concatenate([_STEPS, _COMMAND_STEPS]))
+    matrix = np.column_stack(
+        [(derivative(trimmed + shift) - derivative(trimmed - shift)) / (2.0 * shift.sum()) for shift in shifts]
+    )
+    return LinearModel(state_matrix=matrix[:, : len(STATES)], input_matrix=matrix[:, len(STATES) :], trim=at)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gtmbench.channels import CHANNELS, COMMANDS, SENSORS
@@ -75,6 +77,35 @@ def measure(
     return Record(
         np.column_stack(columns), channels=kept, sample_period_s=flight.sample_period_s, start_s=flight.start_s
     )
+
+
+def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
+    """Give the noise of every sensor in blocks of samples, shape (block, sensors), as `measure` draws it.
+
+    Parameters
+    ----------
+    noise : "t2" or None
+        None: sensors without noise.
+    seed, samples, block : int
+        Of the noise; how many samples in all; how many at a time.
+
+    Raises
+    ------
+    InputError
+        Where there is no such noise.
+
+    Examples
+    --------
+    >>> [noise.shape for noise in noise_blocks("t2", 1, samples=5, block=3)]
+    [(3, 13), (2, 13)]
+    """
+    if noise is not None and noise not in NOISES:
+        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or None")
+    drawn = [(_t2_noise(name), stream(seed, name)) for name in SENSORS if noise]
+    for first in range(0, samples, block):
+        rows = min(block, samples - first)
+        columns = [deviation * generator.standard_normal(rows) for deviation, generator in drawn]
+        yield np.column_stack(columns) if columns else np.zeros((rows, len(SENSORS)))
 
 
 def rms_about_mean(values: FloatArray) -> float:

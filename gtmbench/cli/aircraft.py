@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -42,6 +43,12 @@ def told_aircraft(name: str, *, altitude: float | None, tas: float | None, witho
     if not silent and (said := mistaken_units(aircraft, altitude_ft=altitude, tas_kt=tas)):
         echo(f"note: {said}", err=True)
     return aircraft
+
+
+def at_condition(aircraft: Aircraft, *, altitude_ft: float | None, tas_kt: float | None) -> Aircraft:
+    """Return an aircraft that is trimmed at another condition where one is given."""
+    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
+    return replace(aircraft, altitude_ft=altitude_ft, tas_kt=aircraft.tas_kt if tas_kt is None else tas_kt)
 
 
 def aircraft_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:

@@ -1,8 +1,8 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was foreseen
-(one line says why); 3 `monitor` could not tell, trials of a `campaign` failed; 130 Ctrl-C.
+(`monitor`, `score`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was
+foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign` failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import click
 
 from gtmbench.checks import one_line
+from gtmbench.cli.autopilot import autopilot_command
 from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
@@ -26,6 +27,8 @@ from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
 from gtmbench.cli.report import report_command
+from gtmbench.cli.rescue import rescue_command
+from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.version import __version__
@@ -48,9 +51,12 @@ for command in (
     calibrate_command,
     bank_command,
     monitor_command,
+    score_command,
     inject_command,
     trim_command,
     fly_command,
+    rescue_command,
+    autopilot_command,
     view_command,
     diff_command,
     list_command,

@@ -11,11 +11,13 @@ from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import EXCITATIONS
 from gtmbench.bench.fleet import jsbsim_facts, jsbsim_titles, load_aircraft
 from gtmbench.bench.flight import fly
+from gtmbench.bench.loop import LoopEvent, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
+from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import detector_names
@@ -26,6 +28,7 @@ from gtmbench.files import check_file
 from gtmbench.imports import installed
 from gtmbench.logs import check_log_path, write_log
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.report.words.judgement import loop_text
 from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.scenario import load_scenario
@@ -91,6 +94,16 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")
 @click.option("--noise", help="Write what sensors read, with the T2's noise (t2) or a signal-to-noise ratio (50).")
 @click.option("--commands", is_flag=True, help="With --noise: the surface commands, too.")
+@click.option(
+    "--closed-loop", is_flag=True, help="The aircraft's autopilot flies, on what its sensors read; excitations add."
+)
+@click.option(
+    "--fault",
+    "scenario",
+    metavar="SCENARIO.toml",
+    help="With --closed-loop: what breaks in the loop, a scenario's [[faults]], all severities absolute.",
+)
+@trial_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def fly_command(
@@ -104,6 +117,9 @@ def fly_command(
     seed: int,
     noise: str | None,
     commands: bool,
+    closed_loop: bool,
+    scenario: str | None,
+    trial: int | None,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -113,14 +129,27 @@ def fly_command(
     check_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
+    if scenario is not None and not closed_loop:
+        raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
+    faults = trial_faults(scenario, trial)
+    if closed_loop and snr is not None:
+        raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
-    record = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
-    if noise is not None:
-        record = measure(record, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
+    events: tuple[LoopEvent, ...] = ()
+    if closed_loop:
+        flight = fly_in_loop(aircraft, excitation, duration, seed, faults=faults, altitude_ft=altitude, tas_kt=tas)
+        record, events = flight.truth if noise is None else flight.readings(commands=commands), flight.events
+    else:
+        record = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
+        if noise is not None:
+            record = measure(record, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
     write_log(record, out)
     if as_json:
-        print_json({"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s})
+        written = {"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
+        print_json(written | ({"events": [asdict(event) for event in events]} if closed_loop else {}))
     elif not quiet:
+        for event in events:
+            echo(f"{event.time_s:g} s: {loop_text(event)}")
         echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
 
 
@@ -154,8 +183,9 @@ def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     elif not quiet:
         for title, entries in sections.items():
             echo(title, bold=True)
+            width = max(map(len, entries), default=0)
             for name, meaning in entries.items():
-                echo(f"  {name:<16} {meaning}")
+                echo(f"  {name:<{max(width, 16)}} {meaning}")
             if title == "aircraft" and not with_all:
                 echo(f"  and {len(jsbsim_facts())} that come with JSBSim (--all), or a folder of yours")
 

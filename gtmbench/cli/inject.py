@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.detectors import import_option
+from gtmbench.cli.faults import numbered, trial_number, trial_option
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     metavar="SCENARIO.toml",
     help="What breaks: a scenario's [[faults]], all severities absolute; or a name of `gtmbench list`.",
 )
-@click.option("--trial", type=int, metavar="N", help="Which of its trials, from 1 on.  [default: the only one]")
+@trial_option
 @map_option
 @click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
@@ -62,7 +63,7 @@ def inject_command(
     if out is None:
         raise InputError("--out is missing; name the broken log to write")
     _check_out(out, log, force=force)
-    number = _number(trial, trials, scenario)
+    number = trial_number(trial, trials, scenario)
     faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
     from gtmbench.study.log.inject import inject_log
 
@@ -81,30 +82,15 @@ def _check_out(out: Path, log: Path, *, force: bool) -> None:
     check_file(out, force=force)
 
 
-def _number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) -> int:
-    """Return which trial is meant, or list those that there are."""
-    if trial is None and len(trials) == 1:
-        return 1
-    if trial is not None and 1 <= trial <= len(trials):
-        return trial
-    shown = "; ".join(_numbered(trials)[:20]) + (" ..." if len(trials) > 20 else "")
-    given = f"there is no trial {trial} of" if trial is not None else "--trial is missing, and there are several of"
-    raise InputError(f"{given} {scenario}: {shown}")
-
-
-def _numbered(trials: Sequence[FaultSpec]) -> list[str]:
-    return [f"{number} {trial.text}" for number, trial in enumerate(trials, 1)]
-
-
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
-    from gtmbench.intake.open import log_columns
+    from gtmbench.intake.contents import log_columns
 
     columns = log_columns(log)
     if as_json:
         print_json({"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]})
     elif not quiet:
         print_columns(log, columns)
-        for line in _numbered(trials):
+        for line in numbered(trials):
             echo(f"trial {line}")
 
 

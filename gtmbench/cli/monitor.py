@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,19 +9,17 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
-from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json, screen_width
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file, is_file
-from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.progress import progress_bar
 from gtmbench.record import Span
-from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
+    from gtmbench.intake.contents import LogContents
     from gtmbench.study.log.watch import WatchedLog
 
 
@@ -54,6 +51,8 @@ if TYPE_CHECKING:
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
+@click.option("--list", "listed", is_flag=True, help="Only say what the log holds, and what can be watched.")
+@click.option("--all", "every", is_flag=True, help="The same, with every column.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
 def monitor_command(
@@ -71,6 +70,8 @@ def monitor_command(
     record: Path | None,
     figure: Path | None,
     save: Path | None,
+    listed: bool,
+    every: bool,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -86,15 +87,22 @@ def monitor_command(
         if path is not None:
             _check_output(path, ending, log, force=force)
     monitor = _watcher(detector, calibrated, inputs, outputs, look, healthy)
-    if monitor is None:
-        raise _nothing_to_watch_with(log, mapping, shown=not (as_json or quiet))
+    if monitor is None or listed or every:
+        from gtmbench.intake.contents import log_contents
+
+        contents = log_contents(log, mapping=mapping)
+        if not quiet and (listed or every or not as_json):
+            _list(contents, every=every, as_json=as_json)
+        if listed or every:
+            return 0
+        raise _nothing_to_watch_with(contents)
     from gtmbench.study.log.watch import watch_log
 
     with progress_bar(silent=as_json or quiet) as tell:
         watched = watch_log(
             log,
             monitor,
-            healthy=[_healthy(text) for text in healthy],
+            healthy=[healthy_part(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
             false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
@@ -152,7 +160,7 @@ def _watcher(
     return bank_between(*split, look_s=number("--look", look, 0.0, 60.0))
 
 
-def _healthy(text: str) -> Span | Path:
+def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
     if ":" not in text or is_file(Path(text)):
         return Path(text)
@@ -166,53 +174,39 @@ def _healthy(text: str) -> Span | Path:
     return start_s, end_s
 
 
-def _nothing_to_watch_with(log: Path, mapping: Sequence[str], *, shown: bool) -> InputError:
-    """List what a log holds and allows; return the error that ends the command."""
-    from gtmbench.intake.open import log_columns, open_log
-    from gtmbench.report.words.log import events_lines
+def _list(contents: LogContents, *, every: bool, as_json: bool) -> None:
+    """Print what a log holds and allows: a screen, or every column."""
+    from gtmbench.report.tables.log import contents_results
+    from gtmbench.report.words.listing import listing_lines
 
-    columns = log_columns(log)
-    channels: tuple[str, ...] = ()
-    told: list[str] = []
-    no_use = ""
-    try:
-        opened = open_log(log, mapping=mapping)
-        channels, told = opened.channels, events_lines(opened.events)
-    except InputError as error:
-        no_use = str(error)
-    if shown:
-        print_columns(log, columns)
-        for line in [*_possible(channels), *told]:
-            echo(line)
-    if no_use:
-        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {no_use}")
-    allowed = [name for name in shipped_banks() if set(load_bank(name).channels) <= set(channels)]
+    if as_json:
+        print_json(contents_results(contents))
+        return
+    if every:
+        print_columns(contents.path, contents.columns)
+    for line in listing_lines(contents, screen_width()):
+        echo(line)
+
+
+def _nothing_to_watch_with(contents: LogContents) -> InputError:
+    """Return the error that ends the command where nobody said how to watch."""
+    from gtmbench.report.words.listing import banks_for
+
+    channels = [*contents.usable, *contents.own_columns]
+    if not channels:
+        why = contents.no_time or f"no column becomes a channel of {contents.path.name}"
+        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {why}")
+    allowed, _ = banks_for(contents.usable)
     named = f"--detector {' or '.join(allowed)}, " if allowed else ""
     try:
-        composed_bank(channels)
+        composed_bank(contents.usable)
         banks = f"give --identify T0:T1, what of it is healthy (bank {AUTO} watches the rest), {named}or"
     except InputError:
         banks = f"give {named}or" if allowed else "no bank's channels are there; give"
     return InputError(
-        f"nothing was said about how to watch {log.name}: {banks} --inputs ... --outputs ... of "
+        f"nothing was said about how to watch {contents.path.name}: {banks} --inputs ... --outputs ... of "
         f"{', '.join(channels[:30])}"
     )
-
-
-def _possible(channels: Iterable[str]) -> list[str]:
-    """Say which banks and pseudo inputs some channels allow."""
-    there = set(channels)
-    try:
-        lines = [f"bank {AUTO}: possible ({composed_bank(there).title})"]
-    except InputError as error:
-        lines = [str(error).replace(f"bank {AUTO}", f"bank {AUTO}: no, it", 1)]
-    for name in shipped_banks():
-        bank = load_bank(name)
-        missing = [channel for channel in bank.channels if channel not in there]
-        lines.append(
-            f"bank {name}: " + (f"no, {', '.join(missing)} missing" if missing else f"possible ({bank.title})")
-        )
-    return [*lines, f"pseudo inputs: {', '.join(derivable(there)) or 'none'}"]
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,8 +15,9 @@ from gtmbench.checks import printable
 from gtmbench.plain import dumps
 
 if TYPE_CHECKING:
-    from gtmbench.intake.open import LogColumn
+    from gtmbench.intake.contents import LogColumn
 
+_NO_SCREEN = 140  # characters
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -47,6 +50,11 @@ def print_json(value: Mapping[str, Any]) -> None:
     click.echo(dumps(value, indent=2))
 
 
+def screen_width() -> int:
+    """Return how many characters fit beside each other; a pipe or a file has no width of its own."""
+    return shutil.get_terminal_size(fallback=(_NO_SCREEN, 50)).columns if sys.stdout.isatty() else _NO_SCREEN
+
+
 def print_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
 ) -> None:
@@ -65,7 +73,7 @@ def print_table(
         table.add_row(*(Text(printable(cell)) for cell in row))  # as text: rich reads [p q beta] as markup
     console = Console(highlight=False)
     if not console.is_terminal:
-        console = Console(highlight=False, width=140)  # a pipe or a log has no width of its own
+        console = Console(highlight=False, width=_NO_SCREEN)
     console.print(table)
 
 

@@ -37,6 +37,8 @@ class Judgement:
         Why no sensor is named; empty where one is, or nothing is left to explain.
     doubt : str
         What may have raised the alarm though no sensor failed; empty where one must have.
+    imu : str
+        Of which IMU `sensor` is, where a log has several.
     """
 
     time_s: float
@@ -49,6 +51,7 @@ class Judgement:
     partner: str | None = None
     reason: str = ""
     doubt: str = ""
+    imu: str = ""
 
     @property
     def swapped(self) -> bool:
@@ -61,7 +64,7 @@ class Judgement:
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.sensor is not None:
-            return f"{self.sensor} failed"
+            return f"{self.sensor} of {self.imu} failed" if self.imu else f"{self.sensor} failed"
         if self.doubt:
             return f"can't tell: {self.doubt}"
         return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"

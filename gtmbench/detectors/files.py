@@ -17,6 +17,8 @@ from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.rivals.catalogue import restore_rival
+from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError
@@ -29,6 +31,7 @@ VERSION = 2
 BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
+    "rival": restore_rival,
 }
 
 _KEYS = ("format", "version", "gtmbench", "detector", "figures", "provenance")
@@ -117,7 +120,7 @@ class _Kept:
 
 
 def kind_of(detector: Detector | Monitor) -> str:
-    """Return who restores it: ``bank``, ``dissertation`` or the name of a detector of somebody's own.
+    """Return who restores it: ``bank``, ``dissertation``, ``rival`` or the name of a detector of somebody's own.
 
     Raises
     ------
@@ -128,6 +131,8 @@ def kind_of(detector: Detector | Monitor) -> str:
         return "bank"
     if isinstance(detector, DissertationOperator | NormMonitor):
         return "dissertation"
+    if isinstance(detector, Rival | RivalMonitor):
+        return "rival"
     if detector.name in BUILT_IN:
         raise InputError(f"'{detector.name}' is the name of a detector of gtmbench; call yours otherwise")
     return detector.name

@@ -17,6 +17,7 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.files import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
+from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.shipped import shipped_banks
@@ -30,7 +31,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     Parameters
     ----------
     source : str or Path
-        ``dissertation``, ``auto``, the name of a shipped bank or of an installed detector; a bank's TOML file; a
+        ``dissertation``, ``auto``, the name of a bank, of a rival or of an installed detector; a bank's TOML file; a
         monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a Detector, a
         Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to the times of its
         alarms.
@@ -99,6 +100,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         return BankDetector(bank=load_bank(source))
     if suffix == ".json":
         return load_monitor(source)
+    if name in RIVALS:
+        return RIVALS[name]
     if name in installed_names():
         return installed(name)
     if suffix == ".py":
@@ -121,6 +124,7 @@ def detector_names() -> dict[str, str]:
         DISSERTATION: "an operator between sensors, and E(k) of its residual",
         AUTO: "a bank of the relations that the channels allow, of those of banks C and B",
         **banks,
+        **{name: rival.title for name, rival in RIVALS.items()},
     }
     return ours | {name: title for name, title in others.items() if name not in ours}
 

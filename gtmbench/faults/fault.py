@@ -263,14 +263,19 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     array([3., 3., 3.])
     """
     for fault in [faults] if isinstance(faults, Fault) else faults:
-        if not isinstance(fault, Fault):
-            raise InputError(f"{fault!r} is no fault; give one such as Jam(channel='p', onset_s=300)")
-        if not record.start_s - 1e-9 <= fault.onset_s <= record.end_s + 1e-9:
-            raise InputError(
-                f"{fault.kind} on '{fault.channel}' begins at {fault.onset_s:g} s, outside of the record, which runs "
-                f"from {record.start_s:g} to {record.end_s:g} s"
-            )
+        check_onset(fault, record.start_s, record.end_s)
         broken = {part.channel: part.array(record) for part in fault.parts}
         for channel, values in broken.items():
             record = record.replace(channel, values)
     return record
+
+
+def check_onset(fault: object, start_s: float, end_s: float) -> None:
+    """Refuse what is no fault, or one that begins outside of a record."""
+    if not isinstance(fault, Fault):
+        raise InputError(f"{fault!r} is no fault; give one such as Jam(channel='p', onset_s=300)")
+    if not start_s - 1e-9 <= fault.onset_s <= end_s + 1e-9:
+        raise InputError(
+            f"{fault.kind} on '{fault.channel}' begins at {fault.onset_s:g} s, outside of the record, which runs "
+            f"from {start_s:g} to {end_s:g} s"
+        )

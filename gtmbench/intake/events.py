@@ -1,4 +1,4 @@
-"""What a log says of its flight beside channels: an estimator's resets, takeoff and touchdown, arming, failures."""
+"""What a log says of its flight beside channels: resets, takeoff and touchdown, arming, failures, complaints."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 from gtmbench.checks import one_line
+from gtmbench.clock import FloatArray
+from gtmbench.record import BoolArray
 
 _AT_ONCE_S = 0.5  # of a kind and so close: one, told twice
+_CALM_S = 5.0  # until a flag that rises again tells something anew
 _BESIDE_S = 5.0  # of a log's first and last sample: further away no event is this flight's
 
 
@@ -17,7 +22,7 @@ class EventKind(StrEnum):
 
     A reset is an estimator's, of attitude or heading, or another estimator's taking over: the attitude jumps, and
     nothing turned. Resets of position, velocity and height leave the attitude alone and aren't taken. A failure is what
-    the autopilot itself has found.
+    the autopilot itself has found of the flight; a complaint what it says of a sensor, or its estimator of the sensors.
     """
 
     RESET = "reset"
@@ -26,9 +31,12 @@ class EventKind(StrEnum):
     ARM = "arm"
     DISARM = "disarm"
     FAILURE = "failure"
+    COMPLAINT = "complaint"
 
 
-_ORDER = [EventKind(name) for name in ("failure", "touchdown", "disarm", "arm", "takeoff", "reset")]  # at one time
+_ORDER = [
+    EventKind(name) for name in ("complaint", "failure", "touchdown", "disarm", "arm", "takeoff", "reset")
+]  # at one time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +50,17 @@ class Event:
         On the log's clock.
     text : str
         In words: by which message, how much.
+    about : str
+        What it is about, where the autopilot speaks of a part of its own: ``gyro``, ``accelerometer``, ``estimator``.
+    number : int or None
+        Which of these, from 1.
     """
 
     kind: EventKind
     time_s: float
     text: str
+    about: str = ""
+    number: int | None = None
 
 
 def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
@@ -54,17 +68,20 @@ def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
 
     >>> told = [Event(kind=EventKind.RESET, time_s=t, text=text) for t, text in ((2.1, "of 3 deg"), (2.0, "heading"))]
     >>> in_order(told)
-    (Event(kind=<EventKind.RESET: 'reset'>, time_s=2.0, text='heading; of 3 deg'),)
+    (Event(kind=<EventKind.RESET: 'reset'>, time_s=2.0, text='heading; of 3 deg', about='', number=None),)
     """
     told: list[Event] = []
-    last: dict[EventKind, int] = {}
+    last: dict[object, int] = {}
     for event in sorted(events, key=lambda event: (event.time_s, _ORDER.index(event.kind))):
-        place = last.get(event.kind)
+        alike = (event.about, event.number) if event.kind is EventKind.COMPLAINT else event.kind
+        place = last.get(alike)
         if place is not None and event.time_s - told[place].time_s <= _AT_ONCE_S:
-            texts = [*told[place].text.split("; "), event.text]
-            told[place] = replace(told[place], text="; ".join(dict.fromkeys(texts)))
+            before = told[place]
+            texts = dict.fromkeys([*before.text.split("; "), event.text])
+            part = before if before.about else event
+            told[place] = replace(before, text="; ".join(texts), about=part.about, number=part.number)
             continue
-        last[event.kind] = len(told)
+        last[alike] = len(told)
         told.append(event)
     return tuple(replace(event, text=one_line(event.text)) for event in told)
 
@@ -77,6 +94,19 @@ def of_flight(events: Iterable[Event], start_s: float, end_s: float) -> tuple[Ev
 def of_kind(events: Iterable[Event], *kinds: EventKind) -> list[Event]:
     """Return the events of some kinds."""
     return [event for event in events if event.kind in kinds]
+
+
+def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
+    """Return the samples with which a flag rises that was down for 5 s; one that it begins with isn't.
+
+    >>> onsets(np.arange(8.0), np.array([0, 1, 1, 0, 1, 0, 0, 0], dtype=bool))
+    [1]
+    """
+    rises = np.flatnonzero(raised[1:] & ~raised[:-1]) + 1
+    up = np.flatnonzero(raised)
+    before = np.searchsorted(up, rises) - 1
+    calm = (before < 0) | (time_s[rises] - time_s[up[np.maximum(before, 0)]] >= _CALM_S)
+    return [int(row) for row in rises[calm]]
 
 
 def touchdowns(contacts: Sequence[tuple[float, bool]], landings: Sequence[tuple[float, bool]]) -> list[float]:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
+from gtmbench.intake.imus import Imu
+from gtmbench.intake.injections import Injection
 from gtmbench.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -21,8 +23,8 @@ class Remark:
     Attributes
     ----------
     kind : str
-        ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``missing``, ``constant``, ``saturated``, ``short``,
-        ``sign``.
+        ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``slipped``, ``held``, ``missing``, ``constant``,
+        ``saturated``, ``short``, ``sign``.
     channel : str or None
         Which one; None where it is about all of them.
     start_s, end_s : float
@@ -73,6 +75,10 @@ class FlightLog:
         The columns that the channels are read from.
     events : tuple of Event
         In time: what the log itself says happened. Of formats that say such a thing: PX4's and ArduPilot's.
+    injections : tuple of Injection
+        In time: the failures that the log says were put into its flight.
+    imus : tuple of Imu
+        The gyros of three axes that it holds, each with stamps that come often enough to be compared.
     """
 
     path: Path
@@ -81,6 +87,8 @@ class FlightLog:
     method: tuple[str, ...]
     sources: tuple[Source, ...] = ()
     events: tuple[Event, ...] = ()
+    injections: tuple[Injection, ...] = ()
+    imus: tuple[Imu, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from gtmbench.channels import CHANNELS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 
@@ -68,43 +68,6 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
             raise InputError(f"--map gives '{channel}' twice; once is enough")
         columns[channel] = column.strip()
     return columns
-
-
-def with_time(raw: RawLog, mapped: str | None) -> RawLog:
-    """Return a log whose clocks are known: a container's own, or from a column that tells the time."""
-    if raw.clocks and mapped is None:
-        return raw
-    series, meaning = _mapped(raw, "time", mapped) if mapped is not None else _time_column(raw)
-    known = unit(meaning.unit)
-    if known is None:
-        raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
-    clocks, since = in_seconds({series.clock: series.load()}, known.factor)
-    if meaning.late_s:
-        raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    rest = tuple(other for other in raw.series if other is not series)
-    return replace(raw, series=rest, time=(series.name, meaning.unit)).with_clocks(
-        clocks, f"time: column '{series.name}' in {meaning.unit}", *since
-    )
-
-
-def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
-    looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
-    sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
-    exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
-    if len(exact or sure) == 1:
-        return (exact or sure)[0]
-    if sure:
-        names = " and ".join(f"'{series.name}'" for series, _ in sure)
-        raise InputError(f"columns {names} both tell the time; choose: --map time={sure[0][0].name}:{sure[0][1].unit}")
-    if looks:
-        raise InputError("; ".join(f"column '{series.name}' {told.why_not}" for series, told in looks[:3]))
-    measured = [
-        series.name
-        for series in raw.series
-        if (measure := unit(stated_unit(series.name, series.unit)[1])) and measure.dimension == "time"
-    ]
-    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
-    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
 
 
 def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[Chosen]:
@@ -188,7 +151,7 @@ def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> Chosen:
 
 
 def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
-    series, meaning = _mapped(raw, channel, column)
+    series, meaning = mapped_column(raw, channel, column)
     known = unit(meaning.unit) if channel in CHANNELS else None
     turned = "-" if meaning.sign < 0 else ""
     own = stated_unit(series.name, series.unit)[1]
@@ -199,7 +162,7 @@ def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
     return Chosen(channel=channel, series=series, factor=factor, how=how, meaning=meaning)
 
 
-def _mapped(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
+def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
     """Return the column that a mapping names, and what the mapping states of it."""
     bare_names: dict[str, list[RawSeries]] = {}
     for series in raw.series:

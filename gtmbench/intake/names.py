@@ -51,6 +51,10 @@ _OPEN = {
     for kind, channels in (("angularvelocity", "pqr"), ("linearacceleration", ("nx", "ny", "nz")))
     for axis, channel in zip("xyz", channels, strict=True)
 }
+_OPEN |= {
+    f"orientation{angle}": (channel, "may be of axes that point left and up (ROS) or right and down")
+    for angle, channel in (("roll", "phi"), ("pitch", "theta"), ("yaw", "psi"))
+}
 _NOT_MEASURED = re.compile(r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias)")
 _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[A-Za-z%°µμ][^\[\](){}<>]*)[\])}>]\s*$")
 

@@ -1,75 +1,34 @@
-"""`open_log`: a recorded flight's file, as it comes, as clean segments and remarks; `log_columns`: what is in it."""
+"""`open_log`: a recorded flight's file, as it comes, as clean segments and remarks."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import CHANNELS, SENSORS
+from gtmbench.channels import SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
-from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.formats.registry import read_raw
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, judged, not_taken, split_mapping, with_time
-from gtmbench.intake.names import stated_unit
+from gtmbench.intake.fresh import tracks_of
+from gtmbench.intake.imus import imus_of
+from gtmbench.intake.injections import Injection, in_time
+from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
-from gtmbench.intake.segments import Cut, Track, cut, laid_beside
+from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.record import Record
 
 _ATTITUDE = ("phi", "theta", "psi")
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogColumn:
-    """A column of a log.
-
-    Attributes
-    ----------
-    name : str
-    unit : str
-        As it is stated; "" where it isn't.
-    channel : str
-        Which channel it becomes by itself, ``time`` for the time; "" for none.
-    why_not : str
-        What is left open about a column that looks like a channel.
-    samples : int
-    rate_hz, start_s, end_s : float
-        Of its stamps; NaN where the time isn't known.
-    """
-
-    name: str
-    unit: str
-    channel: str
-    why_not: str
-    samples: int
-    rate_hz: float
-    start_s: float
-    end_s: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogChannels:
-    """What a log can give.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The channels that hold numbers.
-    attitude_from_gyros : bool
-        Whether its attitude is that of an estimator which the gyros drive: known of PX4's and ArduPilot's.
-    """
-
-    names: tuple[str, ...]
-    attitude_from_gyros: bool
 
 
 def open_log(
@@ -127,7 +86,7 @@ def open_log(
     if wanted == ():
         raise InputError("needs is empty; name the channels that are wanted, or leave it out for all")
     columns = split_mapping(mapping)
-    raw = read_raw(path)
+    raw = with_quaternions(read_raw(path))
     try:
         with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
             return _opened(path, raw, columns, rate, wanted, tuple(witnesses))
@@ -145,10 +104,16 @@ def _opened(
 ) -> FlightLog:
     raw = with_time(raw, columns.pop("time", None))
     chosen = choose(raw, columns, needs)
+    left_out = of_no_use(chosen, raw.clocks)
+    if needs is None:
+        chosen = [choice for choice in chosen if choice.channel not in left_out] or chosen
+    elif left_out and len(left_out) < len(chosen):
+        raise InputError("; ".join(f"{name}: {why}" for name, why in left_out.items()))
     used = dict.fromkeys(choice.series.clock for choice in chosen)
     clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in used})
     check_values(sum(len(clocks[choice.series.clock].rows) for choice in chosen), "its channels")
-    tracks = _tracks(chosen, clocks)
+    tracks, told = tracks_of(chosen, clocks, breaks_s)
+    remarks += told
     suspects = [
         choice.channel
         for choice in chosen
@@ -171,7 +136,10 @@ def _opened(
     if beyond:
         taken.append(f"witnesses, which diagnoses read and no alarm stands on: {'; '.join(beyond)}")
     events, unplaced = _events(raw, breaks_s, segments)
-    left = not_taken(raw, [choice.channel for choice in chosen]) if needs is None else []
+    left = []
+    if needs is None:
+        left = [f"not taken: {name}, {why}" for name, why in left_out.items()]
+        left += not_taken(raw, [choice.channel for choice in chosen])
     return FlightLog(
         path=path,
         segments=tuple(segments),
@@ -179,6 +147,8 @@ def _opened(
         method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method, *unplaced))),
         sources=(*(choice.source for choice in chosen), *_time_source(raw)),
         events=events,
+        injections=_injections(raw, breaks_s, segments),
+        imus=imus_of(raw),
     )
 
 
@@ -187,10 +157,22 @@ def _events(
 ) -> tuple[tuple[Event, ...], tuple[str, ...]]:
     """Return the events of a log, and a word on those that can't be placed: where its clock isn't as they have it."""
     told = raw.events()
-    if told and (breaks_s or raw.time is not None):
+    if told and not _is_placed(raw, breaks_s):
         why = "its clock was set back" if breaks_s else f"the time is taken from '{raw.time[0] if raw.time else ''}'"
         return (), (f"{len(told)} events of the log aren't taken, for {why}: when they were isn't known",)
     return of_flight(told, segments[0].start_s, segments[-1].end_s), ()
+
+
+def _injections(raw: RawLog, breaks_s: tuple[float, ...], segments: Sequence[Record]) -> tuple[Injection, ...]:
+    """Return the failures that were injected before a log's end and weren't over at its beginning."""
+    start_s, end_s = segments[0].start_s, segments[-1].end_s
+    told = raw.injections() if _is_placed(raw, breaks_s) else ()
+    return in_time(each for each in told if each.onset_s < end_s and (each.end_s is None or each.end_s > start_s))
+
+
+def _is_placed(raw: RawLog, breaks_s: tuple[float, ...]) -> bool:
+    """Tell whether the log's clock is as its messages have it."""
+    return not breaks_s and raw.time is None
 
 
 def _time_source(raw: RawLog) -> list[Source]:
@@ -209,7 +191,7 @@ def _laid(
                 return []
             clocks = own
         check_values(len(clocks[name].rows), "a witness")
-        (track,) = _tracks([choice], clocks)
+        (track,), _ = tracks_of([choice], clocks, breaks_s)
         return [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered)[:, 0] for record in made.records]
     return []
 
@@ -221,86 +203,4 @@ def _beside(record: Record, values: FloatArray, channel: str) -> Record:
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
         there=np.column_stack([record.there, np.isfinite(values)]),
-    )
-
-
-def _tracks(chosen: Sequence[Chosen], clocks: Mapping[str, Clock]) -> list[Track]:
-    """Return the channels by their stamps: columns that are filled in every few rows only have stamps of their own."""
-    groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
-    for choice in chosen:
-        clock = clocks[choice.series.clock]
-        values = choice.values()[clock.rows]
-        filled = np.flatnonzero(np.isfinite(values))
-        sparse = len(filled) > 2 and np.median(np.diff(filled)) >= 2
-        key = filled.tobytes() if sparse else choice.series.clock
-        kept = filled if sparse else slice(None)
-        at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
-        groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
-    return [
-        Track(
-            channels=tuple(channel for channel, _, _ in group),
-            time_s=group[0][1],
-            values=np.column_stack([values for _, _, values in group]),
-        )
-        for group in groups.values()
-    ]
-
-
-def log_channels(path: str | Path, *, mapping: Sequence[str] = ()) -> LogChannels:
-    """Return the channels that a log can give, those of the channel table, without bringing them to one clock.
-
-    Raises
-    ------
-    InputError
-        Where the file can't be read, or a mapping doesn't fit.
-    """
-    path = Path(path)
-    mapped = split_mapping(mapping)
-    raw = read_raw(path)
-    try:
-        with np.errstate(all="ignore"):
-            raw = with_time(raw, mapped.pop("time", None))
-            chosen = choose_of(list(CHANNELS), raw, mapped)
-            names_there = tuple(each.channel for each in chosen if np.isfinite(each.values()).any())
-    except InputError as error:
-        raise InputError(f"{path}: {one_line(str(error))}") from error
-    own_attitude = not set(_ATTITUDE) <= set(mapped)  # what somebody maps is anybody's
-    return LogChannels(names=names_there, attitude_from_gyros=raw.attitude_from_gyros and own_attitude)
-
-
-def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
-    """Return what a log's file holds: columns, their units and rates, and which channels they become.
-
-    Raises
-    ------
-    InputError
-        Where the file can't be read.
-    """
-    path = Path(path)
-    raw = read_raw(path)
-    timed = raw
-    with (
-        contextlib.suppress(InputError),
-        np.errstate(all="ignore"),
-    ):  # no column tells the time: the list says what might
-        timed = with_time(raw, None)
-    with np.errstate(all="ignore"):
-        return tuple(_column(series, timed) for series in raw.series)
-
-
-def _column(series: RawSeries, raw: RawLog) -> LogColumn:
-    told = judged(series, raw)
-    stamps = raw.clocks.get(series.clock)
-    time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
-    steps = np.diff(time_s)
-    forward = steps[steps > 0]
-    return LogColumn(
-        name=series.name,
-        unit=series.meaning.unit if series.meaning else stated_unit(series.name, series.unit)[1],
-        channel=told.channel if told.meaning else "",
-        why_not=told.why_not,
-        samples=len(series.load() if stamps is None else stamps),
-        rate_hz=1.0 / float(np.median(forward)) if len(forward) else np.nan,
-        start_s=float(time_s[0]) if len(time_s) else np.nan,
-        end_s=float(time_s[-1]) if len(time_s) else np.nan,
     )

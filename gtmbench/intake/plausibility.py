@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.clock import FloatArray
 from gtmbench.intake.flight_log import Remark, remark
-from gtmbench.intake.segments import Track
+from gtmbench.intake.tracks import Track
 from gtmbench.record import runs
 
 _STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to

@@ -18,7 +18,7 @@ HALF = 13  # half of the low-pass's length, in samples of the result
 _CUTOFF = 0.8  # of the new Nyquist frequency
 _KAISER = 7.86  # beta of a ripple of 1e-4
 PAUSE = 2.5  # periods, its own or the record's: a step that is longer is a pause; shorter ones miss a sample or two
-_HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
+HOLE = 1.75  # periods: between stamps that are further apart nothing is interpolated
 _SAME_RATE = 0.1  # of the median steps of rounded stamps
 
 
@@ -92,7 +92,7 @@ def resampled(
     laid_out = (count - 1 + 2 * margin) * finer + 1
     check_values(laid_out * values.shape[1], "laying out the channels evenly")
     at_s = first_s - margin * period_s + np.arange(laid_out, dtype=np.float64) * (period_s / finer)
-    hole_s = max(_HOLE * typical_s, period_s if finer > 1 else 0.0)
+    hole_s = max(HOLE * typical_s, period_s if finer > 1 else 0.0)
     laid = np.full((laid_out, values.shape[1]), np.nan)
     there = np.zeros(laid.shape, dtype=bool)
     cuts = np.flatnonzero(np.diff(time_s) > PAUSE * max(typical_s, period_s)) + 1

@@ -14,8 +14,10 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import read_raw, rewrite_raw
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.mapping import Chosen, choose, split_mapping, with_time
-from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.mapping import Chosen, choose, split_mapping
+from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.stamps import Clock, cleaned, single
+from gtmbench.intake.times import with_time
 from gtmbench.record import Span
 
 
@@ -68,24 +70,25 @@ def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()
         Where the file can't be read, or a channel isn't there.
     """
     columns = split_mapping(mapping)
-    raw = read_raw(path)
+    raw = with_quaternions(read_raw(path))
     with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         raw = with_time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, channels)
-        clocks, _, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
-        return {each.channel: _samples(each, clocks[each.series.clock]) for each in chosen}
+        clocks, breaks_s, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
+        return {each.channel: _samples(each, clocks[each.series.clock], breaks_s) for each in chosen}
 
 
-def _samples(chosen: Chosen, clock: Clock) -> Samples:
+def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples:
     values = chosen.values()[clock.rows]
-    there = np.isfinite(values)
-    if np.count_nonzero(there) < 2:
-        raise InputError(f"column '{chosen.series.name}' holds {np.count_nonzero(there)} numbers; a channel has more")
+    there = np.flatnonzero(np.isfinite(values))
+    if len(there) < 2:
+        raise InputError(f"column '{chosen.series.name}' holds {len(there)} numbers; a channel has more")
+    kept, time_s, _, _ = single("", clock.time_s[there], values[there, np.newaxis], breaks_s)
     return Samples(
         chosen=chosen,
-        rows=clock.rows[there],
-        time_s=clock.time_s[there] - chosen.late_s,
-        values=values[there],
+        rows=clock.rows[there[kept]],
+        time_s=time_s - chosen.late_s,
+        values=values[there[kept]],
         span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),
     )
 
@@ -98,6 +101,12 @@ def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values:
     InputError
         Where the format isn't written, or a column can't hold a value.
     """
+    for channel in values:
+        made_of = samples[channel].chosen.series.made_of
+        if made_of:
+            raise InputError(
+                f"{path}: {channel} is worked out of {', '.join(made_of)}; only a column can be written anew"
+            )
     rewrite_raw(path, out, [samples[channel].cells(new) for channel, new in values.items()])
 
 

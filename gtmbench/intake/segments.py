@@ -19,50 +19,18 @@ import numpy as np
 
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
+from gtmbench.intake.delta_angle import is_integrated, mean_rates
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
+from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
 from gtmbench.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
-SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 _BESIDE = 30  # samples: what is further away doesn't move a spline
 _start, _end = itemgetter(0), itemgetter(1)  # of a span
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
-    """Channels that share their stamps.
-
-    Attributes
-    ----------
-    channels : tuple of str
-    time_s : FloatArray
-        Increasing, shape (samples,).
-    values : FloatArray
-        Shape (samples, channels).
-    """
-
-    channels: tuple[str, ...]
-    time_s: FloatArray
-    values: FloatArray
-
-    @property
-    def period_s(self) -> float:
-        """The median step."""
-        return float(np.median(np.diff(self.time_s)))
-
-    @property
-    def label(self) -> str:
-        """Its channels, as a message names them."""
-        more = f" and {len(self.channels) - 4} more" if len(self.channels) > 4 else ""
-        return ", ".join(self.channels[:4]) + more
-
-    def part(self, first: int, last: int) -> Track:
-        """Return the samples from first to before last."""
-        return replace(self, time_s=self.time_s[first:last], values=self.values[first:last])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,6 +66,10 @@ class _Parts:
         """How much later than others it may begin or end without being missed."""
         return max(SHORTEST_S, self.limit_s)
 
+    def is_integrated(self, attitude: _Parts | None) -> bool:
+        """Tell whether these are gyros that are integrated over an attitude's intervals."""
+        return attitude is not None and set(self.track.channels) <= set(GYROS)
+
     def within(self, span: Span) -> list[Span]:
         """Return where it lives in a span."""
         return _overlaps(self.spans, span)
@@ -112,10 +84,10 @@ class _Parts:
         self, span: Span, first_s: float, period_s: float, count: int, *, filtered: bool
     ) -> tuple[FloatArray, BoolArray]:
         """Return the values on another clock, made of the samples in a span, and where a sample is there."""
-        used = self._around(*span)
+        used = self.around(*span)
         return resampled(used.time_s, used.values, first_s, period_s, count, filtered=filtered)
 
-    def _around(self, start_s: float, end_s: float) -> Track:
+    def around(self, start_s: float, end_s: float) -> Track:
         """Return the samples from start to end and some beside them, none of them beyond a pause."""
         met = list(self.parts[_met(self.spans, (start_s, end_s))])
         if not met:
@@ -141,12 +113,18 @@ class _Parts:
 
 @dataclass(kw_only=True, eq=False)
 class Cut:
-    """What became of the tracks."""
+    """What became of the tracks; gyros are integrated `by_attitude`, where that is given, over its intervals."""
 
     records: list[Record]
     remarks: list[Remark]
     method: list[str]
     filtered: bool
+    by_attitude: _Parts | None = None
+
+    @property
+    def margin(self) -> int:
+        """How many samples go at either end of a segment."""
+        return HALF if self.filtered else 0 if self.by_attitude is None else 1
 
 
 def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | None) -> Cut:
@@ -159,15 +137,19 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     """
     for track in tracks:
         _check_long(track)
-    slowest = max(tracks, key=lambda track: track.period_s)
+    slowest = max(tracks, key=lambda track: (track.slowness_s, -track.logged_s))
     rough_s = slowest.period_s if rate_hz is None else 1.0 / rate_hz
+    attitude = _attitude_for_gyros(tracks, rough_s)
+    if attitude is not None:
+        tracks = [apart for track in tracks for apart in track.split(GYROS)]
     laid = {id(track): _between_pauses(track, rough_s, breaks_s) for track in tracks}
     reference, all_parts = laid[id(slowest)], list(laid.values())
     period_s = _common_period(reference, rate_hz)
-    filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts)
-    made = Cut(records=[], remarks=[], method=[], filtered=filtered)
-    made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, filtered=filtered)
-    if rate_hz is None and filtered:
+    by = None if attitude is None else laid[id(attitude)]
+    filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts if not parts.is_integrated(by))
+    made = Cut(records=[], remarks=[], method=[], filtered=filtered, by_attitude=by)
+    made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, made)
+    if rate_hz is None and (filtered or by is not None):
         made.method.append(
             f"that is the rate of {slowest.label}: name the channels that are needed, or a rate, for more"
         )
@@ -175,7 +157,7 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     made.method += _latecomers(all_parts, spans)
     made.remarks += [remark for parts in all_parts for remark in _remarks(parts, spans, breaks_s)]
     for span in spans:
-        _add_record(made, all_parts, span, reference, period_s, filtered=filtered)
+        _add_record(made, all_parts, span, reference, period_s)
     if not made.records:
         names = "; ".join(track.label for track in tracks)
         raise InputError(
@@ -183,6 +165,15 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
             f"them and has no gap: {names}; leave out a channel, or give a lower rate"
         )
     return made
+
+
+def _attitude_for_gyros(tracks: Sequence[Track], period_s: float) -> Track | None:
+    """Return the attitude over whose intervals the gyros are integrated, None where they aren't."""
+    attitude = next((track for track in tracks if {*ANGLES} <= {*track.channels}), None)
+    gyros_s = [track.period_s for track in tracks if {*GYROS} & {*track.channels}]
+    if attitude is None or not is_integrated(gyros_s, attitude.period_s, period_s):
+        return None
+    return attitude
 
 
 def _check_long(track: Track) -> None:
@@ -322,20 +313,17 @@ def _latecomers(parts: Sequence[_Parts], spans: Sequence[Span]) -> list[str]:
     return [f"all are there from {begin_s:.6g} s on, when {last.track.label} begins"]
 
 
-def _add_record(
-    made: Cut, parts: Sequence[_Parts], span: Span, reference: _Parts, period_s: float, *, filtered: bool
-) -> None:
+def _add_record(made: Cut, parts: Sequence[_Parts], span: Span, reference: _Parts, period_s: float) -> None:
     start_s, end_s = span
     first_s = reference.first_from(start_s, period_s) if same_period(reference.period_s, period_s) else start_s
-    margin = HALF if filtered else 0
-    first_s += margin * period_s
-    count = int(np.floor((end_s - first_s) / period_s + 1e-6)) + 1 - margin
+    first_s += made.margin * period_s
+    count = int(np.floor((end_s - first_s) / period_s + 1e-6)) + 1 - made.margin
     check_values(max(count, 0) * sum(len(part.track.channels) for part in parts), "the record")
     if count < FEWEST or count * period_s < SHORTEST_S:
         text = f"{max(end_s - start_s, 0.0):.4g} s between gaps: too short to be used, dropped"
         made.remarks.append(remark("short", start_s, end_s, text))
         return
-    values, there = zip(*(part.laid(span, first_s, period_s, count, filtered=filtered) for part in parts), strict=True)
+    values, there = zip(*(_laid(made, part, span, first_s, period_s, count) for part in parts), strict=True)
     record = Record(
         np.hstack(values),
         channels=[channel for part in parts for channel in part.track.channels],
@@ -344,6 +332,19 @@ def _add_record(
         there=np.hstack(there),
     )
     made.records.append(record)
+
+
+def _laid(
+    made: Cut, parts: _Parts, span: Span, first_s: float, period_s: float, count: int
+) -> tuple[FloatArray, BoolArray]:
+    """Return the values on a record's clock, and where a sample is there; angles as they are, beside their gyros."""
+    by = made.by_attitude
+    if by is None or not parts.is_integrated(by):
+        filtered = made.filtered and parts is not by
+        return parts.laid(span, first_s, period_s, count, filtered=filtered)
+    gyros, attitude = parts.around(*span), by.around(*span)
+    check_values(count * len(gyros.channels), "integrating the gyros")
+    return mean_rates(gyros.time_s, gyros.values, attitude.time_s, first_s, period_s, count)
 
 
 def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filtered: bool) -> FloatArray:
@@ -374,13 +375,22 @@ def _described(parts: _Parts) -> str:
     return f"{track.label}: {1 / parts.even_s:.6g} Hz{said}"
 
 
-def _method(parts: Sequence[_Parts], period_s: float, *, filtered: bool) -> list[str]:
+def _method(parts: Sequence[_Parts], period_s: float, made: Cut) -> list[str]:
     rate = f"{1 / period_s:.6g} Hz"
     slower = [part for part in parts if part.period_s > 1.05 * period_s]
     lines = [f"{part.track.label}: interpolated from {1 / part.period_s:.4g} Hz, no more is in it" for part in slower]
-    if filtered:
+    if made.by_attitude is not None:
+        gyros = ", ".join(
+            name for part in parts if part.is_integrated(made.by_attitude) for name in part.track.channels
+        )
         lines.append(
-            f"resampled at {rate}: cubic splines between stamps, then one low-pass for every channel (flat up to "
+            f"{gyros}: integrated over the attitude's intervals, means over {2 * period_s:.4g} s at {rate}, as its "
+            "derivatives are; the attitude stands as it is"
+        )
+    if made.filtered:
+        lines.append(
+            f"resampled at {rate}: cubic splines between stamps, then one low-pass for every "
+            f"{'channel' if made.by_attitude is None else 'other channel'} (flat up to "
             f"{0.3 / period_s:.4g} Hz, 1e-4 of what lies above {0.5 / period_s:.4g} Hz is left); "
             f"{HALF} samples go at either end of a segment"
         )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,14 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.lattice import rounded_coarsely
+from gtmbench.record import BoolArray
 
 IntArray = NDArray[np.int64]
 
 FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
 _LATEST_S = 1e14  # three million years; what is later is no time
 _NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
+_MORE_EVEN = 0.5  # of the unevenness of all of a table's rows: a column's own stamps
 _FEW = 10  # samples: what goes astray and comes back within so few isn't a clock that was set
 _MOST_STEPS_BACK = 0.1  # of the samples
 
@@ -32,7 +35,7 @@ class Clock:
     rows : IntArray
         Which of the log's rows are kept, in order of time.
     time_s : FloatArray
-        When they are, increasing.
+        When they are; several may be at one time.
     """
 
     rows: IntArray
@@ -50,7 +53,8 @@ class _Stretches:
 def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[float, ...], list[Remark]]:
     """Return clocks in order, the times at which they were set back, and remarks.
 
-    What follows where a clock was set back is dated later than the log says, so that times stay in order.
+    What follows where a clock was set back is dated later than the log says, so that times stay in order. Stamps may
+    stand there twice: which rows are one sample, their values tell (`single`).
 
     Raises
     ------
@@ -68,13 +72,11 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     shifts_s, breaks_s = _shifts(clocks, list(by_clock.values()), remarks)
     ordered = {}
     for name, stretches in by_clock.items():
-        parts = [
-            _without_doubles(name, rows, clocks[name][rows] + shift_s if shift_s else clocks[name][rows], remarks)
+        times = [
+            clocks[name][rows] + shift_s if shift_s else clocks[name][rows]
             for rows, shift_s in zip(stretches.rows, shifts_s, strict=True)
         ]
-        ordered[name] = Clock(
-            rows=np.concatenate([part.rows for part in parts]), time_s=np.concatenate([part.time_s for part in parts])
-        )
+        ordered[name] = Clock(rows=np.concatenate(stretches.rows), time_s=np.concatenate(times))
     return ordered, tuple(breaks_s), remarks
 
 
@@ -113,11 +115,22 @@ def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _S
     far = np.abs(steps) > _FEW * period_s
     between = steps[1:] + steps[:-1]
     astray = np.flatnonzero(far[:-1] & far[1:] & (between >= 0) & (between < 3 * period_s)) + 1
+    others = np.sort(np.delete(time_s[rows], astray))
+    astray = np.array([row for row in astray if not _fills(others, time_s[rows[row]], period_s)], dtype=int)
     for row in astray:
         beside = time_s[rows[row - 1]]
         text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
         stretches.remarks.append(remark("clock jump", beside, beside, text))
     return np.delete(rows, astray)
+
+
+def _fills(time_s: FloatArray, stamp_s: float, period_s: float) -> bool:
+    """Tell whether a stamp fits a place that others left free for one: then its row only stands somewhere else."""
+    place = int(np.searchsorted(time_s, stamp_s))
+    if not 0 < place < len(time_s):
+        return False
+    before_s, after_s = time_s[place - 1], time_s[place]
+    return bool(after_s - before_s < 2.5 * period_s and abs(0.5 * (before_s + after_s) - stamp_s) < 0.25 * period_s)
 
 
 def _join(
@@ -167,22 +180,119 @@ def _shifts(
     return shifts_s, breaks_s
 
 
-def _without_doubles(name: str, rows: IntArray, time_s: FloatArray, remarks: list[Remark]) -> Clock:
-    """Return one row a time; stamps that are only rounded coarsely are spread evenly instead."""
+def own_rows(time_s: FloatArray, is_filled: BoolArray) -> IntArray | None:
+    """Return the rows of a column that has samples of its own, None where it shares its table's.
+
+    It's filled in every few rows only, or its rows come far more evenly than the table's: an outer join's.
+
+    >>> own_rows(np.array([0.0, 0.1, 1.0, 1.1, 2.0, 2.1]), np.array([True, False] * 3))
+    array([0, 2, 4])
+    """
+    rows = np.flatnonzero(is_filled)
+    if len(rows) < 3 or len(rows) == len(time_s):
+        return None
+    is_sparse = np.median(np.diff(rows)) >= 2
+    return rows if is_sparse or _unevenness(time_s[rows]) < _MORE_EVEN * _unevenness(time_s) else None
+
+
+def _unevenness(time_s: FloatArray) -> float:
+    """Return how far steps are from their median, at the mean; long ones count as one that is missed."""
     steps = np.diff(time_s)
+    typical_s = float(np.median(steps))
+    return float(np.mean(np.minimum(np.abs(steps / typical_s - 1.0), 1.0))) if typical_s > 0 else math.inf
+
+
+def single(
+    label: str, time_s: FloatArray, values: FloatArray, breaks_s: Sequence[float]
+) -> tuple[IntArray, FloatArray, FloatArray, list[Remark]]:
+    """Return the rows that are samples, when they are, what they hold, and remarks; times are in order, not rising yet.
+
+    Stamps that are only rounded coarsely are spread evenly. Rows at one time, or nearly, are one sample, of which every
+    column's first number is taken; unless they come after a pause that is as long as all of them: then they were
+    measured in it, and stamped late.
+
+    Parameters
+    ----------
+    label : str
+        Whose stamps they are, for a message.
+    time_s, values : FloatArray
+        Shapes (rows,) and (rows, columns).
+    breaks_s : sequence of float
+        When the clock was set: nothing is moved over that.
+    """
+    edges = [0, *np.searchsorted(time_s, breaks_s).tolist(), len(time_s)]
+    remarks: list[Remark] = []
+    kept, times, merged = [], [], []
+    for first, last in pairwise(edges):
+        if first < last:
+            rows, own_s, own = _single(label, time_s[first:last], values[first:last], remarks)
+            kept.append(rows + first)
+            times.append(own_s)
+            merged.append(own)
+    return np.concatenate(kept), np.concatenate(times), np.concatenate(merged), remarks
+
+
+def _single(
+    label: str, time_s: FloatArray, values: FloatArray, remarks: list[Remark]
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    steps = np.diff(time_s)
+    rows = np.arange(len(time_s))
     if np.any(steps == 0) and (spread := rounded_coarsely(time_s)) is not None:
-        text = (
-            f"{_label(name)}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
-        )
+        text = f"{label}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
         remarks.append(remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
-        return Clock(rows=rows, time_s=spread)
+        return rows, spread, values
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    slipped_s = _in_their_places(time_s, values, period_s)
+    moved = np.flatnonzero(slipped_s != time_s)
+    if len(moved):
+        text = (
+            f"{label}{len(moved)} rows are stamped late, together with the next: they stand where the pause before is"
+        )
+        remarks.append(remark("slipped", float(slipped_s[moved[0]]), float(slipped_s[moved[-1]]), text))
+    steps = np.diff(slipped_s)
     doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
-    if len(doubled):
-        first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
-        text = f"{_label(name)}{len(doubled)} stamps stand there twice, or nearly: the first row is taken"
-        remarks.append(remark("duplicate", first_s, last_s, text))
-    return Clock(rows=np.delete(rows, doubled), time_s=np.delete(time_s, doubled))
+    if not len(doubled):
+        return rows, slipped_s, values
+    first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
+    text = f"{label}{len(doubled)} stamps stand there twice, or nearly: the first row is taken"
+    kept = np.delete(rows, doubled)
+    merged = _first_numbers(values, kept)
+    filled = np.count_nonzero(np.any(np.isfinite(merged) & ~np.isfinite(values[kept]), axis=1))
+    if filled:
+        text += f", and of {filled} what it lacks from the second"
+    remarks.append(remark("duplicate", first_s, last_s, text))
+    return kept, slipped_s[kept], merged
+
+
+def _first_numbers(values: FloatArray, starts: IntArray) -> FloatArray:
+    """Return every column's first number of the rows from each start to before the next, NaN where there is none."""
+    count = len(values)
+    ends = np.append(starts[1:], count)
+    merged = values[starts]
+    for column, own in zip(merged.T, values.T, strict=True):
+        numbers = np.where(np.isfinite(own), np.arange(count), count)
+        first = np.minimum.accumulate(numbers[::-1])[::-1][starts]
+        there = first < ends
+        column[there] = own[first[there]]
+    return merged
+
+
+def _in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) -> FloatArray:
+    """Return stamps where rows of one time that hold different samples are put into the pause before them."""
+    near = np.concatenate([[False], np.diff(time_s) < _NEAR * period_s])
+    if not near.any():
+        return time_s
+    starts = np.flatnonzero(~near)
+    counts = np.diff(np.append(starts, len(time_s)))
+    ends_s = time_s[starts + counts - 1]
+    pauses_s = ends_s - np.append(np.nan, time_s[starts[1:] - 1])
+    same = (values[1:] == values[:-1]) | ~np.isfinite(values[1:]) | ~np.isfinite(values[:-1])
+    repeats = near & np.append(False, np.all(same, axis=1))
+    own = (counts > 1) & (counts <= _FEW) & ~np.logical_or.reduceat(repeats, starts)
+    own &= np.abs(pauses_s / period_s - counts) <= 2 * _NEAR
+    left = np.repeat(starts + counts, counts) - np.arange(len(time_s)) - 1  # rows behind, of the same time
+    spread_s = np.repeat(ends_s, counts) - left * np.repeat(pauses_s / counts, counts)
+    return np.where(np.repeat(own, counts), spread_s, time_s)
 
 
 def _label(name: str) -> str:

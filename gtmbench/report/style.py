@@ -14,7 +14,13 @@ COLOURS = {
     "threshold": "#d62728",
     "virtual": "#d6409f",
 }
-EVENTS = {"reset": "#b8860b", "takeoff": "#2ca25f", "touchdown": "#3b3b98", "failure": "#d62728"}  # of a log
+EVENTS = {  # of a log
+    "reset": "#b8860b",
+    "takeoff": "#2ca25f",
+    "touchdown": "#3b3b98",
+    "failure": "#d62728",
+    "complaint": "#e377c2",
+}
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 
 # of lines that are told apart whoever looks: Okabe and Ito's colours, and strokes that print in black

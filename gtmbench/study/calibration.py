@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import NOISES
 from gtmbench.channels import COMMANDS
 from gtmbench.checks import shown
@@ -169,22 +168,16 @@ def _noise(setup: Setup) -> str:
 
 
 def _flights(flown: Flown, tell: Tell) -> list[Record]:
-    """Fly healthy flights that the study doesn't use.
+    """Fly healthy flights that the study doesn't use, in its loop where that is closed.
 
-    Multisine and turbulence shake them, whatever excites the study. The sensors are the study's: each of its channels'
-    noise is drawn anew, with the amplitude that it has in the study (a signal-to-noise ratio gives another amplitude on
-    another flight), and added to the truth.
+    Multisine and turbulence shake them, whatever excites the study. The sensors are the study's.
     """
     setup = flown.setup
     duration_s = min(setup.duration_s, _LONGEST_S)
     records = []
     for number in range(FLIGHTS):
         tell(f"calibration flight {number + 1}")
-        truth = fly(setup.aircraft, _EXCITATION, duration_s, _seed(setup, number), **setup.trim_point)
-        readings = flown.sensed(_SEEDS // 1000 + number)
-        noise = readings.values - flown.flight.matrix(readings.channels)
-        values = truth.matrix(readings.channels) + noise[: len(truth)]
-        records.append(Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s))
+        records.append(flown.elsewhere(_EXCITATION, duration_s, _seed(setup, number), _SEEDS // 1000 + number))
     return records
 
 

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
 
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
+from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.channels import COMMANDS, SENSORS, unit_of
-from gtmbench.errors import InputError
-from gtmbench.faults.fault import inject
+from gtmbench.errors import EnvelopeError, InputError
+from gtmbench.faults.fault import Fault, inject
 from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import Injection
 
+BROKEN = 2  # the record that is broken in the trials
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none
 
 
@@ -33,27 +37,125 @@ class Flown:
     trim: Trim
     flight: Record = field(repr=False)
     commands: bool = False
+    is_in_loop: ClassVar[bool] = False
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
-        setup = self.setup
-        return measure(
-            self.flight, snr=setup.snr, noise=setup.noise, seed=setup.seed + SEED_STEP * number, commands=self.commands
-        )
+        if number not in self._last:  # the trials of a record ask for it one after the other
+            setup, seed = self.setup, _noise_seed(self.setup, number)
+            self._last.clear()
+            self._last[number] = measure(
+                self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands
+            )
+        return self._last[number]
 
-    def broken(self, scenario: str, spec: FaultSpec, healthy: Record) -> Injection:
-        """Put a trial's faults into healthy readings, their severities resolved against the flight."""
-        first, *also = spec.faults(self.flight.between(*self.setup.severity_reference_s))
-        return Injection(
-            scenario=scenario,
-            fault=first.kind,
-            channel=first.channel,
-            severity=first.severities,
-            unit=unit_of(first.channel),
-            injected=first,
-            also=tuple(also),
-            record=inject(healthy, [first, *also]),
-        )
+    @cached_property
+    def _last(self) -> dict[int, Record]:
+        return {}
+
+    def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
+        """Return what the same sensors read on another flight; `number` is of the noise, as `sensed` has it.
+
+        Each channel's noise has the amplitude that it has in the study: a signal-to-noise ratio would give another on
+        another flight.
+        """
+        truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
+        readings = self.sensed(number)
+        noise = readings.values - self.flight.matrix(readings.channels)
+        values = truth.matrix(readings.channels) + noise[: len(truth)]
+        return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
+
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
+        """Break a record by a trial's faults, their severities resolved against the flight.
+
+        Return it, and what the sensors would have read without them.
+        """
+        faults, healthy = self.faults(spec), self.sensed(number)
+        return _injection(scenario, faults, self.flight, inject(healthy, faults)), healthy
+
+    def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
+        """Return a trial's faults, their severities resolved against the flight."""
+        return spec.faults(self.flight.between(*self.setup.severity_reference_s))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlownInLoop(Flown):
+    """A setup that has been flown by an autopilot: records have flights of their own, for it flies on their noise.
+
+    `flight` is the truth of record 2.
+    """
+
+    is_in_loop: ClassVar[bool] = True
+
+    healthy: LoopFlight = field(repr=False)
+
+    def sensed(self, number: int) -> Record:
+        """Return what the sensors read, record 0, 1, 2, ...: the same air and excitation, other noise."""
+        if number == BROKEN:
+            return self.healthy.readings(commands=self.commands)
+        return _flown_healthy(self.setup, number).readings(commands=self.commands)
+
+    def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
+        """Return what the same sensors read on another flight of the same autopilot."""
+        other = replace(self.setup, excitation=excitation, duration_s=duration_s)
+        return _flown_healthy(other, number, seed).readings(commands=self.commands)
+
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
+        """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
+        faults = self.faults(spec)
+        flight = _flown_in_loop(self.setup, number, faults)
+        injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
+        unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
+        return injection, unbroken
+
+
+def _noise_seed(setup: Setup, number: int) -> int:
+    return setup.seed + SEED_STEP * number
+
+
+def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed: int | None = None) -> LoopFlight:
+    return fly_in_loop(
+        setup.aircraft,
+        setup.excitation,
+        setup.duration_s,
+        setup.seed if seed is None else seed,
+        autopilot=setup.autopilot,
+        faults=faults,
+        noise=setup.noise,
+        noise_seed=_noise_seed(setup, number),
+        altitude_ft=setup.altitude_ft,
+        tas_kt=setup.tas_kt,
+    )
+
+
+def _flown_healthy(setup: Setup, number: int, seed: int | None = None) -> LoopFlight:
+    """Fly without a fault, and refuse an autopilot that doesn't hold the aircraft even so."""
+    flight = _flown_in_loop(setup, number, seed=seed)
+    for event in flight.events:
+        if event.kind == DEPARTURE:
+            raise EnvelopeError(
+                f"the loop departs without a fault: {event.channel} is {event.value:.4g} {unit_of(event.channel)} at "
+                f"t = {event.time_s:g} s; check the autopilot's gains, or choose a gentler excitation"
+            )
+    return flight
+
+
+def _injection(
+    scenario: str, faults: Sequence[Fault], flight: Record, record: Record, events: Sequence[LoopEvent] = ()
+) -> Injection:
+    first, *also = faults
+    return Injection(
+        scenario=scenario,
+        fault=first.kind,
+        channel=first.channel,
+        severity=first.severities,
+        unit=unit_of(first.channel),
+        injected=first,
+        also=tuple(also),
+        flight=flight,
+        record=record,
+        events=tuple(events),
+    )
 
 
 def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
@@ -61,8 +163,11 @@ def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     tell("trim")
     trimmed = trim(setup.aircraft, **setup.trim_point)
     tell("fly")
-    flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
-    return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
+    if setup.autopilot is None:
+        flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
+        return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
+    healthy = _flown_healthy(setup, BROKEN)
+    return FlownInLoop(setup=setup, trim=trimmed, flight=healthy.truth, healthy=healthy, commands=commands)
 
 
 def check_flown(detector: str, channels: Iterable[str]) -> None:

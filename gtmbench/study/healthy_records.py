@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.fleet import load_aircraft
-from gtmbench.bench.flight import LONGEST_S, fly
+from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS

@@ -131,12 +131,11 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
     baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
-        broken = flown.broken(scenario, spec, healthy)
+        broken, unbroken = flown.broken(scenario, spec)
         for name, monitor in monitors.items():
             tell(f"{broken.fault} of {broken.channel}")
             watch = watched(monitor, broken.record, flown.setup)
-            truth = {"healthy": healthy, "broken": broken.record}
-            verdict = score(watch, fault=broken.injected, also=broken.also, **truth)
+            verdict = score(watch, fault=broken.injected, also=broken.also, healthy=unbroken, broken=broken.record)
             trials[name].append(
                 Trial(
                     **vars(verdict),

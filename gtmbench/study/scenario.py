@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.airborne import LONGEST_S
+from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.fleet import load_aircraft
-from gtmbench.bench.flight import LONGEST_S
+from gtmbench.bench.loop import GAINS_WANTED
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
@@ -49,7 +51,10 @@ class AlarmSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Everything of a scenario but its faults. Scenarios with equal setups share flight, operator and threshold."""
+    """Everything of a scenario but its faults. Scenarios with equal setups share flight, operator and threshold.
+
+    With an `autopilot` the loop is closed: every fault is flown, and sensors have the T2's noise.
+    """
 
     aircraft: str = "gtm"
     excitation: str = "dissertation"
@@ -60,6 +65,7 @@ class Setup:
     altitude_ft: float | None = None  # None: the aircraft's own trim
     tas_kt: float | None = None
     severity_reference_s: Span = (25.0, 300.0)
+    autopilot: Autopilot | None = None
     operator: OperatorSetup = field(default_factory=OperatorSetup)
     alarm: AlarmSetup = field(default_factory=AlarmSetup)
 
@@ -190,7 +196,7 @@ def _setup(table: dict[str, Any]) -> Setup:
         raise InputError("both snr and noise are given; keep one")
     if "noise" in table:
         table = {**table, "snr": None}
-    setup = Setup(**_checked(Setup, table, ""))
+    setup = _with_autopilot(Setup(**_checked(Setup, table, "")), "snr" in table and "noise" not in table)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
         ("alarm.threshold_s", setup.alarm.threshold_s),
@@ -210,6 +216,33 @@ def _setup(table: dict[str, Any]) -> Setup:
         given = ", ".join(f"{name} in {unit}" for name, unit in units.items())
         raise InputError(f"operator.outputs: {given}; one norm needs one unit, so take outputs of one kind")
     return setup
+
+
+def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
+    """Return a setup with the gains that ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
+    gains: Any = setup.autopilot  # the table, as it stands there
+    if gains is None:
+        return setup
+    return flown_by(setup, autopilot_of(gains, load_aircraft(setup.aircraft).autopilot) if gains else None, states_snr)
+
+
+def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Setup:
+    """Return a setup in the loop of an autopilot, or of the aircraft's own, with sensors for it.
+
+    Raises
+    ------
+    InputError
+        Where the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
+    """
+    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
+    if autopilot is None:
+        raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
+    if states_snr:
+        raise InputError(
+            f"snr is {setup.snr:g}, but in the loop sensors are noisy before there is a flight to be a ratio of; "
+            'give noise = "t2"'
+        )
+    return replace(setup, autopilot=autopilot, snr=None, noise="t2")
 
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
@@ -258,6 +291,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
     "severity_reference_s": _times,
+    "autopilot": table_of,
     "operator": _table(OperatorSetup),
     "inputs": sensor_list,
     "outputs": sensor_list,

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import cast
 
 from gtmbench.bench.equilibrium import Trim
+from gtmbench.bench.loop import LoopEvent, departed_s
 from gtmbench.channels import unit_of
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
@@ -75,8 +76,12 @@ class Injection:
     injected : Fault
     also : tuple of Fault
         Further faults of the same record, in the order in which they act on what those before them left.
+    flight : Record
+        The truth that was measured: the study's flight, or in a loop the fault's own.
     record : Record
-        The broken measurements.
+        The broken measurements; in a loop they end where the aircraft left its envelope.
+    events : tuple of LoopEvent
+        What happened in the loop.
     """
 
     scenario: str
@@ -86,7 +91,14 @@ class Injection:
     unit: str
     injected: Fault = field(repr=False)
     also: tuple[Fault, ...] = ()
+    flight: Record = field(repr=False)
     record: Record = field(repr=False)
+    events: tuple[LoopEvent, ...] = ()
+
+    @property
+    def departure_time_s(self) -> float | None:
+        """When the aircraft departed, or left its envelope; None: it didn't."""
+        return departed_s(self.events)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -135,6 +147,7 @@ class Trial(Injection, Verdict):
             "unit": self.unit,
             "settings": settings_of(self.injected),
             "also": [fault_row(fault) for fault in self.also],
+            "departure_time_s": self.departure_time_s,
             "expected": None if self.expected is None else _told_expected(self.expected),
             "unexpected": list(self.unexpected),
         }

@@ -253,18 +253,22 @@ class Plan:
 
 
 def _divided(records: Sequence[Record], bank: Bank) -> Plan:
-    """Return a plan for much flight: every third record identifies, or the first 40 % of one; the rest is judged."""
-    if len(records) == 1:
-        only = records[0]
-        if len(only) < _SHORTEST:
-            raise InputError(f"a record of {len(only)} samples is too short to calibrate on; give minutes")
-        cut_s = only.start_s + _FIRST * (only.end_s - only.start_s)
-        learn, judged = [only.between(only.start_s, cut_s)], [only.between(cut_s, only.end_s)]
-    else:
-        learn, judged = list(records[::3]), [record for i, record in enumerate(records) if i % 3]
+    """Return a plan for much flight."""
+    learn, judged = divided(records)
     everything = [(i, slice(len(record))) for i, record in enumerate(judged)]
     order = round(bank.whitening_s / records[0].sample_period_s)
     return Plan(bank=bank, learn=learn, judged=judged, folds=[(learn, everything)], order=order)
+
+
+def divided(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+    """Return every third record, to identify on, and the others, to judge; of one record, 40 % and the rest."""
+    if len(records) > 1:
+        return list(records[::3]), [record for i, record in enumerate(records) if i % 3]
+    (only,) = records
+    if len(only) < _SHORTEST:
+        raise InputError(f"a record of {len(only)} samples is too short to calibrate on; give minutes")
+    cut_s = only.start_s + _FIRST * (only.end_s - only.start_s)
+    return [only.between(only.start_s, cut_s)], [only.between(cut_s, only.end_s)]
 
 
 def _left_out(records: Sequence[Record], bank: Bank) -> Plan:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.checks import naming, number, shown, text
-from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, bank_table
+from gtmbench.detectors.bank.bank import ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.statistics.statistic import Tolerance
+from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.detectors.tables import (
@@ -51,12 +51,19 @@ def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
     thresholds, uncertainty = monitor.thresholds[output], monitor.uncertainties.get(output)
     return {
         "operator": operator_table(monitor.operators[output]),
-        "whitener": {key: exact(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
-        "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
-        "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
+        **judging_table(whitener, tolerance, thresholds),
         "uncertainty": None
         if uncertainty is None
         else {key: exact(getattr(uncertainty, key)) for key in ("raw", "white", "root")},
+    }
+
+
+def judging_table(whitener: Whitener, tolerance: Tolerance, thresholds: Mapping[str, float]) -> dict[str, Any]:
+    """Return what a residual is judged by as plain JSON values."""
+    return {
+        "whitener": {key: exact(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
+        "tolerance": {key: getattr(tolerance, key) for key in ("mean", "low", "high")},
+        "thresholds": {label: NEVER if value == math.inf else value for label, value in thresholds.items()},
     }
 
 
@@ -98,9 +105,9 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
     return CalibratedBank(
         bank=bank,
         operators=operators,
-        whiteners=each("whitener", _whitener),
-        tolerances=each("tolerance", _tolerance),
-        thresholds=each("thresholds", lambda where, table, _: _thresholds(where, table, bank, period_s)),
+        whiteners=each("whitener", lambda where, table, _: whitener_from(where, table)),
+        tolerances=each("tolerance", lambda where, table, _: tolerance_from(where, table)),
+        thresholds=each("thresholds", lambda where, table, _: thresholds_from(where, table, bank.statistic, period_s)),
         uncertainties=uncertainties,
         sample_period_s=period_s,
         provenance=dict(provenance),
@@ -118,7 +125,8 @@ def _operator(where: str, table: Any, spec: ResidualSpec, period_s: float) -> Tr
     return operator_of(where, table, spec.inputs, (spec.output,), period_s, "the bank")
 
 
-def _whitener(where: str, table: Any, _: ResidualSpec) -> Whitener:
+def whitener_from(where: str, table: Any) -> Whitener:
+    """Return the whitening filter of a table, every key checked."""
     table = keys(where, table, ("coefficients", "mean", "deviation"))
     given = table["coefficients"]
     if not isinstance(given, list) or not 0 < len(given) <= _LONGEST_WHITENER:
@@ -130,7 +138,8 @@ def _whitener(where: str, table: Any, _: ResidualSpec) -> Whitener:
     )
 
 
-def _tolerance(where: str, table: Any, _: ResidualSpec) -> Tolerance:
+def tolerance_from(where: str, table: Any) -> Tolerance:
+    """Return the tolerance of a table, every key checked."""
     table = keys(where, table, ("mean", "low", "high"))
     return Tolerance(
         mean=number(f"{where}.mean", table["mean"], 0.0),
@@ -139,9 +148,10 @@ def _tolerance(where: str, table: Any, _: ResidualSpec) -> Tolerance:
     )
 
 
-def _thresholds(where: str, table: Any, bank: Bank, period_s: float) -> dict[str, float]:
+def thresholds_from(where: str, table: Any, statistic: Statistic, period_s: float) -> dict[str, float]:
+    """Return the thresholds of a table, one a test of the statistic."""
     nothing = np.zeros(0)
-    labels = [score.label for score in bank.statistic.scores(nothing, nothing, period_s, Tolerance())]
+    labels = [score.label for score in statistic.scores(nothing, nothing, period_s, Tolerance())]
     table = keys(where, table, tuple(dict.fromkeys(labels)))
     return {
         label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in table.items()

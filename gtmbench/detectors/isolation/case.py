@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.health import energy, greatest
+from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import integrable, integrated_angle
@@ -43,8 +44,10 @@ class Case:
         The suspect isn't believed from here on: the onset and a margin.
     shift : dict
         Means of the residuals before the fault (biases), in the outputs' units.
+    suspects : tuple of str
+        Whose own readings are weighed: of a sensor that has been ruled out they say the same of every hypothesis.
     habits : dict
-        How the suspects read before the fault.
+        How the bank's suspects read before the fault.
     referees : dict
         Of gyros, where there are air data beside them.
     """
@@ -56,6 +59,7 @@ class Case:
     onset: int
     sure: int
     shift: Mapping[str, float]
+    suspects: tuple[str, ...]
     habits: Mapping[str, Habit]
     referees: Mapping[str, Referee] = field(default_factory=dict)
     others: frozenset[str] = frozenset()
@@ -100,27 +104,35 @@ class Case:
         return bool((self.judged.stop - self.judged.start) * self.period_s >= _TELLING_S)
 
     @cached_property
-    def white(self) -> dict[str, FloatArray]:
-        """Residuals, whitened about their means before the fault, and the suspects' innovations; row for row."""
-        white = {}
-        for output, raw in self.residuals.raw.items():
-            values = self.monitor.whiteners[output].whiten(raw - self.shift[output])
-            white[output] = values / self.spread(output)
-        for channel, habit in self.habits.items():
-            white[own(channel)] = habit.innovations(self.record[channel]) / self.spread(own(channel))
-        return white
+    def white(self) -> Mapping[str, FloatArray]:
+        """Residuals, whitened about their means before the fault, and sensors' own innovations; row for row."""
+        return Lazily((*self.residuals.raw, *self._innovations), self._whitened)
+
+    def _whitened(self, name: str) -> FloatArray:
+        if name in self._innovations:
+            return self._innovations[name] / self.spread(name)
+        values = self.monitor.whiteners[name].whiten(self.residuals.raw[name] - self.shift[name])
+        return np.asarray(values / self.spread(name))
+
+    @cached_property
+    def _innovations(self) -> Mapping[str, FloatArray]:
+        """Sensors' own, however they move."""
+        channels = {own(channel): channel for channel in self.habits}
+        return Lazily(channels, lambda name: self.habits[channels[name]].innovations(self.record[channels[name]]))
 
     @cached_property
     def energies(self) -> dict[str, float]:
         """-2 log likelihood of each whitened residual over the rows judged, were it healthy."""
-        return {output: energy(white[self.judged]) for output, white in self.white.items()}
+        weighed = (*self.residuals.raw, *(own(channel) for channel in self.suspects if channel in self.habits))
+        return {output: energy(self.white[output][self.judged]) for output in weighed}
 
     @cached_property
     def surprises(self) -> dict[str, float]:
         """-2 log likelihood of how often each suspect's readings run dead straight over the rows judged."""
         return {
-            channel: habit.surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
-            for channel, habit in self.habits.items()
+            channel: self.habits[channel].surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
+            for channel in self.suspects
+            if channel in self.habits
         }
 
     def objection(self, suspect: str) -> float:
@@ -132,9 +144,10 @@ class Case:
 
     def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
         referee = self.referees.get(axis[0])
-        virtual = {**self.virtual, **self.residuals.predicted}  # a gyro's with its bias, as it was learnt
-        if referee is None or not set(axis) <= set(virtual):
+        predicted = self.residuals.predicted  # a gyro's with its bias, as it was learnt
+        if referee is None or not all(name in predicted or name in self.virtual for name in axis):
             return {}
+        virtual = {name: predicted[name] if name in predicted else self.virtual[name] for name in axis}
         return referee.objections(self.record, virtual, self.judged)
 
     @cached_property
@@ -150,7 +163,8 @@ class Case:
     @property
     def count(self) -> int:
         """How many samples of whitened residuals are judged."""
-        return sum(int(np.isfinite(white[self.judged]).sum()) for white in self.white.values())
+        residuals = (self.white[output] for output in self.residuals.raw)
+        return sum(int(np.isfinite(of[self.judged]).sum()) for of in (*residuals, *self._innovations.values()))
 
     @cached_property
     def sickness(self) -> dict[str, float]:
@@ -165,51 +179,47 @@ class Case:
         return self._motion.get(output, 1.0)
 
     @cached_property
-    def _motion(self) -> dict[str, FloatArray]:
-        return {own(name): self.habits[name].motion(values) for name, values in self.expected.items()}
+    def _motion(self) -> Mapping[str, FloatArray]:
+        channels = {own(channel): channel for channel in self.expected}
+        return Lazily(channels, lambda name: self.habits[channels[name]].motion(self.expected[channels[name]]))
 
     @cached_property
-    def virtual(self) -> dict[str, FloatArray]:
+    def virtual(self) -> Mapping[str, FloatArray]:
         """What each suspect should have read, over the whole case; those that nothing predicts aren't there."""
-        predicted, bank = self.residuals.predicted, self.monitor.bank
-        virtual = {}
-        for name in bank.suspects:
-            if name in predicted:
-                virtual[name] = predicted[name] + self.shift[name] + self._mean(name)
-            elif integrable(name, bank.channels):
-                virtual[name] = integrated_angle(self._unbiased, name, self.start)
-        return virtual
+        bank, predicted = self.monitor.bank, self.residuals.predicted
+        names = [name for name in bank.suspects if name in predicted or integrable(name, bank.channels)]
+        return Lazily(names, self._predicted)
+
+    def _predicted(self, name: str) -> FloatArray:
+        if name in self.residuals.predicted:
+            return np.asarray(self.residuals.predicted[name] + self.shift[name] + self._mean(name))
+        return integrated_angle(self._unbiased, name, self.start)
 
     @cached_property
-    def expected(self) -> dict[str, FloatArray]:
+    def expected(self) -> Mapping[str, FloatArray]:
         """The same without the virtual sensors' noise, which no fault passes on, of suspects with a habit.
 
         What they read, where it isn't known what they should have.
         """
-        from scipy.signal import savgol_filter
+        return Lazily((name for name in self.virtual if name in self.habits), self._expected)
 
-        names = [name for name in self.virtual if name in self.habits]
-        if not names:
-            return {}
-        unknown = ~np.isfinite([self.virtual[name] for name in names])
-        read = np.nan_to_num([self.record[name] for name in names])
-        values = np.where(unknown, read, [self.virtual[name] for name in names])
-        window = self._window
-        if window:
-            near = [np.convolve(rows, np.ones(window), mode="same") > 0.5 for rows in unknown]
-            values = np.where(near, values, savgol_filter(values, window, _SMOOTH_ORDER))
-        return dict(zip(names, values, strict=True))
+    def _expected(self, name: str) -> FloatArray:
+        virtual, window = self.virtual[name], self._window
+        unknown = ~np.isfinite(virtual)
+        values = np.where(unknown, np.nan_to_num(self.record[name]), virtual)
+        if not window:
+            return values
+        near = np.convolve(unknown, np.ones(window), mode="same") > 0.5 if unknown.any() else unknown
+        return np.where(near, values, _smooth(values, _cubics(window)))
 
     @cached_property
     def smoothing(self) -> FloatArray:
         """What of each frequency, evenly from 0 to half the sample rate, `expected` keeps."""
-        from scipy.signal import freqz, savgol_coeffs
-
-        if not self._window:
+        window = self._window
+        if not window:
             return np.ones(1)
         frequency = np.linspace(0.0, np.pi, _FREQUENCIES)
-        _, response = freqz(savgol_coeffs(self._window, _SMOOTH_ORDER), worN=frequency)
-        return np.real(response * np.exp(1j * frequency * (self._window // 2)))
+        return np.asarray(np.cos(np.outer(frequency, _places(window))) @ _cubics(window)[window // 2])
 
     @property
     def _window(self) -> int:
@@ -231,6 +241,24 @@ class Case:
 
     def _mean(self, output: str) -> float:
         return self.monitor.whiteners[output].mean
+
+
+def _places(window: int) -> FloatArray:
+    return np.arange(window, dtype=np.float64) - 0.5 * (window - 1)
+
+
+@lru_cache(maxsize=8)
+def _cubics(window: int) -> FloatArray:
+    """Return what makes of rows the cubic nearest to them, shape (window, window): Savitzky's and Golay's."""
+    powers = np.vander(_places(window) / window, _SMOOTH_ORDER + 1)
+    return np.asarray(powers @ np.linalg.pinv(powers))
+
+
+def _smooth(values: FloatArray, cubics: FloatArray) -> FloatArray:
+    """Return rows as the cubics around them have them: at the ends, as the first and the last one have."""
+    window, half = len(cubics), len(cubics) // 2
+    middle = np.convolve(values, cubics[half], mode="valid")
+    return np.concatenate([cubics[:half] @ values[:window], middle, cubics[half + 1 :] @ values[-window:]])
 
 
 def own(channel: str) -> str:

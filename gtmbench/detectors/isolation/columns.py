@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
-from gtmbench.record import FloatArray
+from gtmbench.record import BoolArray, FloatArray
 
+_BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
 _OUTLIERS = 0.3
 _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
 
@@ -25,34 +28,55 @@ class Columns:
     def __init__(self, suspect: Suspect, shapes: dict[str, FloatArray]) -> None:
         self.names = tuple(shapes)
         self._suspect = suspect
-        self._fitted: dict[tuple[str, ...], tuple[FloatArray, FloatArray]] = {}
+        self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}
         self._y = np.nan_to_num(suspect.white).ravel()
-        changes = np.array([shapes[name] for name in self.names])
-        shown = (suspect.shown(changes) * suspect.there).reshape(len(self.names), -1)
-        self._size = np.sqrt(np.square(shown).sum(axis=1)) + 1e-12
-        self._shown = shown / self._size[:, np.newaxis]
+        self._shown = suspect.shown(np.array([shapes[name] for name in self.names])).reshape(len(self.names), -1)
+        if not suspect.is_whole:
+            self._shown *= suspect.there.ravel()
+        self._size = np.sqrt(np.einsum("ij,ij->i", self._shown, self._shown)) + 1e-12
+        self._shown /= self._size[:, np.newaxis]
         self._gram, self._with = self._shown @ self._shown.T, self._shown @ self._y
 
-    def fit(self, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-        """Return how much of each shape there is, and what is left of the residuals."""
+    def weights(self, names: tuple[str, ...]) -> FloatArray:
+        """Return how much of each shape there is."""
+        chosen = [self.names.index(name) for name in names]
+        return np.asarray((self._of(names)[0] / self._size)[chosen])
+
+    def deviances(self, sets: Iterable[tuple[str, ...]]) -> list[float]:
+        """Return -2 log likelihood of what sets of shapes leave; they are solved together."""
+        new = [names for names in dict.fromkeys(sets) if names not in self._fitted]
+        block = max(_BLOCK // len(self._y), 1)
+        for first in range(0, len(new), block):
+            self._solve(new[first : first + block])
+        return [self._fitted[names][1] for names in sets]
+
+    def left(self, names: tuple[str, ...]) -> FloatArray:
+        """Return what some shapes leave of the residuals."""
+        return self._shaped(self._y - self._of(names)[0] @ self._shown)
+
+    def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, float]:
         if names not in self._fitted:
-            self._fitted[names] = self._fit(names)
+            self._solve([names])
         return self._fitted[names]
 
-    def _fit(self, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-        suspect, chosen = self._suspect, [self.names.index(name) for name in names]
-        if not chosen:
-            return np.zeros(0), suspect.white
-        gram, shown = self._gram[chosen][:, chosen], self._shown[chosen]
-        weights = self._solved(gram, self._with[chosen])
-        left = self._y - weights @ shown
+    def _solve(self, sets: Sequence[tuple[str, ...]]) -> None:
+        chosen = np.array([[name in names for name in self.names] for names in sets])
+        weights = _solved(self._gram, self._with, chosen)
+        left = self._y - weights @ self._shown
         out = np.abs(left) > MOST
-        if 0 < np.count_nonzero(out) < _OUTLIERS * len(left):  # once more without them
-            few = shown[:, out]
-            weights = self._solved(gram - few @ few.T, self._with[chosen] - few @ self._y[out])
-            left = self._y - weights @ shown
-        left = left.reshape(suspect.white.shape)
-        return weights / self._size[chosen], left if suspect.is_whole else np.where(suspect.there, left, np.nan)
+        few = np.count_nonzero(out, axis=1)
+        for i in np.flatnonzero((few > 0) & (few < _OUTLIERS * left.shape[1])).tolist():  # once more without them
+            far = self._shown[:, out[i]]
+            gram, right = self._gram - far @ far.T, self._with - far @ self._y[out[i]]
+            weights[i] = _solved(gram, right, chosen[i : i + 1])[0]
+            left[i] = self._y - weights[i] @ self._shown
+        deviances = self._suspect.deviances(self._shaped(left)).tolist()
+        self._fitted |= zip(sets, zip(weights, deviances, strict=True), strict=True)
+
+    def _shaped(self, left: FloatArray) -> FloatArray:
+        suspect = self._suspect
+        left = left.reshape(*left.shape[:-1], *suspect.white.shape)
+        return left if suspect.is_whole else np.where(suspect.there, left, np.nan)
 
     def covariance(self, names: tuple[str, ...]) -> FloatArray:
         """Return the covariance of the weights of shapes, of residuals with unit noise."""
@@ -60,6 +84,10 @@ class Columns:
         size = self._size[chosen]
         return np.asarray(np.linalg.pinv(self._gram[np.ix_(chosen, chosen)]) / np.outer(size, size))
 
-    @staticmethod
-    def _solved(gram: FloatArray, right: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.solve(gram + _RIDGE * np.eye(len(gram)), right), dtype=np.float64)
+
+def _solved(gram: FloatArray, right: FloatArray, chosen: BoolArray) -> FloatArray:
+    """Return the weights of all shapes, shape (sets, shapes), for sets of chosen ones; 0 of the others."""
+    grams = np.where(chosen[:, :, np.newaxis] & chosen[:, np.newaxis], gram, 0.0)
+    diagonal = np.arange(len(gram))
+    grams[:, diagonal, diagonal] += np.where(chosen, _RIDGE, 1.0)
+    return np.asarray(np.linalg.solve(grams, (chosen * right)[..., np.newaxis])[..., 0], dtype=np.float64)

@@ -96,20 +96,18 @@ class Effects:
     """
 
     def __init__(self, paths: list[Path], rows: int, sample_period_s: float) -> None:
-        from scipy.fft import next_fast_len, rfft
+        from scipy.fft import next_fast_len
 
         self._paths, self._period_s = paths, sample_period_s
         self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
-        self._kernels = [rfft(path.kernel, self._size) for path in paths]
+        self._kernels = [np.fft.rfft(path.kernel, self._size) for path in paths]
 
     def of(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
         """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows."""
-        from scipy.fft import irfft, rfft
-
         shown: dict[str, FloatArray] = {}
-        alone = rfft(changes, self._size)
+        alone = np.fft.rfft(changes, self._size)
         for path, kernel in zip(self._paths, self._kernels, strict=True):
-            driven = alone if path.is_alone else rfft(path.drive(changes, self._period_s), self._size)
-            wave = irfft(driven * kernel, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
+            driven = alone if path.is_alone else np.fft.rfft(path.drive(changes, self._period_s), self._size)
+            wave = np.fft.irfft(driven * kernel, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
             shown[path.output] = shown[path.output] + wave if path.output in shown else wave
         return shown

@@ -42,7 +42,8 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
 
     What a sensor's own readings show, and heals its residuals, needs no other fault to be absent: what it leaves alone
     may be another's. An axis whose suspects leave far more than the best so far with whatever simple shape and noise
-    isn't tried further.
+    isn't tried further; where the best heals, nor is a single suspect that does. Nor one that could explain all that it
+    enters and would still leave far more.
     """
     penalty = float(np.log(max(case.count, 2)))
     suspects = suspects_in(case, channels)
@@ -52,9 +53,9 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
         for fitter in fitters
     }
     ranking: list[FittedHypothesis] = []
-    for fitter in sorted(fitters, key=lambda fitter: min(_left_by_shapes(mate) for mate in mates[fitter])):
-        most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
-        if all(_leaves_more(mate, most) for mate in mates[fitter]):
+    for fitter in sorted(fitters, key=lambda fitter: _likely_first(fitter, mates[fitter])):
+        best = min(ranking, key=lambda fit: fit.bic, default=None)
+        if best is not None and _is_out(fitter, mates[fitter], best):
             continue
         objection = case.objection(fitter.suspect.channel)
         for fit in (*known(fitter), *unknown(fitter)):
@@ -81,10 +82,26 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 
+def _is_out(fitter: Fitter, mates: Sequence[Fitter], best: FittedHypothesis) -> bool:
+    """Tell whether a suspect leaves far more than the best so far, and its mates too, where that doesn't heal."""
+    most = best.bic + _HOPELESS
+    if fitter.suspect.at_least > most:
+        return True
+    if not _leaves_more(fitter, most):
+        return False
+    return best.left.heals(fitter.suspect.case.monitor) or all(_leaves_more(mate, most) for mate in mates)
+
+
+def _likely_first(fitter: Fitter, mates: Sequence[Fitter]) -> tuple[float, float]:
+    """Return what orders suspects: about the least that those of an axis leave without noise, then one alone."""
+    if any(mate.is_traced for mate in mates):
+        return -np.inf, float(not fitter.is_traced)
+    return min(map(_left_by_shapes, mates)), _left_by_shapes(fitter)
+
+
 def _left_by_shapes(fitter: Fitter) -> float:
     """Return about the least that a suspect leaves without noise; of one that holds or clips shapes don't tell."""
-    is_traced = fitter.is_straight or fitter.is_at_limit
-    return -np.inf if is_traced else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
+    return -np.inf if fitter.is_traced else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
 
 
 def _leaves_more(fitter: Fitter, most: float) -> bool:
@@ -92,7 +109,9 @@ def _leaves_more(fitter: Fitter, most: float) -> bool:
     elsewhere = fitter.suspect.elsewhere
     if _left_by_shapes(fitter) <= most:
         return False
-    return elsewhere > most or all(noise.left.deviance + elsewhere > most for noise in fitter.noises(*fitter.shapes))
+    return elsewhere > most or all(
+        noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0]
+    )
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:
@@ -120,4 +139,4 @@ def _swapped_back(case: Case, one: str, other: str) -> Left:
     record = case.record.replace(one, np.where(since, others, ones)).replace(other, np.where(since, ones, others))
     swapped = case.with_record(record)
     white = np.array([values[case.judged] for values in swapped.white.values()])
-    return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), white=white)
+    return Left(deviance=swapped.deviance, outputs=tuple(swapped.white), work_out=lambda: white)

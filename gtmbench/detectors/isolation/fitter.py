@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -145,15 +145,15 @@ class Fitter:
     @cached_property
     def frequency_hz(self) -> float:
         """Where the spectrum of the residual that holds most of the fault peaks."""
-        from scipy.fft import next_fast_len, rfft, rfftfreq
+        from scipy.fft import next_fast_len
 
         residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
         whites = np.nan_to_num(self.suspect.white[residuals])
         white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
         rows = len(white)
         size = next_fast_len(_FINER * rows, real=True)
-        spectrum = np.abs(rfft(white * np.hanning(rows), size))
-        frequency = rfftfreq(size, self.period_s).astype(np.float64)
+        spectrum = np.abs(np.fft.rfft(white * np.hanning(rows), size))
+        frequency = np.arange(len(spectrum)) / (size * self.period_s)
         spectrum[frequency < 1.5 / (rows * self.period_s)] = 0.0
         peak = int(np.argmax(spectrum))
         at, around = float(frequency[peak]), slice(peak - 1, peak + 2)
@@ -170,7 +170,8 @@ class Fitter:
     @cached_property
     def anything(self) -> dict[tuple[str, ...], Left]:
         """What a few shapes leave, of those sets that there are samples enough for."""
-        return {names: self.plain(*names) for names in ANYTHING if 3 * len(names) < self.suspect.white.size}
+        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
+        return dict(zip(sets, self._plains(sets), strict=True))
 
     @cached_property
     def _noise(self) -> Noise:
@@ -178,21 +179,34 @@ class Fitter:
 
     def weights(self, *names: str) -> FloatArray:
         """Return how much of some shapes there is, per unit."""
-        return self.columns.fit(names)[0]
+        return self.columns.weights(names)
+
+    def weigh_all(self) -> None:
+        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long."""
+        mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
+        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
+        self._plains([*sets, ("sin", "cos", "x"), *mixed])
 
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""
-        if names not in self._plain:
-            self._plain[names] = self._dense(names, self.suspect.plain(self.columns.fit(names)[1]))
-        return self._plain[names]
+        return self._plains([names])[0]
 
-    def noises(self, *names: str) -> tuple[NoiseFit, NoiseFit]:
-        """Return the best white noise and the best random walk beside some shapes."""
-        if names not in self._noises:
-            white, walk = self._noise.fits(self.columns.fit(names)[1])
-            white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in (white, walk))
+    def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
+        deviances = self.columns.deviances(sets)
+        for names, deviance in zip(sets, deviances, strict=True):
+            if names not in self._plain:
+                white = partial(self.columns.left, names)
+                left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=white)
+                self._plain[names] = self._dense(names, left)
+        return [self._plain[names] for names in sets]
+
+    def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
+        """Return the best white noise and the best random walk beside the shapes of each of some sets."""
+        new = [names for names in sets if names not in self._noises]
+        for names, fits in zip(new, self._noise.fits(self._plains(new)), strict=True):
+            white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in fits)
             self._noises[names] = white, walk
-        return self._noises[names]
+        return [self._noises[names] for names in sets]
 
     def _dense(self, names: tuple[str, ...], left: Left) -> Left:
         """Make a density of what an angle's gain leaves one of what was read.
@@ -220,6 +234,11 @@ class Fitter:
         judged = self.suspect.measured[self.suspect.judged]
         there = judged[np.isfinite(judged)]
         return len(there) > 0 and float(np.mean(there == np.median(there))) > _CONSTANT
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether its readings look as if they were held or clipped."""
+        return self.is_straight or self.is_at_limit
 
     @cached_property
     def is_straight(self) -> bool:

@@ -34,8 +34,8 @@ def _additive(fitter: Fitter) -> Iterator[Fit]:
     yield fitter.shaped("bias", "additive", ("1",), {"size": float(size)}, partial(_errors, fitter, "size", "1"))
     yield from _drift(fitter)
     yield from _oscillation(fitter)
-    for names in ((), ("1",), ("1", "t")):
-        walk = fitter.noises(*names)[1]
+    walking: tuple[tuple[str, ...], ...] = ((), ("1",), ("1", "t"))
+    for names, (_, walk) in zip(walking, fitter.noises(walking), strict=True):
         gain = float(np.sqrt(walk.variance / fitter.period_s))
         yield Fit(
             kind="random_walk",
@@ -134,7 +134,7 @@ def _held(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _clipping(fitter: Fitter) -> Iterator[Fit]:
-    if not fitter.is_straight and not fitter.is_at_limit:  # what clips or holds readings leaves traces in them
+    if not fitter.is_traced:  # what clips or holds readings leaves traces in them
         return
     virtual = fitter.virtual[fitter.suspect.sure :]
     reach = float(np.max(np.abs(virtual), initial=0.0))
@@ -170,7 +170,7 @@ def _clipping(fitter: Fitter) -> Iterator[Fit]:
 
 
 def _variance(fitter: Fitter) -> Iterator[Fit]:
-    noise = fitter.noises()[0]
+    noise = fitter.noises([()])[0][0]
     deviation = float(np.sqrt(noise.variance))
     yield Fit(
         kind="noise",
@@ -239,7 +239,7 @@ def _quantised(fitter: Fitter) -> Iterator[Fit]:
     yield Fit(
         kind="quantisation",
         family="clipping",
-        left=fitter.noises()[0].left,
+        left=fitter.noises([()])[0][0].left,
         parameters={"quantum": quantum},
         free=1,
         errors=partial(_scaled, "quantum", quantum, 1e-9),
@@ -272,6 +272,8 @@ FAMILIES: Mapping[str, Callable[[Fitter], Iterator[Fit]]] = {
 
 def known(fitter: Fitter) -> Iterator[Fit]:
     """Give the fits of all kinds there are; a constant reading is only one of those that replace it."""
+    if not fitter.is_constant:
+        fitter.weigh_all()
     for family, kinds in FAMILIES.items():
         if family not in fitter.without and (family == "replacing" or not fitter.is_constant):
             yield from kinds(fitter)
@@ -284,8 +286,9 @@ def unknown(fitter: Fitter) -> Iterator[Fit]:
     sets = [names for names in fitter.anything if not leads(names, fitter.weights(*names))]
     for names in sets:
         yield _of_no_kind(fitter.plain(*names), len(names))
-    for names in sorted(sets, key=lambda names: fitter.plain(*names).deviance + 8.0 * len(names))[:_NOISY]:
-        for noise in fitter.noises(*names):
+    noisy = sorted(sets, key=lambda names: fitter.plain(*names).deviance + 8.0 * len(names))[:_NOISY]
+    for names, noises in zip(noisy, fitter.noises(noisy), strict=True):
+        for noise in noises:
             yield _of_no_kind(noise.left, len(names) + 1)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -78,8 +79,8 @@ class _Spectra:
         return cls(variances=variances, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
 
     def deviances(self, binned: FloatArray) -> FloatArray:
-        """Return -2 log likelihood of a periodogram, shape (outputs, bins), of each variance."""
-        return np.asarray(self.logs + self.inverse @ binned.ravel())
+        """Return -2 log likelihood of periodograms, shape (any, outputs * bins), of each variance."""
+        return np.asarray(self.logs + binned @ self.inverse.T)
 
 
 class Noise:
@@ -94,21 +95,26 @@ class Noise:
         self._suspect = suspect
         self._there = suspect.there
 
-    def fits(self, left: FloatArray) -> tuple[NoiseFit, NoiseFit]:
-        """Return the best white noise and the best random walk on the readings, of what is left otherwise."""
-        from scipy.fft import rfft
+    def fits(self, lefts: Sequence[Left]) -> list[tuple[NoiseFit, NoiseFit]]:
+        """Return the best white noise and the best random walk on the readings, of each of what is left otherwise."""
+        if not lefts:
+            return []
+        binned = np.array([self._binned(left.work_out()) for left in lefts])
+        return list(zip(self._best(lefts, binned, self._white), self._best(lefts, binned, self._walk), strict=True))
 
+    def _binned(self, left: FloatArray) -> FloatArray:
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
-        lines = rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
-        binned = np.add.reduceat(weights * (np.square(lines.real) + np.square(lines.imag)) / counts, edges, axis=1)
-        return self._best(left, binned, self._white), self._best(left, binned, self._walk)
+        lines = np.fft.rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
+        power = weights * (np.square(lines.real) + np.square(lines.imag)) / counts
+        return np.add.reduceat(power, edges, axis=1).ravel()
 
-    def _best(self, left: FloatArray, binned: FloatArray, spectra: _Spectra) -> NoiseFit:
-        total = spectra.deviances(binned)
-        at, spread = _bottom(np.log(spectra.variances), total)
-        left_of = Left(deviance=float(total.min()), outputs=self._suspect.outputs, white=left)
-        return NoiseFit(left=left_of, variance=float(np.exp(at)), spread=spread)
+    def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
+        logs = np.log(spectra.variances)
+        for left, total in zip(lefts, spectra.deviances(binned), strict=True):
+            at, spread = _bottom(logs, total)
+            noisy = replace(left, deviance=float(total.min()))
+            yield NoiseFit(left=noisy, variance=float(np.exp(at)), spread=spread)
 
     @cached_property
     def _white(self) -> _Spectra:
@@ -180,7 +186,7 @@ def spikes_of(suspect: Suspect) -> SpikesFit | None:
     left = suspect.plain(suspect.white - suspect.shown(changes)[0])
     cost = 2.0 * len(rows) * float(np.log(len(sizes)))
     return SpikesFit(
-        left=Left(deviance=left.deviance + cost, outputs=left.outputs, white=left.white),
+        left=replace(left, deviance=left.deviance + cost),
         count=len(rows),
         size=float(np.median(np.abs(sizes[rows]))),
         size_error=float(1.0 / np.sqrt(len(rows) * (taps @ taps))),

@@ -7,7 +7,7 @@ came back looks alike, but not the same: its two edges differ in sign. Matched f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,27 +38,51 @@ class Transient:
 def transients(case: Case, suspects: Sequence[Suspect]) -> list[Transient]:
     """Return the best step and the best pulse of every suspect, the best first."""
     rows = slice(case.start, case.judged.start)
-    white = {output: np.nan_to_num(values[rows]) for output, values in case.white.items()}
+    entered = {path.output for suspect in suspects for path in suspect.paths}
+    white = {output: np.nan_to_num(case.white[output][rows]) for output in entered}
     found: list[Transient] = []
     for suspect in suspects:
-        shapes = [(True, np.ones(_REMEMBERED))] + [(False, np.ones(length)) for length in _PULSES]
-        found.extend(_best(suspect, white, shape, is_step) for is_step, shape in shapes)
+        ways = [_matches(path, white[path.output], case.period_s) for path in suspect.paths]
+        found.extend(_best(suspect, of_shape, is_step=i == 0) for i, of_shape in enumerate(zip(*ways, strict=True)))
     return sorted(found, key=lambda each: -each.gain)
 
 
-def _best(suspect: Suspect, white: dict[str, FloatArray], shape: FloatArray, is_step: bool) -> Transient:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Match:
+    """How far a change of one shape, wherever it begins, is in a residual."""
+
+    response: FloatArray
+    matched: FloatArray
+    weight: float | FloatArray
+    lead: int
+
+
+def _matches(path: Path, white: FloatArray, period_s: float) -> Iterator[_Match]:
+    """Give the step's, then the pulses': sums of a single sample's."""
+    step, weight, lead = _response(path, np.ones(_REMEMBERED), period_s, is_step=True)
+    yield _Match(response=step, matched=_matched(white, step), weight=weight, lead=lead)
+    single, weight, lead = _response(path, np.ones(1), period_s, is_step=False)
+    sums = np.concatenate([[0.0], np.cumsum(_matched(white, single))])
+    for length in _PULSES:
+        ends = np.minimum(np.arange(len(white)) + length, len(white))
+        response = np.convolve(np.ones(length), single)
+        yield _Match(response=response, matched=sums[ends] - sums[:-1], weight=weight, lead=lead)
+
+
+def _matched(white: FloatArray, response: FloatArray) -> FloatArray:
+    return np.correlate(white, response, "full")[len(response) - 1 :]
+
+
+def _best(suspect: Suspect, ways: Sequence[_Match], *, is_step: bool) -> Transient:
     """Return where, and how large, a change of one shape explains most."""
-    count = len(next(iter(white.values())))
+    count = len(ways[0].matched)
+    rows = np.arange(count)
     along, power = np.zeros(count), np.full(count, 1e-12)
-    for path in suspect.paths:
-        response, weight, lead = _response(path, shape, suspect.case.period_s, is_step=is_step)
-        weights = np.broadcast_to(weight, len(suspect.measured))[:count]
-        matched = np.correlate(white[path.output], response, "full")[len(response) - 1 :]
-        shifted = np.zeros(count)
-        shifted[lead:] = matched[: count - lead] if lead else matched
-        inside = np.cumsum(np.square(response))  # a response that runs out of the rows has less of itself there
-        room = np.minimum(count - np.arange(count) + lead, len(response)) - 1
-        along += weights * shifted
+    for way in ways:
+        weights = np.broadcast_to(way.weight, len(suspect.measured))[:count]
+        along[way.lead :] += weights[way.lead :] * way.matched[: count - way.lead]
+        inside = np.cumsum(np.square(way.response))  # a response that runs out of the rows has less of itself there
+        room = np.minimum(count - rows + way.lead, len(way.response)) - 1
         power += np.square(weights) * inside[np.maximum(room, 0)]
     gain = np.square(along) / power
     row = int(np.argmax(gain))

@@ -415,10 +415,10 @@ class AlarmLogic:
 
     def _judge(self, fault: OpenFault, *, is_late: bool) -> None:
         trusted = self._trusted(fault)
-        case = self._case(fault, self._unspoilt(fault, trusted), is_late=is_late)
+        suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
+        case = self._case(fault, self._unspoilt(fault, trusted), suspects, is_late=is_late)
         if not case.is_ripe:
             return
-        suspects = tuple(name for name in suspects_of(self._bank, trusted) if name not in fault.ruled_out)
         ranking = [] if is_late else ranked_hypotheses(case, suspects, self._without)
         if fault.held is not None:
             lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
@@ -446,7 +446,7 @@ class AlarmLogic:
         elif judged.doubt and self.row >= fault.row + self._rows_of(HORIZONS_S[-1]):
             self._close(fault)  # should it calm later, watching goes on
 
-    def _case(self, fault: OpenFault, trusted: tuple[str, ...], *, is_late: bool) -> Case:
+    def _case(self, fault: OpenFault, trusted: tuple[str, ...], suspects: tuple[str, ...], *, is_late: bool) -> Case:
         """Cut out what a judgement with this row needs."""
         stop = self.row + 1
         start, sure = fault.start, fault.row + 2
@@ -463,6 +463,7 @@ class AlarmLogic:
             onset=max(fault.crossing.onset_row, start) - first,
             sure=max(sure, start + 1) - first,
             shift=fault.shift,
+            suspects=suspects,
             habits=fault.habits,
             referees=fault.referees,
             others=frozenset(each.crossing.output for each in self._open if not self._are_together(each, fault)),

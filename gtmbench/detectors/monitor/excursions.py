@@ -99,7 +99,7 @@ class Excursions:
         silent = [excursion for excursion in excursions if not excursion.is_judged]
         scores = residual_scores(monitor, record, residuals) if silent else {}
         rises = [
-            (row, output, score.origins[row][1])
+            (row, output, score.origins.of(row)[1])
             for output, score in scores.items()
             for row in rising(score.values, 1.0).tolist()
         ]

@@ -44,6 +44,37 @@ class Crossing:
     test: str
 
 
+class Origins:
+    """Of the rows whose score is above 1: which test is the greatest, and where the change that it tells of began.
+
+    Kept as arrays until a crossing asks: a lasting fault's rows are many, its crossings few.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[str, IntArray, IntArray]] = []  # where two tell of a row, the later one counts
+
+    def put(self, test: str, rows: IntArray, onset_rows: IntArray) -> None:
+        """Take what a test says of rows, in their order."""
+        self._parts.append((test, rows, onset_rows))
+
+    def of(self, row: int) -> tuple[str, int]:
+        """Return the test and the onset's row."""
+        for test, rows, onset_rows in reversed(self._parts):
+            at = int(np.searchsorted(rows, row))
+            if at < len(rows) and rows[at] == row:
+                return test, int(onset_rows[at])
+        raise KeyError(row)
+
+    def keep_before(self, row: int) -> None:
+        """Forget a row and those after it."""
+        kept = ((test, int(np.searchsorted(rows, row)), rows, onsets) for test, rows, onsets in self._parts)
+        self._parts = [(test, rows[:count], onsets[:count]) for test, count, rows, onsets in kept if count]
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._parts.clear()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualScore:
     """A residual's greatest statistic over its threshold, row for row; an alarm above 1.
@@ -54,13 +85,12 @@ class ResidualScore:
         NaN where no statistic exists, or it isn't known by the end.
     known_s : shape (samples,)
         When each value is known, in seconds.
-    origins : mapping of int to (str, int)
-        Of the rows whose value is above 1: which test is the greatest, and where the change that it tells of began.
+    origins : Origins
     """
 
     values: FloatArray = field(repr=False)
     known_s: FloatArray = field(repr=False)
-    origins: Mapping[int, tuple[str, int]] = field(repr=False)
+    origins: Origins = field(repr=False)
 
 
 class Track:
@@ -94,7 +124,7 @@ class Track:
         self._from = 0  # scores of rows before have been told
         self.first = 0  # row of the first of these:
         self.values = np.zeros(0)
-        self.origins: dict[int, tuple[str, int]] = {}
+        self.origins = Origins()
 
     @property
     def stop(self) -> int:
@@ -158,7 +188,7 @@ class Track:
 
     def crossing(self, output: str, row: int, time_s: float) -> Crossing:
         """Return what is to be said of a score that rose at a row."""
-        test, onset_row = self.origins[row]
+        test, onset_row = self.origins.of(row)
         return Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test)
 
     def blot(self, rows: range, row: int) -> None:
@@ -174,7 +204,7 @@ class Track:
             self._samples = self._samples[kept][~out]
         self._judged, self._carried, self._whole = 0, {}, False
         self.values[max(row - self.first, 0) :] = np.nan
-        self.origins = {at: origin for at, origin in self.origins.items() if at < row}
+        self.origins.keep_before(row)
         self._from = row
 
     def forget(self) -> None:
@@ -229,9 +259,8 @@ class Track:
             if np.fmax.reduce(score) > 1.0:
                 higher = told + np.flatnonzero(score[told:] > np.maximum(greatest[told:], 1.0))
                 reach = raw.reach if isinstance(raw.reach, int) else raw.reach[higher]
-                onset = self._rows[np.maximum(first + higher - np.minimum(reach, self._looks_back), 0)]
-                origins = [(raw.label, row) for row in onset.tolist()]
-                self.origins |= zip(rows[higher].tolist(), origins, strict=True)
+                onsets = np.maximum(first + higher - np.minimum(reach, self._looks_back), 0)
+                self.origins.put(raw.label, rows[higher], self._rows[onsets])
             np.fmax(greatest, score, out=greatest)
         greatest[greatest == -np.inf] = np.nan
         self.values[rows[told:] - self.first] = greatest[told:]
@@ -267,17 +296,12 @@ def score_of(track: Track, record: Record) -> ResidualScore:
 
 def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
     """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
-    unsorted = [
-        Crossing(
-            output=output,
-            row=row,
-            time_s=float(score.known_s[row]),
-            onset_row=score.origins[row][1],
-            test=score.origins[row][0],
-        )
-        for output, score in scores.items()
-        for row in rising(score.values, 1.0).tolist()
-    ]
+    unsorted = []
+    for output, score in scores.items():
+        for row in rising(score.values, 1.0).tolist():
+            test, onset_row = score.origins.of(row)
+            time_s = float(score.known_s[row])
+            unsorted.append(Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test))
     return sorted(unsorted, key=lambda crossing: (crossing.time_s, crossing.output))
 
 

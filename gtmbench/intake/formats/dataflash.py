@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.dataflash_events import TOLD_BY, Told, dataflash_events
+from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
+from gtmbench.intake.formats.dataflash_events import Told
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
+from gtmbench.intake.injections import Injection
 from gtmbench.intake.units import unit
 
 _HEAD = b"\xa3\x95"
@@ -102,21 +104,46 @@ def read_dataflash(path: Path) -> RawLog:
         by_name=False,
         attitude_from_gyros=True,
         events=partial(_events, path, tables, clocks),
+        injections=partial(_injections, path, tables, clocks),
     )
 
 
 def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:
     with reading(path, "ArduPilot DataFlash log"):
-        return dataflash_events({name: _told(tables, name, clocks) for name in TOLD_BY if name in tables})
+        events = dataflash_events.dataflash_events(_all_told(dataflash_events.TOLD_BY, tables, clocks))
+        complaints = dataflash_complaints.TOLD_BY
+        return events + dataflash_complaints.dataflash_complaints(_all_told(complaints, tables, clocks))
 
 
-def _told(tables: dict[str, _Table], name: str, clocks: dict[str, FloatArray]) -> Told:
-    """Return a type's messages with their times, of the first instance; old logs stamp few types, but keep order."""
+def _injections(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Injection]:
+    with reading(path, "ArduPilot DataFlash log"):
+        told = _all_told(dataflash_injections.TOLD_BY, tables, clocks)
+        return dataflash_injections.dataflash_injections(told)
+
+
+def _all_told(names: Sequence[str], tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> dict[str, Told]:
+    """Return the messages of some types, those of the second instance as ``XKF4#1``."""
+    return {
+        f"{name}#{instance}" if instance else name: _told(tables, name, instance, clocks)
+        for name in names
+        if name in tables
+        for instance in _instances(tables[name])
+    }
+
+
+def _instances(table: _Table) -> list[int]:
+    if table.layout.instance_field not in table.layout.columns:
+        return [0]
+    return [int(number) for number in np.unique(table.column(table.layout.instance_field))[:_MOST_INSTANCES]]
+
+
+def _told(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str, FloatArray]) -> Told:
+    """Return a type's messages with their times, of one instance; old logs stamp few types, but keep order."""
     table = tables[name]
     rows: NDArray[Any] | slice = slice(None)
     if table.layout.instance_field in table.layout.columns:
-        rows = table.column(table.layout.instance_field) == 0
-    time_s = clocks.get(name)
+        rows = table.column(table.layout.instance_field) == instance
+    time_s = clocks.get(f"{name}#{instance}" if instance else name)
     if time_s is None:
         time_s = _times_of(table.places[rows], tables, clocks)
     return Told(

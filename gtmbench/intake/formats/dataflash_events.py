@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -35,6 +35,7 @@ _FAILURES = {
     29: "FAILSAFE_VIBE",
     30: "INTERNAL_ERROR",
 }
+_OF_ESTIMATOR = (16, 17)
 # what NavEKF2, NavEKF3 and the start-up say where attitude or heading are set
 _SAID = re.compile(r"(?:yaw|tilt) (?:re-?)?align|yaw reset|lane switch|ground start|initiali[sz]ing", re.IGNORECASE)
 _OF_IMU = re.compile(r"IMU(\d+)")
@@ -63,22 +64,33 @@ def dataflash_events(told: Mapping[str, Told]) -> list[Event]:
     return [event for find in (_codes, _errors, _texts, _changes_of_estimator, _plane) for event in find(told)]
 
 
-def _rows(told: Mapping[str, Told], kind: str, *columns: str, texts: bool = False) -> list[tuple[Any, ...]]:
+def rows_of(told: Mapping[str, Told], kind: str, *columns: str, texts: Collection[str] = ()) -> list[tuple[Any, ...]]:
     """Return (time, value, ...) message by message; nothing where a column isn't there, or isn't what it should be."""
     messages = told.get(kind)
     if messages is None or not set(columns) <= set(messages.names):
         return []
     values = [messages.column(name) for name in columns]
-    if any((column.dtype.kind == "S") != texts for column in values):
+    if any((values[place].dtype.kind == "S") != (name in texts) for place, name in enumerate(columns)):
         return []
-    whole = np.isfinite(messages.time_s)
-    if not texts:
-        whole &= np.logical_and.reduce([np.isfinite(column) for column in values])
+    numbers = [column for column in values if column.dtype.kind != "S"]
+    whole = np.logical_and.reduce([np.isfinite(column) for column in (messages.time_s, *numbers)])
     return list(zip(messages.time_s[whole].tolist(), *(column[whole].tolist() for column in values), strict=True))
 
 
+def column_of(told: Mapping[str, Told], kind: str, name: str) -> tuple[FloatArray, FloatArray] | None:
+    """Return the times and values of a column of numbers; None where there is none."""
+    messages = told.get(kind)
+    if messages is None or name not in messages.names:
+        return None
+    values = messages.column(name)
+    if values.dtype.kind == "S":
+        return None
+    whole = np.isfinite(messages.time_s) & np.isfinite(values)
+    return messages.time_s[whole], values[whole].astype(np.float64)
+
+
 def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
-    rows = _rows(told, "EV", "Id")
+    rows = rows_of(told, "EV", "Id")
     for time_s, code in rows:
         if code in _CODES:
             kind, text = _CODES[code]
@@ -90,37 +102,45 @@ def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
 
 
 def _errors(told: Mapping[str, Told]) -> Iterator[Event]:
-    for time_s, subsystem, code in _rows(told, "ERR", "Subsys", "ECode"):
+    for time_s, subsystem, code in rows_of(told, "ERR", "Subsys", "ECode"):
         if subsystem == _EKF_PRIMARY:
-            yield Event(kind=EventKind.RESET, time_s=time_s, text=f"ERR EKF_PRIMARY: estimator {code:g} took over")
+            text = f"ERR EKF_PRIMARY: estimator {code:g} took over"
+            yield Event(kind=EventKind.RESET, time_s=time_s, text=text, about="estimator")
         elif subsystem in _FAILURES and code:
-            yield Event(kind=EventKind.FAILURE, time_s=time_s, text=f"ERR {_FAILURES[subsystem]} {code:g}")
+            about = "estimator" if subsystem in _OF_ESTIMATOR else ""
+            text = f"ERR {_FAILURES[subsystem]} {code:g}"
+            yield Event(kind=EventKind.FAILURE, time_s=time_s, text=text, about=about)
 
 
 def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
     in_use = _in_use(told)
-    for time_s, message in _rows(told, "MSG", "Message", texts=True):
-        text = message.split(b"\0")[0].decode("latin-1")
+    for time_s, text in messages_of(told):
         of_imu = _OF_IMU.search(text)
         number = next((number for since_s, number in reversed(in_use) if since_s <= time_s), in_use[0][1])
         if _SAID.search(text) and (of_imu is None or int(of_imu[1]) == number):
             yield Event(kind=EventKind.RESET, time_s=time_s, text=text)
 
 
+def messages_of(told: Mapping[str, Told]) -> Iterator[tuple[float, str]]:
+    """Give the texts that the autopilot logged, with their times."""
+    for time_s, message in rows_of(told, "MSG", "Message", texts=["Message"]):
+        yield time_s, message.split(b"\0")[0].decode("latin-1")
+
+
 def _changes_of_estimator(told: Mapping[str, Told]) -> Iterator[Event]:
     for time_s, number in _in_use(told)[1:]:
-        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over")
+        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over", about="estimator")
 
 
 def _in_use(told: Mapping[str, Told]) -> list[tuple[float, float]]:
     """Return the number of the estimator in use, and from when on; the first where nothing is said of it."""
-    rows = next((rows for kind in reversed(_IN_USE) if (rows := _rows(told, kind, "PI"))), [(-np.inf, 0.0)])
+    rows = next((rows for kind in reversed(_IN_USE) if (rows := rows_of(told, kind, "PI"))), [(-np.inf, 0.0)])
     return [row for place, row in enumerate(rows) if not place or row[1] != rows[place - 1][1]]
 
 
 def _plane(told: Mapping[str, Told]) -> Iterator[Event]:
     """Tell when a plane took off and touched down: it has no EV for that."""
-    rows = [(time_s, bool(flies)) for time_s, flies in _rows(told, "STAT", "isFlying")]
+    rows = [(time_s, bool(flies)) for time_s, flies in rows_of(told, "STAT", "isFlying")]
     for (_, flew), (time_s, flies) in pairwise(rows):
         if flies != flew:
             kind = EventKind.TAKEOFF if flies else EventKind.TOUCHDOWN

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
+from gtmbench.intake.injections import Injection
 
 IntArray = NDArray[np.int64]
 
@@ -50,6 +51,8 @@ class RawSeries:
         As stated beside the name; "" where it isn't.
     meaning : Meaning or None
         Where the format documents what it is.
+    made_of : tuple of str
+        The columns that it is worked out of, where the file itself has no such column.
     """
 
     name: str
@@ -57,6 +60,7 @@ class RawSeries:
     clock: str = ""
     unit: str = ""
     meaning: Meaning | None = None
+    made_of: tuple[str, ...] = ()
 
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
@@ -88,6 +92,8 @@ class RawLog:
         Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
     events : function
         Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
+    injections : function
+        Gives the failures that the log says were injected, likewise.
     """
 
     kind: str
@@ -99,6 +105,7 @@ class RawLog:
     time: tuple[str, str] | None = None
     attitude_from_gyros: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
+    injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
         """Return the log with these clocks beside its own, and with notes on them."""
@@ -155,20 +162,41 @@ def documented_first(series: Iterable[RawSeries], documented: Iterable[tuple[str
 
 def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return stamps in seconds, counted from the first where they count from 1970, and a note that says so."""
-    starts = [first for first in map(_first_stamp, clocks.values()) if np.isfinite(first)]
-    origin = min(starts, default=0)
-    if not origin / per_second > _EPOCH_S:
+    firsts = [_first_since_1970(stamps, per_second) for stamps in clocks.values() if len(stamps)]
+    since = [first for first in firsts if first is not None]
+    if 2 * len(since) <= len(firsts):  # most of them count from when the logger was switched on
         return {name: stamps / per_second for name, stamps in clocks.items()}, ()
+    origin = min(since)
     # whole numbers are subtracted as such: nanoseconds since 1970 don't fit into a double
     seconds = {name: (stamps - origin).astype(np.float64) / per_second for name, stamps in clocks.items()}
-    since_s = float(origin) / per_second
-    said = np.datetime64(round(since_s * 1e3), "ms") if since_s < _LAST_DATE_S else f"{since_s:.6g} s"
-    return seconds, (f"stamps count from 1970: times are since the first, {said}",)
+    return seconds, (since_text(float(origin) / per_second),)
 
 
-def _first_stamp(stamps: NDArray[Any]) -> float:
-    finite = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
-    return finite[0] if len(finite) else np.nan
+def first_since_1970(seconds: FloatArray) -> float:
+    """Return the first of some stamps in seconds that counts from 1970 where most do, else 0."""
+    return float(_first_since_1970(seconds, 1.0) or 0.0)
+
+
+def _first_since_1970(stamps: NDArray[Any], per_second: float) -> Any | None:
+    known = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
+    late = known[known > _EPOCH_S * per_second]
+    return late[0] if 2 * len(late) > len(known) else None
+
+
+def since_text(origin_s: float) -> str:
+    """Say when stamps begin that count from 1970, as a date.
+
+    >>> since_text(1714564800.25)
+    'stamps count from 1970: times are since the first, 2024-05-01 12:00:00.250 UTC'
+    """
+    said = f"{origin_s:.6g} s"
+    if origin_s < _LAST_DATE_S:
+        said = _date_text(np.datetime64(round(origin_s * 1e3), "ms"))
+    return f"stamps count from 1970: times are since the first, {said}"
+
+
+def _date_text(date: np.datetime64) -> str:
+    return str(date.astype("datetime64[ms]")).replace("T", " ") + " UTC"
 
 
 def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
@@ -179,7 +207,7 @@ def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
         return np.full(len(dates), np.nan), "no date can be read"
     first = nanoseconds[there][0]
     whole = (nanoseconds - first).astype(np.int64)
-    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {first.astype('datetime64[us]')}"
+    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {_date_text(first)}"
 
 
 def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:

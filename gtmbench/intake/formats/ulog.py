@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any
@@ -10,6 +11,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.clock import FloatArray
+from gtmbench.intake.events import Event
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import (
     ANGLES,
@@ -21,7 +24,9 @@ from gtmbench.intake.formats.raw import (
     euler_deg,
     in_seconds,
 )
+from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events
+from gtmbench.intake.formats.ulog_injections import ulog_injections
 
 
 def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:
@@ -123,8 +128,19 @@ def read_ulog(path: Path) -> RawLog:
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
         attitude_from_gyros=True,
-        events=functools.partial(ulog_events, topics, clocks),
+        events=functools.partial(
+            _events, topics, clocks, [(said.timestamp, said.message) for said in log.logged_messages]
+        ),
+        injections=functools.partial(ulog_injections, topics, clocks),
     )
+
+
+def _events(
+    topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray], said: Sequence[tuple[int, str]]
+) -> list[Event]:
+    """Return what the autopilot logged of itself; texts' stamps are on the topics' clock, unless that is an epoch's."""
+    messages = [(stamp / 1e6, text) for stamp, text in said]
+    return [*ulog_events(topics, clocks), *ulog_complaints(topics, clocks, messages)]
 
 
 def _stamps(fields: dict[str, NDArray[Any]]) -> NDArray[Any]:

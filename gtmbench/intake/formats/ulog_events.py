@@ -22,7 +22,6 @@ _ALIGNED = {
         "emergency_yaw_reset_gps_yaw_stopped": "emergency reset of heading, GPS heading stopped",
     },
 }
-_FAULTS = {"gyro_fault_detected": "gyro fault detected", "accel_fault_detected": "accelerometer fault detected"}
 
 
 def ulog_events(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Event]:
@@ -58,7 +57,7 @@ def _attitude_resets(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterat
         for _, time_s, _ in _changes(topics, clocks, "estimator_status", "reset_count_quat"):
             yield Event(kind=EventKind.RESET, time_s=time_s, text="attitude")
     for _, time_s, number in _changes(topics, clocks, "estimator_selector_status", "primary_instance"):
-        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number} took over")
+        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number} took over", about="estimator")
 
 
 def _alignments(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
@@ -101,7 +100,6 @@ def _failures(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Even
         for field in topics.get("failure_detector_status", {})
         if field.startswith("fd_")
     }
-    found |= {("estimator_selector_status", field): text for field, text in _FAULTS.items()}
     for (topic, field), text in found.items():
         for _, time_s, value in _changes(topics, clocks, topic, field):
             if value:

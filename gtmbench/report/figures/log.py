@@ -15,7 +15,7 @@ from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.scores import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS
+from gtmbench.report.style import COLOURS, EVENTS, colours
 from gtmbench.report.watched import (
     TINTS,
     State,
@@ -62,6 +62,7 @@ def _figure(watched: WatchedLog) -> Figure:
     parts, whole = stretches(watched), whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
     heights = [0.35, 2.4] if scores_of(watched) else [0.35]
+    heights += [1.5] if _parting(watched) else []
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
     seen = certificate_lines(watched.certificate)
@@ -93,6 +94,8 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch],
     _states(next(rest), watched, parts)
     if scores_of(watched):
         _levels(next(rest), watched, span)
+    if _parting(watched):
+        _imus(next(rest), watched, span)
     for name in signals_of(watched):
         _signal(next(rest), watched, name, span)
         if name in residuals_of(watched):
@@ -150,6 +153,19 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     draw_threshold(axis, levels)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.set_ylabel("level\n(alarm above 1)")
+
+
+def _parting(watched: WatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:
+    return [] if watched.comparison is None else watched.comparison.parting()
+
+
+def _imus(axis: Axes, watched: WatchedLog, span: Span) -> None:
+    """Draw what the IMUs differ by, of the channels that part."""
+    parts = _parting(watched)
+    tints = colours([label for label, _, _ in parts])
+    for label, time_s, values in parts:
+        _line(axis, time_s, values, span, tints[label], label)
+    axis.set_ylabel("IMUs part\n(deg/s)")
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:

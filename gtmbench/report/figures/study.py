@@ -221,7 +221,7 @@ def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
 
 def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw the broken channel and the truth."""
-    axis, name, flight = axes[0], trial.channel, trial.baseline.flight
+    axis, name, flight = axes[0], trial.channel, trial.flight
     measured = part(trial.record.time_s, trial.record[name], span)
     axis.plot(*measured, ".", color=COLOURS["healthy"], ms=2.5, label="measured")
     axis.plot(*part(flight.time_s, flight[name], span), color="k", alpha=0.35, lw=2.4, label="true")
@@ -239,7 +239,7 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     else:
         note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
         upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small")
-    time_s, true = part(trial.baseline.flight.time_s, trial.baseline.flight[name], span)
+    time_s, true = part(trial.flight.time_s, trial.flight[name], span)
     _, measured = part(trial.record.time_s, trial.record[name], span)
     lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
     lower.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
@@ -257,6 +257,8 @@ _KINDS: dict[str, tuple[list[float], Callable[[Sequence[Axes], Trial, Span], Non
 def _mark(axis: Axes, trial: Trial) -> None:
     for onset_s in sorted({fault.onset_s for fault in (trial.injected, *trial.also)}):
         axis.axvline(onset_s, color="k", lw=1.2, ls=":", label="onset" if onset_s == trial.onset_s else None)
+    if trial.departure_time_s is not None:
+        axis.axvline(trial.departure_time_s, color="k", lw=1.2, ls="--", label="departure")
     for alarm in () if trial.watch.scores else trial.watch.alarms[:MOST_ALARMS]:  # scores show the others themselves
         axis.axvline(alarm.time_s, color=COLOURS["threshold"], lw=0.5, alpha=0.5)
     draw_alarm(axis, trial.alarm_time_s, trial.isolated_s)

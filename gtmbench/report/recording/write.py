@@ -103,6 +103,7 @@ from gtmbench.report.recording.entities import (
     whole,
 )
 from gtmbench.report.recording.flight import log_scene, log_sensors
+from gtmbench.report.scene import Scene
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.tables.log import log_results
@@ -117,6 +118,7 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import event_text, outcome_text, remark_text
@@ -148,7 +150,7 @@ def write_recording(study: Study, path: Path) -> None:
     name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
     with recorded(path, name, study_blueprint(placed)) as recording:
         log_sensors(recording, baseline.flight, baseline.healthy)
-        log_scene(recording, baseline.flight)
+        log_scene(recording, Scene(flight=baseline.flight))
         for detector in placed:
             norm = norm_of(detector.baseline.watch)
             if norm is None:
@@ -350,6 +352,9 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
     events += watch_events(watched.watches)
+    apart = () if watched.comparison is None else watched.comparison.alarms
+    events += [(alarm.time_s, "WARN", f"{alarm.source}: {alarm.verdict}") for alarm in apart]
+    events += [(of.onset_s, "WARN", f"injected: {injection_text(of)}") for of in watched.log.injections]
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
     end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []

@@ -12,6 +12,7 @@ from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Watch
+from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.plain import plain
 from gtmbench.report.scores import level
@@ -21,8 +22,10 @@ from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.study.log.autopilot import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
+from gtmbench.study.log.truth import Scored, ScoredLog
 from gtmbench.study.log.watch import WatchedLog
 
 
@@ -42,10 +45,12 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
         "hardly_watched": watched.hardly_watched,
-        "findings": [_finding(alarm, watch) for watch in watched.watches for alarm in watch.faults],
+        "findings": [_finding(alarm, _watch_of(alarm, watched)) for alarm in watched.alarms],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
+        "autopilot": _autopilot(watched),
+        "imus": _comparison(watched),
         "log": _log(watched.log),
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),
@@ -54,6 +59,24 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "excursions": [_excursion(each) for each in watched.excursions],
         "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
+        "versions": versions(),
+    }
+    return dict(plain(table))
+
+
+def contents_results(contents: LogContents) -> dict[str, Any]:
+    """Return what a log holds as one JSON-ready object, schema 2."""
+    table = {
+        "schema": SCHEMA,
+        "study": "contents",
+        "log": contents.path.name,
+        "format": contents.kind,
+        "span_s": contents.span_s,
+        "notes": contents.notes,
+        "no_time": contents.no_time,
+        "channels": [asdict(channel) for channel in contents.channels],
+        "imus": contents.imus,
+        "columns": [asdict(column) for column in contents.columns],
         "versions": versions(),
     }
     return dict(plain(table))
@@ -97,10 +120,84 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "method": log.method,
         "remarks": [asdict(remark) for remark in log.remarks],
         "events": [asdict(event) for event in log.events],
+        "injections": [asdict(injection) for injection in log.injections],
+        "imus": [asdict(imu) for imu in log.imus],
     }
 
 
-def _finding(alarm: Alarm, watch: Watch) -> Mapping[str, Any]:
+def _autopilot(watched: WatchedLog) -> Mapping[str, Any]:
+    """Return the autopilot's word, and beside each of our alarms the one that stands nearest."""
+    words = words_of(watched.log.events)
+    return {
+        "words": [asdict(word) for word in words],
+        "beside": [
+            {
+                "alarm_s": each.alarm.time_s,
+                "verdict": each.alarm.verdict,
+                "word_s": None if each.word is None else each.word.time_s,
+                "word": None if each.word is None else each.word.text,
+                "ahead_s": each.ahead_s,
+            }
+            for each in beside([alarm for alarm in watched.alarms if not alarm.has_passed], words)
+        ],
+    }
+
+
+def _comparison(watched: WatchedLog) -> Mapping[str, Any] | None:
+    """Return what several IMUs say of each other; None where the log has one."""
+    compared = watched.comparison
+    if compared is None:
+        return None
+    return {
+        "imus": [imu.name for imu in compared.imus],
+        "watched": None if compared.watched is None else compared.watched.name,
+        "alarms": [_finding(alarm, None) for alarm in compared.alarms],
+    }
+
+
+def score_results(scores: ScoredLog) -> dict[str, Any]:
+    """Return a log that was scored on its own truth as one JSON-ready object, schema 2; times are the log's."""
+    table = {
+        "schema": SCHEMA,
+        "study": "log score",
+        "outcome": scores.watched.outcome.name.lower(),
+        "exit_code": int(scores.watched.outcome),
+        "verdict": outcome_text(scores.watched),
+        "failures": [_scored(row) for row in scores.rows],
+        "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],
+        "false_words": [asdict(word) for word in scores.false_words],
+        "watched_hours": scores.watched.armed_hours,
+        "identified_s": scores.watched.identified_s,
+        "log": _log(scores.watched.log),
+        "monitor": facts(scores.watched.monitor),
+        "versions": versions(),
+    }
+    return dict(plain(table))
+
+
+def _scored(row: Scored) -> Mapping[str, Any]:
+    return {
+        "injection": asdict(row.injection),
+        "not_scored": row.why_not,
+        "found": row.alarm is not None,
+        "alarm_s": None if row.alarm is None else row.alarm.time_s,
+        "delay_s": row.delay_s,
+        "said": row.said,
+        "named_delay_s": row.named_delay_s,
+        "verdict": "" if row.alarm is None else row.alarm.verdict,
+        "others_named_wrong": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in row.others],
+        "autopilot_s": None if row.word is None else row.word.time_s,
+        "autopilot_delay_s": row.word_delay_s,
+        "autopilot": "" if row.word is None else row.word.text,
+    }
+
+
+def _watch_of(alarm: Alarm, watched: WatchedLog) -> Watch | None:
+    """Return the watch that raised an alarm; None where IMUs part."""
+    return next((watch for watch in watched.watches if any(alarm is each for each in watch.alarms)), None)
+
+
+def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
     nothing = Judgement(time_s=alarm.time_s, sensor=None, candidates=())
     return {
         "verdict": alarm.verdict,
@@ -111,8 +208,10 @@ def _finding(alarm: Alarm, watch: Watch) -> Mapping[str, Any]:
         "end_known_s": alarm.end_known_s,
         "residual": alarm.source,
         "test": alarm.test,
-        "no_longer_watched": disarmed_by(alarm, watch),
-        "further_alarms_s": [other.time_s for other in watch.alarms if other.fault == alarm.number and other != alarm],
+        "no_longer_watched": [] if watch is None else disarmed_by(alarm, watch),
+        "further_alarms_s": [other.time_s for other in watch.alarms if other.fault == alarm.number and other != alarm]
+        if watch is not None
+        else [],
         **_judgement(alarm.last or nothing),
         "judgements": [_judgement(judged) for judged in alarm.judgements],
     }

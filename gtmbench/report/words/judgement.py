@@ -6,7 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
 from gtmbench.channels import unit_of
+from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch
@@ -22,6 +24,11 @@ Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET = "onset_s"
 _PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
 _BEFORE = {_ONSET: "from ", "value": "at "}
+_FLOWN_ON = {
+    SUSPECTED: "suspected: flown on only as far as the attitude agrees",
+    REPLACED: "flown without: another rate stands in",
+    GIVEN_BACK: "flown on again",
+}
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 
@@ -215,9 +222,25 @@ def trial_events(trial: Trial) -> list[Event]:
     if trial.detected and counting is not None and counting.time_s < onset_s - 1e-9:
         late = f"{trial.detection_delay_s:.2f} s after the onset, counted to the false alarm of {counting.time_s:.2f} s"
         events.append((onset_s + (trial.detection_delay_s or 0.0), "ERROR", f"alarm: {what}, {late}"))
+    events += [(event.time_s, "WARN", loop_text(event)) for event in trial.events]
     if not trial.detected:
         events.append((trial.record.end_s, "CRITICAL", f"missed: {what}; {trial.reason}"))
     return events
+
+
+def loop_text(event: LoopEvent) -> str:
+    """Say what happened in a loop.
+
+    >>> loop_text(LoopEvent(time_s=20.4, kind="departure", channel="alpha", value=15.2))
+    'departure: alpha is 15.2 deg'
+    """
+    if event.kind == OUT_OF_LOOP:
+        return f"the autopilot doesn't read {event.channel}: the fault changes no flight"
+    if event.kind in _FLOWN_ON:
+        return f"{event.channel} is {_FLOWN_ON[event.kind]}"
+    what = {DEPARTURE: "departure", ENVELOPE: "end of the flight, out of the envelope"}.get(event.kind, event.kind)
+    value = "" if event.value is None else f" is {event.value:.4g} {unit_of(event.channel)}".rstrip()
+    return f"{what}: {event.channel}{value}"
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:

@@ -28,6 +28,7 @@ from gtmbench.report.watched import (
     rms,
     stretches,
 )
+from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
@@ -52,6 +53,9 @@ def log_report(watched: WatchedLog) -> list[str]:
         *_monitor_lines(watched),
         "",
         *_alarms_lines(watched),
+        *imu_lines(watched),
+        *autopilot_lines(watched),
+        *injection_lines(watched),
         *_unwatched_lines(watched),
         *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
         *(f"note: {note}" for note in watched.check.notes),
@@ -148,6 +152,7 @@ def events_lines(events: Sequence[Event]) -> list[str]:
     >>> events_lines([Event(kind=EventKind.RESET, time_s=3.0, text="attitude by 2 deg")])
     ['the log tells of: reset at 3.00 s (attitude by 2 deg)']
     """
+    events = [event for event in events if event.kind is not EventKind.COMPLAINT]  # the autopilot's word is told apart
     if not events:
         return []
     if len(events) <= _MOST_EVENTS:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gtmbench.bench.loop import OUT_OF_LOOP
 from gtmbench.channels import unit_of
+from gtmbench.checks import listed
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.method.transmissibility import Transmissibility
@@ -34,12 +36,15 @@ def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
         left_out.add("scenario")
     if not any(trial.also for trial in study.trials):
         left_out.add("also")
+    if not any(trial.events for trial in study.trials):
+        left_out.add("departed after (s)")
     if any(baseline.monitor.suspects for baseline in study.baselines):
         left_out |= {"alarm (s)", "peak ratio", "altered"}
     else:
         left_out |= {"isolated after (s)", "kind"}
     columns = [name for name in rows[0] if name not in left_out]
-    numbers = ("severity", "alarm (s)", "delay (s)", "isolated after (s)", "peak ratio", "altered")
+    delays = ("alarm (s)", "delay (s)", "departed after (s)", "isolated after (s)")
+    numbers = ("severity", *delays, "peak ratio", "altered")
     return columns, [[row[name] for name in columns] for row in rows], [name for name in columns if name in numbers]
 
 
@@ -53,12 +58,17 @@ def _cells(trial: Trial) -> dict[str, str]:
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
         "alarm (s)": or_dash(trial.alarm_time_s, ".2f"),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
+        "departed after (s)": or_dash(_departed_after_s(trial), ".2f"),
         "isolated after (s)": or_dash(trial.isolation_delay_s, ".2f"),
         "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "altered": f"{100.0 * trial.altered_share:.1f} %",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
+
+
+def _departed_after_s(trial: Trial) -> float | None:
+    return None if trial.departure_time_s is None else trial.departure_time_s - trial.onset_s
 
 
 def _verdict(trial: Trial) -> str:
@@ -90,6 +100,7 @@ def summary_lines(study: Study) -> list[str]:
     for baseline in study.baselines:
         own = [
             _detected_line(baseline, study.trials_of(baseline.detector)),
+            *_departure_lines(study.trials_of(baseline.detector)),
             _false_alarm_line(baseline),
             *_expectation_lines(study.trials_of(baseline.detector)),
             *_stuck_lines(baseline),
@@ -111,6 +122,17 @@ def _detected_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
         f"{detected}; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
         f"alarm: {right_20s}, at the end: {right}"
     )
+
+
+def _departure_lines(trials: Sequence[Trial]) -> list[str]:
+    """Say of trials in the loop how many departed, and which faults the autopilot doesn't fly on."""
+    departed = [(trial.departure_time_s, trial.alarm_time_s) for trial in trials if trial.departure_time_s is not None]
+    late = sum(alarm_s is None or alarm_s > departed_s for departed_s, alarm_s in departed)
+    lines = [f"departed: {len(departed)} of {len(trials)}, {late} of them without an alarm before"] if departed else []
+    unread = {event.channel for trial in trials for event in trial.events if event.kind == OUT_OF_LOOP}
+    if unread:
+        lines.append(f"not in the loop: the autopilot doesn't read {listed(sorted(unread))}")
+    return lines
 
 
 def _false_alarm_line(baseline: Baseline) -> str:

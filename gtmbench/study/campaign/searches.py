@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.checks import naming, number, shown, table_of
-from gtmbench.detectors.protocol import Monitor
+from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.trials import TIE_S, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
@@ -128,18 +128,21 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
     return found
 
 
-def search_row(search: Search, flown: Flown, monitor: Monitor, healthy: Record) -> Row:
-    """Search on a healthy record of a flight, with a calibrated monitor.
+def search_row(search: Search, flown: Flown, quiet: Watch) -> Row:
+    """Search on a healthy record of a flight, with the monitor that has watched it.
 
-    What a monitor alarms of without any fault tells nothing of one: then `detected` is left open.
+    What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,
+    where every severity would want a flight of its own.
     """
     reference = flown.flight.between(*flown.setup.severity_reference_s)
     onset_s = search.mildest.onset_s
     until_s = math.inf if search.within_s is None else onset_s + search.within_s
-    row: Row = {"look_ahead_s": round(monitor.look_ahead_s, 9)}
-    if any(onset_s - TIE_S <= alarm.time_s <= until_s + TIE_S for alarm in monitor.watch(healthy).alarms):
+    row: Row = {"look_ahead_s": round(quiet.monitor.look_ahead_s, 9)}
+    if flown.is_in_loop:
+        return row | {"reason": "in the loop a fault changes the flight: there is none to search on"}
+    if any(onset_s - TIE_S <= alarm.time_s <= until_s + TIE_S for alarm in quiet.alarms):
         return row | {"reason": "it alarms without the fault"}
-    trials = trials_on(monitor, healthy)
+    trials = trials_on(quiet.monitor, quiet.record)
 
     def is_detected(severity: float) -> bool:
         alarm_s = trials.first_alarm_s(search.fault(severity, reference))

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from gtmbench.bench.loop import departed_s
 from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.checks import one_line
-from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.monitor.scores import bank_alarms
-from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
+from gtmbench.detectors.trials import Detection, trials_on
 from gtmbench.errors import GtmbenchError
+from gtmbench.faults.fault import Fault
 from gtmbench.progress import counted, silent
 from gtmbench.record import Record
 from gtmbench.study.campaign.rows import COLUMNS, Row
@@ -22,11 +24,10 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
-from gtmbench.study.score import altered_share, false_alarms, score
+from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Injection
 
 Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes that are tied to their flight
-_TIE = 1e-9  # seconds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,23 +74,23 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
     commands = any(name in COMMANDS for watcher in watchers.values() for name in watcher.channels)
     flown = _tried(fly_setup, task.setup, commands, counted(silent, 2))
     monitors = {name: _tried(_ready, watcher, flown) for name, watcher in watchers.items()}
-    judge = _judged if task.isolate else _detected
     rows = []
     for noise_seed in healthy_seeds(task.setup, task.noise_seeds):
         about = {**_about(task), "noise_seed": noise_seed}
         healthy = _tried(_sensed, flown, noise_seed)
-        for name, monitor in monitors.items():
-            rows.append({**about, "detector": name, **_cells(_tried(_quiet, monitor, healthy, task.setup))})
+        quiet = {name: _tried(watched, monitor, healthy, task.setup) for name, monitor in monitors.items()}
+        judges = {name: _tried(_judge, watch, flown, task) for name, watch in quiet.items()}
+        rows += [{**about, "detector": name, **_cells(_tried(_healthy, watch))} for name, watch in quiet.items()]
         for scenario, spec in task.faults if noise_seed in task.noise_seeds else ():
-            broken = _tried(_broken, flown, scenario, spec, healthy)
+            broken = _tried(_Broken, flown, scenario, spec, noise_seed)
             fault = {**about, **_of_fault(scenario, spec), **_severity(broken)}
-            for name, monitor in monitors.items():
-                verdict = _tried(judge, monitor, healthy, broken, task.setup)
+            for name in monitors:
+                verdict = _tried(lambda judge, broken: judge(broken), judges[name], broken)
                 rows.append({**fault, "detector": name, **_cells(verdict)})
         for search in task.searches if noise_seed in task.noise_seeds else ():
             sought = {**about, **_of_search(search)}
-            for name, monitor in monitors.items():
-                found = _tried(_searched, search, flown, monitor, healthy)
+            for name, watch in quiet.items():
+                found = _tried(search_row, search, flown, watch)
                 rows.append({**sought, "detector": name, **_cells(found)})
     return rows
 
@@ -150,48 +151,71 @@ def _sensed(flown: Flown, noise_seed: int) -> Record:
     return flown.sensed(record_number(noise_seed))
 
 
-def _broken(flown: Flown, scenario: str, spec: FaultSpec, healthy: Record) -> Injection:
-    return flown.broken(scenario, spec, healthy)
+class _Broken:
+    """A trial's faults, and the record with them: made where somebody looks at it."""
+
+    def __init__(self, flown: Flown, scenario: str, spec: FaultSpec, noise_seed: int) -> None:
+        self._flown, self._scenario, self._spec = flown, scenario, spec
+        self._number = record_number(noise_seed)
+        self.faults = flown.faults(spec)
+
+    @cached_property
+    def record(self) -> tuple[Injection, Record]:
+        """The broken record, and what it would have been without."""
+        return self._flown.broken(self._scenario, self._spec, self._number)
 
 
-def _quiet(monitor: Monitor, healthy: Record, setup: Setup) -> Row:
+def _healthy(watch: Watch) -> Row:
     """Say what a monitor made of a healthy record."""
-    watch = watched(monitor, healthy, setup)
     peak = max((score.peak() for score in watch.scores.values()), default=None)
     return {"false_alarms": len(false_alarms(watch)), "armed_hours": watch.armed_hours, "peak_ratio": peak}
 
 
-def _searched(search: Search, flown: Flown, monitor: Monitor, healthy: Record) -> Row:
-    start_s = min(flown.setup.alarm.watch_from_s, healthy.end_s)
-    return search_row(search, flown, monitor, healthy.between(start_s, healthy.end_s))
+def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
+    """Return what is asked of a monitor on a record with faults: everything, or only whether and when it alarms."""
+    judge = partial(_judged, quiet.monitor, task.setup)
+    if task.isolate:
+        return judge
+    if flown.is_in_loop:
+        return lambda broken: _of_detection(judge(broken))
+    trials = trials_on(quiet.monitor, quiet.record)
+
+    def detected(broken: _Broken) -> Row:
+        if len(broken.faults) > 1:
+            return _of_detection(judge(broken))
+        (fault,) = broken.faults
+        return _detected(trials.detection(fault), fault, quiet)
+
+    return detected
 
 
-def _judged(monitor: Monitor, healthy: Record, broken: Injection, setup: Setup) -> Row:
+def _judged(monitor: Monitor, setup: Setup, broken: _Broken) -> Row:
     """Hold all that a monitor says of a broken record against the truth."""
-    watch = watched(monitor, broken.record, setup)
-    verdict = score(watch, fault=broken.injected, also=broken.also, healthy=healthy, broken=broken.record)
+    injection, healthy = broken.record
+    watch = watched(monitor, injection.record, setup)
+    verdict = score(watch, fault=injection.injected, also=injection.also, healthy=healthy, broken=injection.record)
     row = {name: value for name, value in vars(verdict).items() if name in COLUMNS}
-    return {**row, "candidates": " ".join(verdict.candidates)}
+    return {**row, "candidates": " ".join(verdict.candidates), "departure_time_s": departed_s(injection.events)}
 
 
-def _detected(monitor: Monitor, healthy: Record, broken: Injection, setup: Setup) -> Row:
-    """Say only whether and when there was an alarm: a bank's first doesn't wait for what is said of it."""
-    if not isinstance(monitor, BankMonitor) or not np.isfinite(broken.record.matrix(monitor.channels)).all():
-        judged = _judged(monitor, healthy, broken, setup)  # of missing samples a bank's scores alone don't tell
-        return {name: value for name, value in judged.items() if name in _OF_DETECTION}
-    start_s = min(setup.alarm.watch_from_s, broken.record.end_s)
-    alarms = bank_alarms(monitor, broken.record.between(start_s, broken.record.end_s))
-    faults = (broken.injected, *broken.also)
-    onset_s = min(fault.onset_s for fault in faults)
-    first = next((alarm for alarm in alarms if alarm.time_s >= onset_s - _TIE), None)
+def _detected(detection: Detection, fault: Fault, quiet: Watch) -> Row:
+    """Say only whether and when there was an alarm."""
+    alarm_s, healthy = detection.alarm_s, quiet.record
+    altered = [part.array(healthy) != healthy[part.channel] for part in fault.parts]
+    active = fault.active(healthy.time_s)
     return {
-        "detected": first is not None,
-        "alarm_time_s": None if first is None else round(first.time_s, 9),
-        "detection_delay_s": None if first is None else round(first.time_s - onset_s, 9),
-        "look_ahead_s": round(monitor.look_ahead_s, 9),
-        "altered_share": altered_share(faults, healthy, broken.record),
-        "false_alarms": sum(alarm.time_s < onset_s - _TIE for alarm in alarms),
+        "detected": alarm_s is not None,
+        "alarm_time_s": alarm_s,
+        "detection_delay_s": None if alarm_s is None else round(alarm_s - fault.onset_s, 9),
+        "look_ahead_s": round(quiet.monitor.look_ahead_s, 9),
+        "peak_ratio": detection.peak_ratio,
+        "altered_share": float(np.mean([each[active] for each in altered])) if active.any() else 0.0,
+        "false_alarms": len(false_alarms(quiet, fault.onset_s)),
     }
+
+
+def _of_detection(judged: Row) -> Row:
+    return {name: value for name, value in judged.items() if name in _OF_DETECTION}
 
 
 _OF_DETECTION = (
@@ -202,6 +226,7 @@ _OF_DETECTION = (
     "peak_ratio",
     "altered_share",
     "false_alarms",
+    "departure_time_s",
 )
 
 
@@ -209,7 +234,8 @@ def _about(task: Task) -> Row:
     """Say what is flown."""
     setup = vars(task.setup)
     names = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "seed")
-    return {"task": task.number, **{name: setup[name] for name in names}}
+    is_closed = task.setup.autopilot is not None
+    return {"task": task.number, **{name: setup[name] for name in names}, "closed_loop": is_closed}
 
 
 def _of_fault(scenario: str, spec: FaultSpec) -> Row:
@@ -244,7 +270,7 @@ def _of_search(search: Search) -> Row:
     }
 
 
-def _severity(broken: Injection | _Failed) -> Row:
+def _severity(broken: _Broken | _Failed) -> Row:
     """Say the first severity as a figure: of a share, what it came to on this flight."""
-    figures = {} if isinstance(broken, _Failed) else broken.severity
+    figures = {} if isinstance(broken, _Failed) else broken.faults[0].severities
     return {"severity": next(iter(figures.values()), None)}

@@ -8,7 +8,7 @@ from pathlib import Path
 from gtmbench.checks import naming
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.intake.open import log_channels
+from gtmbench.intake.contents import log_contents
 
 
 def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDetector, tuple[str, ...]]:
@@ -28,8 +28,8 @@ def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDe
     InputError
         Naming a log that can't be read; or the first, where they allow no relation.
     """
-    logs = [log_channels(path, mapping=mapping) for path in paths]
-    there = [name for name in logs[0].names if all(name in log.names for log in logs)]
+    logs = [log_contents(path, mapping=mapping) for path in paths]
+    there = [name for name in logs[0].usable if all(name in log.usable for log in logs)]
     with naming(paths[0]):
         bank = composed_bank(there, attitude_from_gyros=any(log.attitude_from_gyros for log in logs))
     return BankDetector(bank=bank), unwatched(bank, there)

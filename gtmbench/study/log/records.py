@@ -12,9 +12,10 @@ from gtmbench.detectors.bank.bank import check_channels
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.open import LogColumn, log_columns, open_log
-from gtmbench.intake.segments import FEWEST, SHORTEST_S
+from gtmbench.intake.open import open_log
+from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.record import Record, Span, runs
 
 _LOST = 2  # samples in a row

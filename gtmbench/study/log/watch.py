@@ -35,6 +35,7 @@ from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
+from gtmbench.study.log.imus import Comparison, beside, compare, further
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
 from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
@@ -91,6 +92,8 @@ class WatchedLog:
         Whether its certificate says what would have been named, too.
     left_out : tuple of LeftOut
         What of the healthy spans, and of other logs, wasn't identified on.
+    comparison : Comparison or None
+        What several IMUs say of each other; None where the log has one, or they can't be compared.
     """
 
     log: FlightLog
@@ -102,11 +105,13 @@ class WatchedLog:
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     asks_names: bool = field(default=False, repr=False)
     left_out: tuple[LeftOut, ...] = ()
+    comparison: Comparison | None = field(default=None, repr=False)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """Every alarm that first told of a fault, in time; those that count to another's fault are left out."""
-        return tuple(alarm for watch in self.watches for alarm in watch.faults)
+        told = [alarm for watch in self.watches for alarm in watch.faults]
+        return tuple(sorted([*told, *further(told, self.comparison)], key=lambda alarm: alarm.time_s))
 
     @property
     def armed_hours(self) -> float:
@@ -378,6 +383,12 @@ def _watched(
             watches.append(steady(monitor, monitor.watch(part, outside=excursions)))
         else:
             watches.append(monitor.watch(part))
+    comparison = None
+    if not check.stops and watches and len(log.imus) > 1:
+        progress("compare", len(parts), len(parts))
+        healthy = identified_s or (first_part(log),)
+        comparison = compare(log, healthy=healthy, excursions=excursions, mapping=mapping)
+        watches = beside(watches, comparison)
     progress("watched", len(parts), len(parts))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)
@@ -389,6 +400,7 @@ def _watched(
         excursions=excursions,
         reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
         check=check,
+        comparison=comparison,
     )
 
 

@@ -28,7 +28,15 @@ if TYPE_CHECKING:
 TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
 DEADLINE_S = 10.0
 CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
-FLIGHT = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "seed")  # what tells flights apart
+FLIGHT = (
+    "aircraft",
+    "excitation",
+    "altitude_ft",
+    "tas_kt",
+    "duration_s",
+    "closed_loop",
+    "seed",
+)  # what tells flights apart
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -111,7 +111,7 @@ def contract_case(
 def standard_records() -> tuple[Record, ...]:
     """Return one flight of two minutes, sensed four times: some detectors know no other excitation than their own."""
     flight = fly_once(duration_s=120.0)
-    return tuple(decimate(measure(flight, noise="t2", seed=seed), 2) for seed in range(1, 5))
+    return tuple(decimate(measure(flight, noise="t2", seed=seed, commands=True), 2) for seed in range(1, 5))
 
 
 def _drifts(record: Record, channel: str) -> list[Fault]:

@@ -27,7 +27,7 @@ def check_detector(
         Whatever `gtmbench.find_detector` finds, or could return.
     records : sequence of Record
         Healthy, two or more of one flight or several: it is calibrated on all but the last, which is watched. Unless
-        told, what the T2's sensors read on a flight of two minutes, at 50 Hz, thrice.
+        told, what the T2's sensors read on a flight of two minutes, at 50 Hz, thrice, and the surface commands.
     fault : Fault or sequence of Fault
         Injected into the last record; the detector has to alarm on it. Unless told, two steep drifts, of 12 s each.
 

@@ -1,0 +1,178 @@
+"""An aircraft in the air: it stands in trim, its excitation and its turbulence are ready, and it can be stepped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+
+from gtmbench.bench import excitation as excitations
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.engine import writers
+from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.fleet import load_aircraft
+from gtmbench.channels import CHANNELS, COMMANDS, Role
+from gtmbench.checks import number, whole
+from gtmbench.clock import even_times_s
+from gtmbench.record import FloatArray, Record, Span
+
+LONGEST_S = 24 * 3600.0
+FLOWN = tuple(channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND)  # what is read each step
+
+# Moderate turbulence, JSBSim's Milspec model: type 3, severity 3, 25 ft/s wind at 20 ft above ground.
+_TURBULENCE = {
+    "atmosphere/turb-type": 3,
+    "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
+    "atmosphere/turbulence/milspec/severity": 3,
+}
+_SUMMED = ("psi", "north", "east")  # made of what is read when all has been flown
+_BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """A channel that the envelope bounds: which of `FLOWN`, its property's scale, and its span in its own unit."""
+
+    column: int
+    scale: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Airborne:
+    """An aircraft that is about to fly.
+
+    Attributes
+    ----------
+    aircraft, trim, fdm
+        What it is, how it stands, and the engine that stands so.
+    time_s : array, shape (samples,)
+        When it is read.
+    added : array, shape (samples, 4)
+        What the excitation adds to the commands, in the order of `COMMANDS` and in their units.
+    read : list of callable
+        What gives the properties of `FLOWN`, one each.
+    write : list of (int, float, callable)
+        Of every property that a command reaches: the command's column, a factor, and what writes it.
+    bounds : list of Bound
+        The envelope, of what can be told while flying.
+    """
+
+    aircraft: Aircraft
+    trim: Trim
+    fdm: jsbsim.FGFDMExec
+    time_s: FloatArray
+    added: FloatArray
+    read: list[Callable[[], float]]
+    write: list[tuple[int, float, Callable[[float], object]]]
+    bounds: list[Bound]
+
+    def record(self, read: FloatArray, commands: FloatArray) -> Record:
+        """Return the truth, of the properties read before each step and after the last, and of the commands."""
+        values = read * np.array([channel.scale for channel in FLOWN])
+        names = [channel.name for channel in FLOWN]
+        for name in ("north", "east"):  # read as speeds: their trapezoidal sum is the way flown
+            speed = values[:, names.index(name)]
+            values[:, names.index(name)] = np.concatenate(
+                [[0.0], np.cumsum((speed[1:] + speed[:-1]) * (SAMPLE_PERIOD_S / 2.0))]
+            )
+        heading = names.index("psi")
+        if np.all(np.isfinite(values[:, heading])):
+            values[:, heading] = np.unwrap(values[:, heading], period=360.0)
+            # JSBSim's heading lies in 0..360; start where the trim says
+            values[:, heading] += 360.0 * round((self.trim.yaw_deg - values[0, heading]) / 360.0)
+        return Record(
+            np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outside:
+    """Where a flight is first outside of some spans."""
+
+    row: int
+    channel: str
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.channel} is {self.value:.4g} {CHANNELS[self.channel].unit}"
+
+
+def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
+    """Return the first sample of a flight that isn't within spans of channels, or None."""
+    found = []
+    for channel, (low, high) in spans.items():
+        values = flight[channel]
+        beyond = np.flatnonzero(~((values >= low) & (values <= high)))
+        if len(beyond):
+            row = int(beyond[0])
+            found.append(Outside(row=row, channel=channel, value=float(values[row]), low=low, high=high))
+    return min(found, key=lambda each: (each.row, each.channel), default=None)
+
+
+def take_off(
+    aircraft: str | Path | Aircraft,
+    excitation: str | excitations.Excitation,
+    duration_s: float,
+    seed: int,
+    *,
+    altitude_ft: float | None = None,
+    tas_kt: float | None = None,
+) -> Airborne:
+    """Trim an aircraft and make everything ready that `fly` says of its arguments."""
+    duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
+    seed = whole("seed", seed)
+    craft = load_aircraft(aircraft)
+    time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(duration_s / SAMPLE_PERIOD_S) + 1))
+    moved = _moved(craft, excitation, time_s, seed)
+    fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    if moved.turbulence:
+        _set_turbulence(fdm, craft.psi_deg, seed)
+    still = np.zeros(len(time_s))
+    properties = fdm.get_property_manager()
+    nodes = [properties.get_node(channel.jsbsim) for channel in FLOWN]
+    return Airborne(
+        aircraft=craft,
+        trim=trimmed,
+        fdm=fdm,
+        time_s=time_s,
+        added=np.column_stack([moved.surfaces.get(name, still) for name in COMMANDS]),
+        read=[node.get_double_value for node in nodes if node is not None],  # the engine has checked every channel's
+        write=writers(fdm, craft),
+        bounds=[
+            Bound(column=column, scale=channel.scale, low=span[0], high=span[1])
+            for column, channel in enumerate(FLOWN)
+            if channel.name not in _SUMMED and (span := craft.envelope.get(channel.name))
+        ],
+    )
+
+
+def _moved(
+    aircraft: Aircraft, excitation: str | excitations.Excitation, time_s: FloatArray, seed: int
+) -> excitations.Excitation:
+    if not isinstance(excitation, str):
+        return excitation
+    return excitations.excitation(excitation, time_s, seed).scaled(aircraft.excitation)
+
+
+def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> None:
+    """Make the air turbulent, with the gusts' axes along and across the track, as MIL-F-8785C means them.
+
+    JSBSim turns the gusts' axes by the heading of the steady wind. In still air that is the heading of what rounding
+    leaves of airspeed less ground speed, 1e-14 ft/s any way, which other bits of the trim or another CPU's sines turn
+    by any angle: the flight would be another one. A breath of wind gives the axes a direction. JSBSim turns them the
+    other way round (by the transposed matrix), hence the sign.
+    """
+    fdm["atmosphere/wind-north-fps"] = _BREATH_FT_S
+    fdm["atmosphere/wind-east-fps"] = fdm["atmosphere/wind-down-fps"] = 0.0
+    fdm["atmosphere/psiw-rad"] = math.radians(-heading_deg)  # turns the wind, and the first step's gusts with it
+    fdm["simulation/randomseed"] = seed
+    for name, value in _TURBULENCE.items():
+        fdm[name] = value

@@ -1,0 +1,183 @@
+"""Gains of an autopilot for any aircraft: the GTM's, as fast for its motion and surfaces, then flown and compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.loop import LoopFlight, fly_in_loop
+from gtmbench.bench.modes import STATES, LinearModel, linearised
+from gtmbench.channels import COMMANDS
+from gtmbench.errors import EnvelopeError, GtmbenchError, TrimError
+from gtmbench.progress import Progress, silent
+from gtmbench.record import Record
+
+# What an axis' gains are changed by together; each in octaves, so that neighbours are half and twice a gain.
+AXES = {
+    "pitch": ("q_to_elevator_s", "theta_to_elevator"),
+    "roll": ("p_to_aileron_s", "phi_to_aileron"),
+    "yaw": ("r_to_rudder_s",),
+    "height": ("altitude_to_theta_deg_ft", "altitude_integral_deg_ft_s"),
+    "speed": ("tas_to_throttle_percent_kt", "tas_integral_percent_kt_s"),
+}
+OCTAVES = (-4, -3, -2, -1, 0, 1)
+_TRIED_S = 90.0
+_PROVED_S = 600.0
+_TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
+_MOVED = 0.1  # RMS of a command, of its span: as bad as a channel's tolerated RMS
+_GRAVITY_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuned:
+    """Gains that were found, and how they held the aircraft for ten minutes of moderate turbulence.
+
+    Attributes
+    ----------
+    autopilot : Autopilot
+    altitude_off_ft, tas_off_kt, bank_deg : float
+        The most that altitude and speed were off the trim, and the most bank, either way.
+    """
+
+    autopilot: Autopilot
+    altitude_off_ft: float
+    tas_off_kt: float
+    bank_deg: float
+
+
+def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = silent) -> Tuned:
+    """Find gains that hold an aircraft in turbulence.
+
+    They begin with the GTM's by similarity: each loop as fast as there, in terms of the aircraft's own short period,
+    roll, dutch roll and speed, through what its surfaces and its throttle do (so signs follow from trying, too). Then
+    each axis in turn is flown in turbulence with its gains in octaves, and that gain is taken whose worst neighbour,
+    half or twice itself, does best: a gain with a margin on either side. At last they fly ten minutes of other air.
+
+    Parameters
+    ----------
+    aircraft : str, Path or Aircraft
+        As `fly` takes it.
+    progress : callable
+        Told the axis, how many are done, and of how many.
+
+    Raises
+    ------
+    TrimError
+        Where the aircraft can't be trimmed.
+    GtmbenchError
+        Where no gains are found that hold it.
+
+    Examples
+    --------
+    >>> similar = similar_autopilot(linearised("gtm"))
+    >>> round(similar.theta_to_elevator, 1), round(similar.phi_to_aileron, 1)
+    (0.8, 1.0)
+    """
+    craft = load_aircraft(aircraft)
+    found = similar_autopilot(linearised(craft))
+    for done, axis in enumerate(AXES):
+        progress(axis, done, len(AXES) + 1)
+        found = _best(craft, found, axis)
+    progress("ten minutes of turbulence", len(AXES), len(AXES) + 1)
+    flight = _flown(craft, found, _PROVED_S, seed=2)
+    if flight is None or flight.departed_s is not None:
+        raise GtmbenchError(
+            f"no gains are found that hold '{craft.name}' in moderate turbulence at {craft.altitude_ft:g} ft and "
+            f"{craft.tas_kt:g} kt; try another condition, or write [autopilot] by hand"
+        )
+    truth = flight.truth
+    return Tuned(
+        autopilot=found,
+        altitude_off_ft=_most_off(truth, "altitude"),
+        tas_off_kt=_most_off(truth, "tas"),
+        bank_deg=float(np.abs(truth["phi"]).max()),
+    )
+
+
+def _most_off(truth: Record, channel: str) -> float:
+    return float(np.abs(truth[channel] - truth[channel][0]).max())
+
+
+def similar_autopilot(linear: LinearModel) -> Autopilot:
+    """Return gains that are to an aircraft's motion what the GTM's are to its own.
+
+    Raises
+    ------
+    TrimError
+        Naming the command that turns or pushes nothing.
+    """
+    state, moved = linear.state_matrix, linear.input_matrix
+    w, p, q, r, v = (STATES.index(name) for name in ("w", "p", "q", "r", "v"))
+    effect = {
+        "elevator": math.degrees(moved[q, 0]),
+        "aileron": math.degrees(moved[p, 1]),
+        "rudder": math.degrees(moved[r, 2]),
+        "throttle": moved[STATES.index("u"), 3],
+    }
+    for name in COMMANDS:
+        if not abs(effect[name]) > 1e-6:
+            raise TrimError(f"no gains: the {name} moves nothing at this trim")
+    pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
+    roll, speed = abs(state[p, p]), math.sqrt(2.0) * _GRAVITY_FT_S2 / linear.speed_ft_s
+    climb_ft_s_deg = math.radians(linear.speed_ft_s)  # what 1 deg of path is
+    gains = {
+        "q_to_elevator_s": -4.36 * pitch / effect["elevator"],
+        "theta_to_elevator": -0.755 * pitch**2 / effect["elevator"],
+        "altitude_to_theta_deg_ft": 0.077 * pitch / climb_ft_s_deg,
+        "altitude_integral_deg_ft_s": 0.077 * pitch / climb_ft_s_deg * 0.0065 * pitch,
+        "p_to_aileron_s": -2.71 * roll / effect["aileron"],
+        "phi_to_aileron": -1.636 * roll**2 / effect["aileron"],
+        "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / _GRAVITY_FT_S2,
+        "r_to_rudder_s": -4.77 * yaw / effect["rudder"],
+        "washout_s": 13.6 / yaw,
+        "tas_to_throttle_percent_kt": 1.27 * speed * _FT_S_PER_KT / effect["throttle"],
+        "tas_integral_percent_kt_s": 1.27 * speed * _FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
+    }
+    return Autopilot(**{name: _rounded(gain) for name, gain in gains.items()})
+
+
+def _rounded(gain: float) -> float:
+    return float(f"{gain:.3g}")
+
+
+def _frequency(state: np.ndarray, pair: tuple[int, int]) -> float:
+    """Return the natural frequency of two states by themselves, in rad/s."""
+    return math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)]))))
+
+
+def _best(craft: Aircraft, found: Autopilot, axis: str) -> Autopilot:
+    """Return the gains of which the worst among themselves, half and twice of an axis does best."""
+    tried = [_scaled(found, axis, 2.0**octave) for octave in OCTAVES]
+    costs = [_cost(craft, autopilot) for autopilot in tried]
+    worst = [max(costs[i - 1 : i + 2]) for i in range(1, len(costs) - 1)]
+    return tried[1 + int(np.argmin(worst))] if np.isfinite(worst).any() else found
+
+
+def _scaled(autopilot: Autopilot, axis: str, factor: float) -> Autopilot:
+    return replace(autopilot, **{name: _rounded(factor * getattr(autopilot, name)) for name in AXES[axis]})
+
+
+def _cost(craft: Aircraft, autopilot: Autopilot) -> float:
+    """Return how badly an aircraft is held in turbulence: 1 where everything is at what is tolerated."""
+    flight = _flown(craft, autopilot, _TRIED_S, seed=1)
+    if flight is None or flight.departed_s is not None:
+        return math.inf
+    truth = flight.truth
+    held = [np.sqrt(np.mean((truth[name] - truth[name][0]) ** 2)) / most for name, most in _TOLERATED.items()]
+    spans = {name: high - low for name, (low, high) in craft.limits.items()}
+    moved = [np.std(truth[name]) / (_MOVED * spans[name]) for name in COMMANDS]
+    return float(np.sqrt(np.mean(np.square(held + moved))))
+
+
+def _flown(craft: Aircraft, autopilot: Autopilot, duration_s: float, seed: int) -> LoopFlight | None:
+    """Return a flight in turbulence, or None where it leaves the envelope."""
+    try:
+        return fly_in_loop(craft, "turbulence", duration_s, seed, autopilot=autopilot)
+    except EnvelopeError:
+        return None

@@ -1,0 +1,97 @@
+"""``gtmbench score``: a log with failures that were injected, as trials of monitor and autopilot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.monitor import healthy_part
+from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table
+from gtmbench.detectors.bank.composed import AUTO
+from gtmbench.detectors.registry import find_detector
+from gtmbench.progress import progress_bar
+
+if TYPE_CHECKING:
+    from gtmbench.study.log.truth import Scored, ScoredLog
+
+_COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", "autopilot said")
+
+
+@click.command("score")
+@click.argument("log", type=click.Path(path_type=Path))
+@map_option
+@detector_option("Without it, of bank auto.", calibrated=False)
+@click.option(
+    "--identify",
+    "healthy",
+    multiple=True,
+    metavar="T0:T1|LOG",
+    help="What is healthy, to calibrate on. Without it, what lies before the first failure, 300 s at most.",
+)
+@click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@common_options
+def score_command(
+    log: Path,
+    mapping: tuple[str, ...],
+    detector: str | None,
+    healthy: tuple[str, ...],
+    rate: float | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Score monitor and autopilot on the failures that a log says were injected.
+
+    PX4's failure injection, and changes of ArduPilot's SIM_GYR... parameters: SITL and bench flights become trials.
+    Exit code as of monitor: 1 something failed, 0 nothing found, 3 can't tell; 2 bad input, or no such failure.
+    """
+    from gtmbench.study.log.truth import score_log
+
+    with progress_bar(silent=as_json or quiet) as tell:
+        scores = score_log(
+            log,
+            find_detector(detector or AUTO),
+            healthy=[healthy_part(text) for text in healthy],
+            mapping=mapping,
+            rate_hz=rate,
+            progress=tell,
+        )
+    if as_json:
+        from gtmbench.report.tables.log import score_results
+
+        print_json(score_results(scores))
+    elif not quiet:
+        _print(log, scores)
+    return int(scores.watched.outcome)
+
+
+def _print(log: Path, scores: ScoredLog) -> None:
+    from gtmbench.report.words.autopilot import score_report
+    from gtmbench.report.words.log import outcome_text
+
+    print_table(log.name, _COLUMNS, [_row(row) for row in scores.rows], right=[_COLUMNS[1], _COLUMNS[4]])
+    for line in score_report(scores):
+        echo(line)
+    for start_s, end_s in scores.watched.identified_s:
+        echo(f"identified and calibrated on {start_s:.2f} to {end_s:.2f} s")
+    echo(outcome_text(scores.watched))
+
+
+def _row(row: Scored) -> list[str]:
+    from gtmbench.report.words.autopilot import injection_text
+
+    return [
+        injection_text(row.injection),
+        "-" if row.delay_s is None else f"{row.delay_s:.2f}",
+        row.alarm.verdict if row.alarm is not None else "nothing",
+        f"not scored: {row.why_not}" if row.why_not else _said(row),
+        "-" if row.word_delay_s is None else f"{row.word_delay_s:.2f}",
+        row.word.text if row.word is not None else "nothing",
+    ]
+
+
+def _said(row: Scored) -> str:
+    after = "" if row.named_delay_s is None else f" after {row.named_delay_s:.1f} s"
+    return f"{row.said}{after}" if row.said else "missed"

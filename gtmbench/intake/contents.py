@@ -1,0 +1,268 @@
+"""What a log's file holds, before anything is brought to one clock: columns, channels, IMUs, and what is of no use."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.channels import CHANNELS
+from gtmbench.checks import naming
+from gtmbench.errors import InputError
+from gtmbench.intake.events import Event
+from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.fresh import tracks_of
+from gtmbench.intake.mapping import Chosen, choose_of, judged, split_mapping
+from gtmbench.intake.names import guess, stated_unit
+from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.stamps import cleaned
+from gtmbench.intake.times import of_no_use, with_time
+from gtmbench.intake.tracks import ANGLES, GYROS, Track
+from gtmbench.record import Span
+
+_IMU = re.compile(r"(?P<topic>(IMU|GYR)\d?(#\d+)?|sensor_gyro(#\d+)?|vehicle_imu(#\d+)?|sensor_combined(#\d+)?)\..+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogColumn:
+    """A column of a log.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        As it is stated; "" where it isn't.
+    channel : str
+        Which channel it becomes by itself, or as it is mapped, ``time`` for the time; "" for none.
+    why_not : str
+        What is left open about a column that looks like a channel.
+    samples : int
+    rate_hz, start_s, end_s : float
+        Of its stamps; NaN where the time isn't known.
+    """
+
+    name: str
+    unit: str
+    channel: str
+    why_not: str
+    samples: int
+    rate_hz: float
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogChannel:
+    """A channel that a log has.
+
+    Attributes
+    ----------
+    name, column : str
+    unit : str
+        The column's.
+    samples : int
+        That are there.
+    logged_hz, fresh_hz : float
+        How often it is logged, and how often it is new; NaN where nothing tells.
+    why_not : str
+        Why it can't be used; "" where it can.
+    """
+
+    name: str
+    column: str
+    unit: str
+    samples: int
+    logged_hz: float
+    fresh_hz: float
+    why_not: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogContents:
+    """What a log holds.
+
+    Attributes
+    ----------
+    path : Path
+    kind : str
+        The format.
+    span_s : (start, end) or None
+        Of the channels that can be used, on the log's clock; None without any.
+    notes : tuple of str
+        What a reader should know about its times and units.
+    columns : tuple of LogColumn
+    channels : tuple of LogChannel
+        Those of the channel table.
+    imus : tuple of str
+        The topics that hold gyros.
+    attitude_from_gyros : bool
+        Whether its attitude is that of an estimator which the gyros drive: known of PX4's and ArduPilot's.
+    events : tuple of Event
+        On the log's clock, as they stand there.
+    no_time : str
+        Why the time isn't known; "" where it is.
+    is_table : bool
+        Whether it is anybody's table, or a container of topics.
+    """
+
+    path: Path
+    kind: str
+    span_s: Span | None
+    notes: tuple[str, ...]
+    columns: tuple[LogColumn, ...]
+    channels: tuple[LogChannel, ...]
+    imus: tuple[str, ...]
+    attitude_from_gyros: bool
+    events: tuple[Event, ...] = ()
+    no_time: str = ""
+    is_table: bool = True
+
+    @property
+    def own_columns(self) -> tuple[str, ...]:
+        """The columns of a table that stand under their own names."""
+        return tuple(column.name for column in self.columns if self.is_table and not (column.channel or column.why_not))
+
+    @property
+    def usable(self) -> tuple[str, ...]:
+        """The channels that can be brought to one clock."""
+        return tuple(channel.name for channel in self.channels if not channel.why_not)
+
+
+def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContents:
+    r"""Return what a log's file holds, and what of it is of use: nothing is resampled, one bad column spoils nothing.
+
+    Parameters
+    ----------
+    path : str or Path
+    mapping : sequence of str
+        As `open_log` takes it.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read, or a mapping doesn't fit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "log.csv")
+    ...     _ = path.write_text("t [ms],gyro_x (rad/s)\n" + "".join(f"{10 * k},{k % 7}\n" for k in range(500)))
+    ...     contents = log_contents(path)
+    >>> contents.usable, round(contents.channels[0].fresh_hz, 6), contents.span_s
+    (('p',), 100.0, (0.0, 4.99))
+    """
+    path = Path(path)
+    mapped = split_mapping(mapping)
+    raw = with_quaternions(read_raw(path))
+    with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
+        of_time, no_time, timed = mapped.pop("time", None), "", raw
+        try:
+            timed = with_time(raw, of_time)
+        except InputError as error:
+            if of_time is not None:
+                raise
+            no_time = str(error)
+        chosen = choose_of(list(CHANNELS), timed, mapped)
+        channels, span_s = _channels(chosen, timed)
+        by_column = {choice.series.name: choice.channel for choice in chosen}
+        by_column |= dict.fromkeys(timed.time[0].split(" + ") if timed.time else (), "time")
+        own_attitude = not set(ANGLES) <= set(mapped)  # what somebody maps is anybody's
+        return LogContents(
+            path=path,
+            kind=raw.kind,
+            span_s=span_s,
+            notes=timed.notes,
+            columns=tuple(_column(series, timed, by_column) for series in raw.series),
+            channels=channels,
+            imus=_imus(raw),
+            attitude_from_gyros=raw.attitude_from_gyros and own_attitude,
+            events=tuple(raw.events()) if of_time is None else (),
+            no_time=no_time,
+            is_table=list(timed.clocks) in ([], [""]),
+        )
+
+
+def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, ...], Span | None]:
+    """Return what there is to say of channels, one clock at a time, and from when until when those of use run."""
+    no_use = of_no_use(chosen, raw.clocks)
+    told, spans = [], []
+    tracks: dict[str, Track] = {}
+    for clock in dict.fromkeys(choice.series.clock for choice in chosen if choice.series.clock in raw.clocks):
+        own = [choice for choice in chosen if choice.series.clock == clock]
+        try:
+            clocks, breaks_s, _ = cleaned({clock: raw.clocks[clock]})
+            made = tracks_of(own, clocks, breaks_s)[0]
+        except InputError as error:
+            no_use = {**{choice.channel: str(error) for choice in own}, **no_use}
+            made = []
+        tracks |= {name: track for track in made for name in track.channels}
+    for choice in chosen:
+        track = tracks.get(choice.channel)
+        there = int(np.count_nonzero(np.isfinite(choice.series.values())))
+        fresh_hz = np.nan if track is None or len(track.time_s) < 2 else 1.0 / track.period_s
+        logged_hz = 1.0 / track.logged_s if track is not None and track.logged_s else fresh_hz
+        told.append(
+            LogChannel(
+                name=choice.channel,
+                column=choice.series.name,
+                unit=choice.source.unit,
+                samples=there,
+                logged_hz=logged_hz,
+                fresh_hz=fresh_hz,
+                why_not=no_use.get(choice.channel, "" if raw.clocks else "no time"),
+            )
+        )
+        if track is not None and not told[-1].why_not:
+            spans.append((float(track.time_s[0]), float(track.time_s[-1])))
+    span_s = (min(start_s for start_s, _ in spans), max(end_s for _, end_s in spans)) if spans else None
+    return tuple(told), span_s
+
+
+def _imus(raw: RawLog) -> tuple[str, ...]:
+    """Return the topics that hold gyros, in order."""
+    topics = [named["topic"] for series in raw.series if (named := _IMU.fullmatch(series.name))]
+    if not topics:  # a table's columns, or a container's that nobody documented
+        guessed = [(series, guess(series.name, series.unit).channel) for series in raw.series]
+        topics = [series.clock or "table" for series, channel in guessed if channel in GYROS]
+    return tuple(sorted(set(topics)))
+
+
+def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
+    """Return what a log's file holds: columns, their units and rates, and which channels they become.
+
+    Raises
+    ------
+    InputError
+        Where the file can't be read.
+    """
+    raw = with_quaternions(read_raw(Path(path)))
+    timed = raw
+    with np.errstate(all="ignore"):
+        with contextlib.suppress(InputError):  # no column tells the time: the list says what might
+            timed = with_time(raw, None)
+        return tuple(_column(series, timed, {}) for series in raw.series)
+
+
+def _column(series: RawSeries, raw: RawLog, by_column: Mapping[str, str]) -> LogColumn:
+    told = judged(series, raw)
+    stamps = raw.clocks.get(series.clock)
+    time_s = np.zeros(0) if stamps is None else stamps[np.isfinite(stamps)]
+    steps = np.diff(time_s)
+    forward = steps[steps > 0]
+    channel = by_column.get(series.name, told.channel if told.meaning else "")
+    return LogColumn(
+        name=series.name,
+        unit=series.meaning.unit if series.meaning else stated_unit(series.name, series.unit)[1],
+        channel=channel,
+        why_not="" if channel else told.why_not,
+        samples=len(series.load() if stamps is None else stamps),
+        rate_hz=1.0 / float(np.median(forward)) if len(forward) else np.nan,
+        start_s=float(time_s[0]) if len(time_s) else np.nan,
+        end_s=float(time_s[-1]) if len(time_s) else np.nan,
+    )

@@ -1,0 +1,111 @@
+"""True update rates: samples that a log only repeats until the next one comes are found, jointly over a sensor's axes.
+
+A telemetry link or a slow task logs an attitude at 20 Hz that is fresh at 2.5. Repeats aren't measurements: derivatives
+of such angles are spikes. One axis may well read the same twice; all of them together, again and again for as long,
+don't.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.clock import FloatArray
+from gtmbench.intake.flight_log import Remark, remark
+from gtmbench.intake.mapping import Chosen
+from gtmbench.intake.stamps import Clock, own_rows, single
+from gtmbench.intake.tracks import ANGLES, GYROS, Track
+
+SENSORS = (GYROS, ANGLES, ("nx", "ny", "nz"), ("alpha", "beta"))  # axes measured at once
+_FEWEST = 20  # readings: of fewer nothing is regular
+_REGULAR = 0.8  # of the readings stand as long as the others; the rest are pauses, and what stands still
+_LOOSE = 0.25  # of that length, either way: a slow task's beat against the logger's
+_USUAL = 2.0  # times the median: what stands longer says nothing about the rate
+
+
+def tracks_of(
+    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float]
+) -> tuple[list[Track], list[Remark]]:
+    """Return the channels by their stamps, every sample once and none that only repeats another; and remarks."""
+    groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
+    for choice in chosen:
+        clock = clocks[choice.series.clock]
+        values = choice.values()[clock.rows]
+        own = own_rows(clock.time_s, np.isfinite(values))
+        key = choice.series.clock if own is None else own.tobytes()
+        kept = slice(None) if own is None else own
+        at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
+        groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
+    tracks, remarks = [], []
+    for (key, late_s), group in groups.items():
+        channels = tuple(channel for channel, _, _ in group)
+        label = f"{key}: " if isinstance(key, str) and key else "" if isinstance(key, str) else f"{channels[0]}: "
+        _, time_s, values, told = single(
+            label,
+            group[0][1],
+            np.column_stack([values for _, _, values in group]),
+            [break_s - late_s for break_s in breaks_s],
+        )
+        tracks.append(Track(channels=channels, time_s=time_s, values=values))
+        remarks += told
+    tracks, held = fresh(tracks)
+    return tracks, remarks + held
+
+
+def fresh(tracks: Iterable[Track]) -> tuple[list[Track], list[Remark]]:
+    """Return tracks without repeats, those that had any on stamps of their own, and remarks that say so."""
+    kept: list[Track] = []
+    remarks: list[Remark] = []
+    for track in tracks:
+        rest = list(track.channels)
+        for sensor in SENSORS:
+            axes = [name for name in track.channels if name in sensor]
+            rows = fresh_rows(track.only(axes).values) if len(axes) > 1 else None
+            if rows is None:
+                continue
+            own = replace(track.only(axes), time_s=track.time_s[rows], logged_s=track.period_s)
+            kept.append(replace(own, values=own.values[rows]))
+            rest = [name for name in rest if name not in axes]
+            text = (
+                f"{kept[-1].label}: logged at {1 / track.period_s:.4g} Hz, fresh at {1 / kept[-1].period_s:.4g} Hz: "
+                f"{len(track.time_s) - len(rows)} of {len(track.time_s)} samples repeat the one before and are left out"
+            )
+            remarks += [remark("held", track.time_s[0], track.time_s[-1], text, name) for name in axes[:1]]
+        if rest:
+            kept.append(track if len(rest) == len(track.channels) else track.only(rest))
+    return kept, remarks
+
+
+def fresh_rows(values: FloatArray) -> NDArray[np.int64] | None:
+    """Return the rows at which a sensor's axes hold a new reading; None where every row may be one.
+
+    Regular repeats are the log's; what stands still for longer is the sensor's, and keeps its samples at the true rate.
+
+    Parameters
+    ----------
+    values : FloatArray
+        Shape (samples, axes).
+
+    Examples
+    --------
+    >>> angles = np.random.default_rng(1).standard_normal((50, 3))
+    >>> fresh_rows(np.repeat(angles, 8, axis=0))[:4], fresh_rows(angles) is None
+    (array([ 0,  8, 16, 24]), True)
+    """
+    changes = np.any(values[1:] != values[:-1], axis=1)
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    if len(starts) < _FEWEST or 2 * len(starts) > len(values):
+        return None
+    lengths = np.diff(np.append(starts, len(values)))
+    whole = lengths[1:-1]  # the first and the last may be cut
+    usual = float(np.mean(whole[whole <= _USUAL * np.median(whole)]))
+    loose = int(_LOOSE * usual)
+    regular = (whole >= np.floor(usual) - loose) & (whole <= np.ceil(usual) + loose)
+    if usual < 2.0 or np.mean(regular) < _REGULAR:
+        return None
+    counts = np.maximum(1, np.rint(lengths / usual).astype(np.int64))
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.asarray(np.repeat(starts, counts) + np.rint(usual * number), dtype=np.int64)

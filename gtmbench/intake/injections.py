@@ -1,0 +1,75 @@
+"""Failures that somebody put into a flight, as its log says: what a monitor of that log can be scored on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from gtmbench.checks import one_line
+
+GYRO, GYROS = "gyro", ("p", "q", "r")  # a sensor of three axes, and the channels that it is
+
+
+@dataclass(frozen=True, kw_only=True)
+class Injection:
+    """A failure of a sensor that a simulator, or an autopilot's failure injection, was told to make.
+
+    Attributes
+    ----------
+    sensor : str
+        ``gyro``, ``accelerometer``, ``magnetometer``, ...
+    number : int or None
+        Which of these, from 1; None for all.
+    channels : tuple of str
+        Those of p, q, r that it enters; none of another sensor's.
+    kind : str
+        What becomes of the readings: a kind of fault where there is such a one, else in the log's word.
+    size : float or None
+        In `unit`: of a bias its value, of a scale factor by how much it is off 1, of noise its spread.
+    unit : str
+    onset_s, end_s : float
+        On the log's clock; the end is None where it lasts.
+    text : str
+        In the log's words.
+    """
+
+    sensor: str
+    number: int | None
+    channels: tuple[str, ...]
+    kind: str
+    size: float | None = None
+    unit: str = ""
+    onset_s: float
+    end_s: float | None
+    text: str
+
+
+def spells(changes: Sequence[tuple[float, float]], usual: float) -> Iterator[tuple[float, float | None, float]]:
+    """Give (onset, end, value furthest from the usual one) wherever a setting was another than usual.
+
+    >>> list(spells([(1.0, 0.0), (2.0, 0.1), (3.0, 0.4), (5.0, 0.0), (7.0, 1.0)], usual=0.0))
+    [(2.0, 5.0, 0.4), (7.0, None, 1.0)]
+    """
+    onset_s, furthest = None, usual
+    for time_s, value in changes:
+        if value != usual:
+            onset_s = time_s if onset_s is None else onset_s
+            furthest = max(furthest, value, key=lambda each: abs(each - usual))
+        elif onset_s is not None:
+            yield onset_s, time_s, furthest
+            onset_s, furthest = None, usual
+    if onset_s is not None:
+        yield onset_s, None, furthest
+
+
+def in_time(injections: Iterable[Injection]) -> tuple[Injection, ...]:
+    """Return injections by onset; those of one gyro that differ in their axes alone, and come at once, are one."""
+    alike: dict[object, Injection] = {}
+    for each in sorted(injections, key=lambda each: (each.onset_s, each.number or 0, each.channels)):
+        key = (each.sensor, each.number, each.kind, each.size, each.onset_s, each.end_s)
+        before = alike.get(key)
+        if before is not None:
+            channels = tuple(name for name in GYROS if name in (*before.channels, *each.channels))
+            each = replace(before, channels=channels, text=f"{before.text}, {each.text}")
+        alike[key] = each
+    return tuple(replace(each, text=one_line(each.text)) for each in alike.values())

@@ -1,0 +1,78 @@
+"""Attitudes that a table has as quaternions, as angles beside its own columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from gtmbench.clock import FloatArray
+from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
+from gtmbench.intake.names import guess
+
+_NAMED = re.compile(
+    r"(?i)(?P<stem>.{0,200}?(?:(?<![a-z])q|quat|quaternion|orientation|attitude)[_.]?)(?P<part>[wxyz0-3]|\[[0-3]\])"
+)
+_OF_ROS = re.compile(r"(?i)orientation|pose")  # where axes point forward, left and up
+_CHANNELS = dict(zip(ANGLES, ("phi", "theta", "psi"), strict=True))
+
+
+def with_quaternions(raw: RawLog) -> RawLog:
+    """Return a table with roll, pitch and yaw of every quaternion that it has, as columns ``q(roll)`` in deg.
+
+    Named ``qw, qx, qy, qz``, ``q0`` to ``q3`` or ``q[0]`` to ``q[3]``, w first, from the body (forward, right, down) to
+    the world, they are channels where no other column is; what is named as ROS names it may point left and up, and has
+    to be mapped.
+    """
+    if not raw.by_name:
+        return raw
+    told = {guess(series.name, series.unit).channel for series in raw.series}
+    names = {series.name for series in raw.series}
+    added, notes = [], []
+    for stem, parts in _quaternions(raw):
+        if _name(stem, "roll") in names:  # its format has made them already
+            continue
+        known = not _OF_ROS.search(stem) and not told & set(_CHANNELS.values())
+        made = [_angle(stem, parts, angle, is_channel=known) for angle in ANGLES]
+        added += made
+        if known:
+            first, *_, last = made[0].made_of
+            notes.append(
+                f"{first} ... {last}: taken as a quaternion from body (forward, right, down) to world, w first"
+            )
+            told |= set(_CHANNELS.values())
+    return replace(raw, series=(*raw.series, *added), notes=(*raw.notes, *notes)) if added else raw
+
+
+def _quaternions(raw: RawLog) -> Iterator[tuple[str, list[RawSeries]]]:
+    """Yield the quaternions of a log: what their columns' names begin with, and w, x, y, z."""
+    by_stem: dict[tuple[str, str], dict[str, RawSeries]] = {}
+    for series in raw.series:
+        named = _NAMED.fullmatch(series.name)
+        if named:
+            by_stem.setdefault((named["stem"], series.clock), {})[named["part"].strip("[]").lower()] = series
+    for (stem, _), parts in by_stem.items():
+        for names in ("wxyz", "0123"):
+            if set(names) <= set(parts):
+                yield stem, [parts[name] for name in names]
+                break
+
+
+def _angle(stem: str, parts: list[RawSeries], angle: str, *, is_channel: bool) -> RawSeries:
+    return RawSeries(
+        name=_name(stem, angle),
+        load=partial(_turned, parts, angle),
+        clock=parts[0].clock,
+        unit="deg",
+        meaning=Meaning(channel=_CHANNELS[angle], unit="deg") if is_channel else None,
+        made_of=tuple(part.name for part in parts),
+    )
+
+
+def _name(stem: str, angle: str) -> str:
+    return f"{stem.rstrip('_.')}({angle})"
+
+
+def _turned(parts: list[RawSeries], angle: str) -> FloatArray:
+    return euler_deg([part.values() for part in parts], angle)

@@ -1,0 +1,152 @@
+"""Which column of a table tells the time, or which two of them; and which of a log's clocks tell another time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
+from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
+from gtmbench.intake.names import is_table_header, stated_unit
+from gtmbench.intake.stamps import FAR_S
+from gtmbench.intake.tracks import FEWEST
+from gtmbench.intake.units import unit
+from gtmbench.record import Span
+
+_WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
+_BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
+_FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
+    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
+    **dict.fromkeys(("usec", "usecs", "microsec", "microsecs", "microsecond", "microseconds"), 1e6),
+}
+
+
+def with_time(raw: RawLog, mapped: str | None) -> RawLog:
+    """Return a log whose clocks are known: a container's own, or from the columns that tell the time.
+
+    Whole seconds and the nanoseconds or microseconds beyond them, of one name, are one time.
+
+    Raises
+    ------
+    InputError
+        Where no column tells the time, or several do.
+    """
+    if raw.clocks and mapped is None:
+        return raw
+    series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
+    known = unit(meaning.unit)
+    if known is None:
+        raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
+    if meaning.late_s:
+        raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
+    beyond = _beyond_seconds(series, _by_lower_name(raw))
+    if beyond is not None:
+        return _in_two_columns(raw, series, *beyond)
+    clocks, since = in_seconds({series.clock: series.load()}, known.factor)
+    rest = tuple(other for other in raw.series if other is not series)
+    return replace(raw, series=rest, time=(series.name, meaning.unit)).with_clocks(
+        clocks, f"time: column '{series.name}' in {meaning.unit}", *since
+    )
+
+
+def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
+    return {series.name.lower(): series for series in raw.series}
+
+
+def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple[RawSeries, float] | None:
+    """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
+    told = _WHOLE.fullmatch(seconds.name)
+    if told is None:
+        return None
+    endings = [(told["before"].lower() + ending, per_second) for ending, per_second in _FINE.items()]
+    of = [(names[name], per_second) for name, per_second in endings if name in names]
+    return of[0] if len(of) == 1 and of[0][0].clock == seconds.clock else None
+
+
+def _in_two_columns(raw: RawLog, seconds: RawSeries, fine: RawSeries, per_second: float) -> RawLog:
+    whole, beyond = seconds.values(), fine.values() / per_second
+    if np.any(np.abs(beyond) >= 1.0):
+        raise InputError(
+            f"'{fine.name}' isn't what is beyond the whole seconds of '{seconds.name}': --map time=COLUMN:UNIT"
+        )
+    origin_s, name = first_since_1970(whole), f"{seconds.name} + {fine.name}"
+    time_s = (whole - origin_s) + beyond
+    rest = tuple(other for other in raw.series if other is not seconds and other is not fine)
+    since = (since_text(origin_s),) if origin_s else ()
+    return replace(raw, series=rest, time=(name, "s")).with_clocks(
+        {seconds.clock: time_s}, f"time: columns '{name}'", *since
+    )
+
+
+def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
+    looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
+    sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
+    exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
+    names = _by_lower_name(raw)
+    pairs = [(series, Meaning(channel="time", unit="s")) for series in raw.series if _beyond_seconds(series, names)]
+    for certain in (exact, pairs, sure):
+        if len(certain) == 1:
+            return certain[0]
+    if sure or pairs:
+        both = dict.fromkeys(series.name for series, _ in (*sure, *pairs))
+        first = (sure or pairs)[0]
+        named = " and ".join(map(repr, both))
+        raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
+    if looks:
+        raise InputError("; ".join(f"column '{series.name}' {told.why_not}" for series, told in looks[:3]))
+    measured = [
+        series.name
+        for series in raw.series
+        if (measure := unit(stated_unit(series.name, series.unit)[1])) and measure.dimension == "time"
+    ]
+    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
+    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+
+
+def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
+    """Return the clocks that tell another time than most stamps do, with where they run: they nowhere overlap.
+
+    >>> since_boot, of_week = np.arange(0.0, 9.0, 0.1), np.arange(4e5, 4e5 + 9.0)
+    >>> elsewhere({"IMU": since_boot, "ATT": since_boot + 1.0, "GPS": of_week})
+    {'GPS': (400000.0, 400008.0)}
+    """
+    spans: dict[str, tuple[float, float]] = {}
+    counts: dict[str, int] = {}
+    for name, time_s in clocks.items():
+        known = time_s[np.isfinite(time_s)]
+        if len(known):
+            pieces = np.split(known, np.flatnonzero(np.abs(np.diff(known)) > FAR_S) + 1)
+            most = max(pieces, key=len)  # stamps from before a clock was set don't count, nor stray ones
+            spans[name], counts[name] = (float(most.min()), float(most.max())), len(known)
+    groups: list[tuple[Span, list[str]]] = []
+    for name, (start_s, end_s) in sorted(spans.items(), key=lambda one: one[1]):
+        if groups and start_s <= groups[-1][0][1] + _BESIDE_S:
+            (first_s, last_s), names = groups[-1]
+            groups[-1] = (first_s, max(last_s, end_s)), [*names, name]
+        else:
+            groups.append(((start_s, end_s), [name]))
+    groups.sort(key=lambda group: -sum(counts[name] for name in group[1]))
+    return {name: spans[name] for _, names in groups[1:] for name in names}
+
+
+def of_no_use(chosen: Sequence[Chosen], clocks: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Return the channels that can't be brought to the others' clock, and why: another time, or hardly a sample."""
+    away = elsewhere(
+        {choice.series.clock: clocks[choice.series.clock] for choice in chosen if choice.series.clock in clocks}
+    )
+    no_use = {}
+    for choice in chosen:
+        count = int(np.count_nonzero(np.isfinite(choice.series.values())))
+        if choice.series.clock in away:
+            start_s, end_s = away[choice.series.clock]
+            no_use[choice.channel] = (
+                f"'{choice.series.name}' is on another clock than the others, from {start_s:.10g} to {end_s:.10g} s"
+            )
+        elif count < FEWEST:
+            no_use[choice.channel] = f"'{choice.series.name}' holds {count} samples; at least {FEWEST} are needed"
+    return no_use

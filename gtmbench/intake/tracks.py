@@ -1,0 +1,66 @@
+"""Channels that share their stamps, as a log has them before they are brought to one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.clock import FloatArray
+
+GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
+SHORTEST_S, FEWEST = 2.0, 20  # of a segment
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """Channels that share their stamps.
+
+    Attributes
+    ----------
+    channels : tuple of str
+    time_s : FloatArray
+        Increasing, shape (samples,).
+    values : FloatArray
+        Shape (samples, channels).
+    logged_s : float
+        Where repeats were left out, the period that it was logged at with them; else 0.
+    """
+
+    channels: tuple[str, ...]
+    time_s: FloatArray
+    values: FloatArray
+    logged_s: float = 0.0
+
+    @property
+    def period_s(self) -> float:
+        """The median step."""
+        return float(np.median(np.diff(self.time_s)))
+
+    @property
+    def slowness_s(self) -> float:
+        """The period that it asks of a record: of what says how it turns the true one, of others that of the log."""
+        turns = {*GYROS, *ANGLES} & {*self.channels}
+        return self.period_s if turns or not self.logged_s else self.logged_s
+
+    @property
+    def label(self) -> str:
+        """Its channels, as a message names them."""
+        more = f" and {len(self.channels) - 4} more" if len(self.channels) > 4 else ""
+        return ", ".join(self.channels[:4]) + more
+
+    def only(self, channels: Sequence[str]) -> Track:
+        """Return some of its channels."""
+        columns = [self.channels.index(name) for name in channels]
+        return replace(self, channels=tuple(channels), values=self.values[:, columns])
+
+    def split(self, channels: Sequence[str]) -> list[Track]:
+        """Return it with some channels apart from the others; itself where it has only one or the other."""
+        own = [name for name in self.channels if name in channels]
+        rest = [name for name in self.channels if name not in channels]
+        return [self.only(own), self.only(rest)] if own and rest else [self]
+
+    def part(self, first: int, last: int) -> Track:
+        """Return the samples from first to before last."""
+        return replace(self, time_s=self.time_s[first:last], values=self.values[first:last])

@@ -1,0 +1,137 @@
+"""The autopilot's word, injected failures and the IMUs of a log, in words: beside what the monitor said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.intake.events import Event
+from gtmbench.intake.injections import Injection
+from gtmbench.report.words.units import counted
+from gtmbench.study.log.autopilot import SENSORS, Beside, beside, of_sensors, words_of
+from gtmbench.study.log.truth import Scored, ScoredLog, scored
+from gtmbench.study.log.watch import WatchedLog
+
+_MOST = 6
+
+
+def autopilot_lines(watched: WatchedLog) -> list[str]:
+    """Return what the autopilot said, each of our alarms with its word; nothing of a log that tells no events."""
+    words = words_of(watched.log.events)
+    if not watched.log.events:
+        return []
+    sensors = of_sensors(words)
+    lines = [f"autopilot: {word_text(word)}" for word in sensors[:_MOST]] or [
+        f"autopilot: nothing of {' or '.join(SENSORS)}{_rest_text(words)}"
+    ]
+    if sensors[_MOST:]:
+        lines.append(f"autopilot: {len(sensors) - _MOST} words more of {' or '.join(SENSORS)}")
+    alarms = [alarm for alarm in watched.alarms if not alarm.has_passed]
+    return [*lines, *(f"autopilot: {beside_text(each)}" for each in beside(alarms[:_MOST], words))]
+
+
+def _rest_text(words: tuple[Event, ...]) -> str:
+    if not words:
+        return ", nor of its estimator"
+    return f"; {counted(len(words), 'word')} of its estimator or the flight, first {word_text(words[0])}"
+
+
+def word_text(word: Event) -> str:
+    """Write what the autopilot said, and when."""
+    return f"'{word.text}' at {word.time_s:.2f} s"
+
+
+def beside_text(each: Beside) -> str:
+    """Write an alarm of ours with the autopilot's word.
+
+    >>> word = Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)
+    >>> beside_text(Beside(alarm=Alarm(number=0, time_s=11.0, onset_s=10.0, source="q"), word=word))
+    "beside our alarm at 11.00 s: 'gyro 1 isn't healthy' at 12.50 s, 1.50 s later"
+    """
+    what = f"beside our alarm at {each.alarm.time_s:.2f} s"
+    if each.word is None or each.ahead_s is None:
+        return f"{what}: nothing"
+    when = "later" if each.ahead_s >= 0.0 else "before"
+    return f"{what}: {word_text(each.word)}, {abs(each.ahead_s):.2f} s {when}"
+
+
+def injection_text(injection: Injection) -> str:
+    """Write a failure that was injected: of what, how much, from when to when.
+
+    >>> injection_text(Injection(sensor="gyro", number=2, channels=("q",), kind="bias", size=5.73, unit="deg/s",
+    ...                          onset_s=60.0, end_s=90.0, text="SIM_GYR2_BIAS_Y = 0.1"))
+    'q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s'
+    """
+    which = injection.sensor if injection.number is None else f"{injection.sensor} {injection.number}"
+    who = f"{', '.join(injection.channels)} of {which}" if injection.channels else which
+    size = "" if injection.size is None else f" {injection.size:.3g} {injection.unit}".rstrip()
+    until = "on" if injection.end_s is None else f"to {injection.end_s:.2f} s"
+    since = f"{injection.onset_s:.2f} s {until}" if injection.end_s is None else f"{injection.onset_s:.2f} {until}"
+    return f"{who}: {injection.kind}{size} from {since}"
+
+
+def injection_lines(watched: WatchedLog) -> list[str]:
+    """Return the failures that the log says were injected, each with both delays."""
+    rows = scored(watched).rows if watched.log.injections else ()
+    lines = [f"injected: {injection_text(row.injection)}; {_answer_text(row)}" for row in rows[:_MOST]]
+    return [*lines, f"injected: {len(rows) - _MOST} failures more"] if rows[_MOST:] else lines
+
+
+def _answer_text(row: Scored) -> str:
+    ours = "we: nothing" if row.alarm is None else f"we {row.delay_s:.2f} s later: {row.alarm.verdict}"
+    theirs = "nothing" if row.word is None else f"{row.word_delay_s:.2f} s later, '{row.word.text}'"
+    return f"{f'{row.why_not}; ' if row.why_not else ''}{ours}; the autopilot: {theirs}"
+
+
+def imu_lines(watched: WatchedLog) -> list[str]:
+    """Return what the IMUs say of each other; nothing of a log that has one."""
+    if len(watched.log.imus) < 2 or not watched.watches:
+        return []
+    names = listed([imu.name for imu in watched.log.imus])
+    if watched.comparison is None:
+        return [
+            f"IMUs: {names} can't be compared: no attitude, no common time, too little that is healthy, or too long"
+        ]
+    compared = watched.comparison
+    names = listed([imu.name for imu in compared.imus])
+    if not compared.alarms:
+        return [f"IMUs: {names} agree in what their means over seconds tell"]
+    return [f"IMUs: {_parting_text(alarm)}" for alarm in compared.alarms]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Write names in a row.
+
+    >>> listed(["IMU", "IMU2", "IMU3"])
+    'IMU, IMU2 and IMU3'
+    """
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
+def _parting_text(alarm: Alarm) -> str:
+    size = None if alarm.last is None else alarm.last.parameters.get("size")
+    by = "" if size is None else f" by {size:.2g} deg/s"
+    what = f"{alarm.source} part{by}" if " and " in alarm.source else f"{alarm.source} stands still"
+    known = "" if alarm.isolated_s is None else f", known at {alarm.isolated_s:.2f} s"
+    return f"{what} at {alarm.time_s:.2f} s, since about {alarm.onset_s:.2f} s: {alarm.verdict}{known}"
+
+
+def score_report(scores: ScoredLog) -> list[str]:
+    """Return the lines below the table of a scored log."""
+    trials = scores.trials
+    found = [row for row in trials if row.alarm is not None]
+    told = [row for row in trials if row.word is not None and row.word.about in SENSORS]
+    said = {row.said: sum(each.said == row.said for each in found) for row in found}
+    of = counted(len(trials), "failure")
+    ours = ", ".join(f"{count} {what}" for what, count in said.items())
+    what = f" ({ours})" if ours else ""
+    wrong = [alarm for row in trials for alarm in row.others]
+    also = f"; {counted(len(wrong), 'further alarm')} named wrong" if wrong else ""
+    return [
+        f"we: {len(found)} of {of} found{what}{also}; {_false_text(len(scores.false_alarms), 'alarm')}",
+        f"the autopilot: {len(told)} of {of} told of as a sensor's; {_false_text(len(scores.false_words), 'word')}",
+    ]
+
+
+def _false_text(count: int, what: str) -> str:
+    return f"{counted(count, f'false {what}')} outside of them"
