@@ -285,9 +285,11 @@ def test_without_healthy_records_there_is_a_score_and_no_rate():
     assert found.false_alarms.high == np.inf
 
 
-def test_no_rows_are_refused():
+def test_no_rows_are_refused_and_those_of_another_version():
     with pytest.raises(InputError, match="no rows"):
         scores_of([])
+    with pytest.raises(InputError, match="no column 'closed_loop', so another version made them"):
+        scored(table_of([healthy("C", 0)]).to_pandas().drop(columns="closed_loop"))
 
 
 # ---- curves and the smallest ----

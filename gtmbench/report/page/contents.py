@@ -17,16 +17,11 @@ from gtmbench.report.tables.scores import Table, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
 from gtmbench.report.words.units import counted
 from gtmbench.shipped import shipped_campaigns
-from gtmbench.study.scores.scoring import DEADLINE_S, FLIGHT, TARGET_PER_HOUR, Scores, scored
+from gtmbench.study.scores.scoring import DEADLINE_S, READ, TARGET_PER_HOUR, Scores, scored
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_READ = [
-    *("task", *FLIGHT, "noise_seed", "detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
-    *("detected", "detection_delay_s", "look_ahead_s", "peak_ratio", "isolated", "named_wrong", "axis_right"),
-    *("sensor", "kind", "kind_right", "severity_name", "severity_of", "mildest", "severest", "smallest"),
-]
 _FEWEST_RECORDS = 10  # that show how often healthy scores rise
 
 
@@ -162,7 +157,7 @@ def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_
         raise InputError(f"nothing of {parts.folder} is finished yet: run gtmbench campaign ... --resume first")
     if target_per_hour is None:
         target_per_hour = parts.facts["campaign"]["calibration"]["false_alarms_per_hour"] or TARGET_PER_HOUR
-    rows = parts.read(_READ).to_pandas()
+    rows = parts.read(list(READ)).to_pandas()
     scores = scored(rows, target_per_hour=target_per_hour, deadline_s=deadline_s)
     return Contents(facts=parts.facts, tasks=parts.tasks, done=done, scores=scores)
 

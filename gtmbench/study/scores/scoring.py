@@ -29,6 +29,11 @@ TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
 DEADLINE_S = 10.0
 CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
 FLIGHT = (
+READ = (  # the columns that scores stand on
+    *("task", *FLIGHT, "noise_seed", "detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
+    *("detected", "detection_delay_s", "look_ahead_s", "peak_ratio", "isolated", "named_wrong", "axis_right"),
+    *("sensor", "kind", "kind_right", "severity_name", "severity_of", "mildest", "severest", "smallest"),
+)
     "aircraft",
     "excitation",
     "altitude_ft",
@@ -203,7 +208,7 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
     Raises
     ------
     InputError
-        Where there are no rows.
+        Where there are no rows, or they lack a column.
 
     Examples
     --------
@@ -223,6 +228,11 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
     """
     if not len(rows):
         raise InputError("there are no rows to score: nothing of it is finished; go on with --resume")
+    missing = next((name for name in READ if name not in rows), None)
+    if missing is not None:
+        raise InputError(
+            f"the rows have no column '{missing}', so another version made them; run the campaign anew into another folder"
+        )
     table = _scoreable(rows)
     found = [
         _detector(str(name), own, target_per_hour, deadline_s) for name, own in table.groupby("detector", sort=False)
