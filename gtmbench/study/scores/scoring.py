@@ -28,20 +28,13 @@ if TYPE_CHECKING:
 TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
 DEADLINE_S = 10.0
 CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
-FLIGHT = (
-READ = (  # the columns that scores stand on
+# what tells flights apart, and all the columns that scores stand on
+FLIGHT = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "closed_loop", "seed")
+READ = (
     *("task", *FLIGHT, "noise_seed", "detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
     *("detected", "detection_delay_s", "look_ahead_s", "peak_ratio", "isolated", "named_wrong", "axis_right"),
     *("sensor", "kind", "kind_right", "severity_name", "severity_of", "mildest", "severest", "smallest"),
 )
-    "aircraft",
-    "excitation",
-    "altitude_ft",
-    "tas_kt",
-    "duration_s",
-    "closed_loop",
-    "seed",
-)  # what tells flights apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +224,8 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
     missing = next((name for name in READ if name not in rows), None)
     if missing is not None:
         raise InputError(
-            f"the rows have no column '{missing}', so another version made them; run the campaign anew into another folder"
+            f"the rows have no column '{missing}', so another version made them; run the campaign anew, "
+            "into another folder"
         )
     table = _scoreable(rows)
     found = [
