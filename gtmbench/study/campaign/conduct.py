@@ -6,26 +6,23 @@ and it doesn't matter who ends when.
 
 from __future__ import annotations
 
-import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gtmbench.cluster import completed_on_cluster
 from gtmbench.errors import InputError
-from gtmbench.imports import load_module, loaded_files
+from gtmbench.imports import load_files, loaded_digests, loaded_files
 from gtmbench.parts import Parts, Shard, parts_in
 from gtmbench.processes import completed
 from gtmbench.progress import Progress, silent
-from gtmbench.shipped import source_digest
+from gtmbench.shipped import code_facts
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.campaign.task import Task, Watchers, rows_of
 from gtmbench.study.campaign.watchers import Named, calibrated, named
-from gtmbench.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,7 +135,7 @@ def conduct(
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
-    facts = {"campaign": campaign.facts(), "versions": versions(), "python": _python()}
+    facts = {"campaign": campaign.facts(), "versions": versions(), "python": loaded_digests()}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
         todo = parts.todo(shard)
@@ -169,12 +166,7 @@ def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
 
 def versions() -> dict[str, str]:
     """Return what rows hang on beside the campaign: versions, and a digest of this package's code and data."""
-    return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in _LIBRARIES}}
-
-
-def _python() -> dict[str, str]:
-    """Return digests of the files that the user has had imported: detectors and faults of their own."""
-    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in loaded_files()}
+    return code_facts(_LIBRARIES)
 
 
 def _packed(task: Task, detectors: Named, monitors: dict[Any, Any]) -> Work:
@@ -207,18 +199,12 @@ def done(work: Work) -> pa.Table:
 
 @lru_cache(maxsize=2)  # of two aircraft
 def _watchers(files: tuple[str, ...], pickled: bytes) -> Watchers:
-    _import(files)
+    load_files(files)
     watchers: Watchers = pickle.loads(pickled)  # noqa: S301  our own, from the process that conducts
     return watchers
 
 
 def _task(files: tuple[str, ...], pickled: bytes) -> Task:
-    _import(files)
+    load_files(files)
     task: Task = pickle.loads(pickled)  # noqa: S301
     return task
-
-
-def _import(files: Sequence[str]) -> None:
-    """Import the user's own detectors and faults: pickles name their classes."""
-    for file in files:
-        load_module(file)

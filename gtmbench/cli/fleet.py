@@ -1,0 +1,75 @@
+"""A fleet of logs on the command line: what ``gtmbench monitor`` does with more than one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gtmbench.cli.output import echo, print_json, print_table, screen_width
+from gtmbench.errors import InputError
+from gtmbench.files import atomic_folder, is_file
+from gtmbench.progress import progress_bar
+
+if TYPE_CHECKING:
+    from gtmbench.study.log.fleet import Watching
+
+_MOST_ROWS = 40  # on a screen
+
+
+def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
+    """Whether more than a log is meant: several, a folder, a pattern, or a folder to write into."""
+    (first, *others) = sources
+    if others or out is not None:
+        return True
+    try:
+        return first.is_dir() or (not first.exists() and any(letter in str(first) for letter in "*?["))
+    except (OSError, ValueError):
+        return False
+
+
+def monitor_fleet(
+    sources: Sequence[Path],
+    watching: Watching,
+    out: Path | None,
+    *,
+    jobs: int,
+    resume: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Watch logs into a folder, print a table, and return the exit code."""
+    from gtmbench.report.tables.fleet import (
+        COLUMNS,
+        exit_code,
+        fleet_frame,
+        fleet_results,
+        fleet_row,
+        worst_first,
+        write_fleet,
+    )
+    from gtmbench.report.words.fleet import HEAD, RIGHT, counts_text, fleet_lines
+    from gtmbench.study.log.fleet import logs_in, watch_fleet
+
+    apart = [each for each in watching.healthy if isinstance(each, Path)]
+    logs = logs_in(sources, apart=apart)
+    if out is None:
+        raise InputError(f"{len(logs)} logs are watched into a folder, which --resume goes on with; give --out DIR")
+    with progress_bar(silent=as_json or quiet) as tell:
+        parts = watch_fleet(
+            logs, watching, out, row=fleet_row, columns=COLUMNS, jobs=jobs, resume=resume, progress=tell
+        )
+    with atomic_folder(out) as aside:
+        write_fleet(parts, aside)
+    rows = fleet_frame(parts)
+    if as_json:
+        print_json(fleet_results(parts) | {"out": str(out)})
+    elif not quiet:
+        shown = worst_first(rows).head(_MOST_ROWS).to_dict("records")
+        print_table(f"{out}", HEAD, fleet_lines(shown, screen_width()), right=RIGHT)
+        if len(rows) > _MOST_ROWS:
+            echo(f"{len(rows) - _MOST_ROWS} logs more stand in {out / 'report.md'}")
+        echo(counts_text(rows["outcome"]))
+        drawn = ", gyros.png" if is_file(out / "gyros.png") else ""
+        echo(f"report.md, fleet.parquet{drawn}, {len(rows)} parts: {out}/")
+    return exit_code(rows)
