@@ -39,16 +39,9 @@ def monitor_fleet(
     quiet: bool,
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
-    from gtmbench.report.tables.fleet import (
-        COLUMNS,
-        exit_code,
-        fleet_frame,
-        fleet_results,
-        fleet_row,
-        worst_first,
-        write_fleet,
-    )
-    from gtmbench.report.words.fleet import HEAD, RIGHT, counts_text, fleet_lines
+    from gtmbench.report.fleet import FIGURE, REPORT, TABLE, write_fleet
+    from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_results, fleet_row
+    from gtmbench.report.words.fleet import HEAD, MEANING, RIGHT, counts_text, fleet_lines
     from gtmbench.study.log.fleet import logs_in, watch_fleet
 
     apart = [each for each in watching.healthy if isinstance(each, Path)]
@@ -61,15 +54,16 @@ def monitor_fleet(
         )
     with atomic_folder(out) as aside:
         write_fleet(parts, aside)
-    rows = fleet_frame(parts)
+    results = fleet_results(parts)
+    rows = results["logs"]
     if as_json:
-        print_json(fleet_results(parts) | {"out": str(out)})
+        print_json(results | {"out": str(out)})
     elif not quiet:
-        shown = worst_first(rows).head(_MOST_ROWS).to_dict("records")
-        print_table(f"{out}", HEAD, fleet_lines(shown, screen_width()), right=RIGHT)
+        print_table(f"{out}", HEAD, fleet_lines(rows[:_MOST_ROWS], screen_width()), right=RIGHT)
         if len(rows) > _MOST_ROWS:
-            echo(f"{len(rows) - _MOST_ROWS} logs more stand in {out / 'report.md'}")
-        echo(counts_text(rows["outcome"]))
-        drawn = ", gyros.png" if is_file(out / "gyros.png") else ""
-        echo(f"report.md, fleet.parquet{drawn}, {len(rows)} parts: {out}/")
+            echo(f"{len(rows) - _MOST_ROWS} logs more stand in {out / REPORT}")
+        echo(MEANING)
+        echo(counts_text(row["outcome"] for row in rows))
+        files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
+        echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")
     return exit_code(rows)

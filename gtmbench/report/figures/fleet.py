@@ -32,7 +32,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
     Parameters
     ----------
     rows : DataFrame
-        As `fleet_frame` has them.
+        Of ``fleet.parquet``.
     """
     names = [f"{gyro}_{name}" for gyro in GYROS for name in _PANELS]
     if not np.isfinite(rows[names].to_numpy(dtype=float)).any():
@@ -53,6 +53,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
         if name == _SIGNED:
             axis.axhline(0.0, color=COLOURS["healthy"], lw=0.8)
             axis.set_yscale("symlog", linthresh=0.1)
+            axis.margins(y=0.1)
         elif np.nanmax(rows[[f"{gyro}_{name}" for gyro in GYROS]].to_numpy(dtype=float), initial=0.0) > 0.0:
             axis.set_yscale("log")
         axis.set_ylabel(label)

@@ -1,19 +1,18 @@
-"""A fleet of logs as a table: what is kept of each, which is worst, and the files that are written beside the parts."""
+"""A fleet of logs as a table: what is kept of each, and which is worst."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from gtmbench.columns import Column, Row
 from gtmbench.faults.additive import Bias
 from gtmbench.parts import Parts
 from gtmbench.plain import plain
-from gtmbench.report.tables.markdown import markdown
 from gtmbench.report.watched import alarm_bound, passed_alarms
 from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.fleet import counts_text, head_of, words_text
+from gtmbench.report.words.fleet import words_text
 from gtmbench.report.words.log import outcome_text
 from gtmbench.study.log.autopilot import of_sensors, words_of
 from gtmbench.study.log.fleet import SCHEMA
@@ -21,10 +20,8 @@ from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.self_check.motion import GYROS
 from gtmbench.study.log.watch import Outcome, WatchedLog
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 ERROR = "error"
+NONE_WATCHED = 2  # an exit code
 _OUTCOMES = (*(outcome.name.lower() for outcome in (Outcome.FAILED, Outcome.UNKNOWN)), ERROR, "healthy")  # worst first
 _OF_GYROS: Mapping[str, str] = {
     "residual_rms_deg_s": "the gyro's residual, root mean square, where an alarm was possible",
@@ -88,85 +85,51 @@ def fleet_row(watched: WatchedLog) -> Row:
     return dict(plain(row))
 
 
-def fleet_frame(parts: Parts) -> pd.DataFrame:
-    """Return a row a log, in the order in which they were given; what there isn't is NaN or None."""
-    return parts.read().to_pandas()
-
-
-def worst_first(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows in the order in which one looks at them.
+def worst_first(rows: Iterable[Row]) -> list[Row]:
+    """Return rows in the order in which one looks at them.
 
     What failed, by how many alarms none doubts; what can't be told, with alarms before without; what couldn't be
     watched; and of the healthy ones first those of which silence says least.
 
-    >>> import pandas as pd
-    >>> cells = {"outcome": ["healthy", "error", "failed"], "alarms": [0, None, 1], "doubtful_alarms": [0, None, 0]}
-    >>> rows = pd.DataFrame(cells | {f"{gyro}_bias_seen_deg_s": [1.0, None, None] for gyro in "pqr"})
-    >>> list(worst_first(rows)["outcome"])
+    >>> rows = [{"outcome": "healthy", "alarms": 0}, {"outcome": "error"}, {"outcome": "failed", "alarms": 2}]
+    >>> [row["outcome"] for row in worst_first(rows)]
     ['failed', 'error', 'healthy']
     """
-    blind = rows[[f"{gyro}_bias_seen_deg_s" for gyro in GYROS]].astype(float).fillna(float("inf")).max(axis=1)
-    keys = rows.assign(
-        _rank=rows["outcome"].map(_OUTCOMES.index),
-        _sure=-(rows["alarms"].fillna(0) - rows["doubtful_alarms"].fillna(0)),
-        _alarms=-rows["alarms"].fillna(0),
-        _blind=-blind,
-    )
-    order = keys.sort_values(["_rank", "_sure", "_alarms", "_blind"], kind="stable").index
-    return rows.loc[order]
+
+    def key(row: Row) -> tuple[float, ...]:
+        alarms, doubtful = (row.get(name) or 0 for name in ("alarms", "doubtful_alarms"))
+        seen = [row.get(f"{gyro}_bias_seen_deg_s") for gyro in GYROS]
+        blind = max(math.inf if size is None else size for size in seen)
+        return _OUTCOMES.index(row["outcome"]), doubtful - alarms, -alarms, -blind
+
+    return sorted(rows, key=key)
 
 
-def exit_code(rows: pd.DataFrame) -> int:
+def exit_code(rows: Iterable[Row]) -> int:
     """Return 1 where any log failed, 2 where none could be watched, 3 where some can't be told, else 0.
 
     A log that couldn't be watched is one that can't be told.
+
+    >>> exit_code([{"outcome": "healthy"}, {"outcome": "error"}]), exit_code([{"outcome": "error"}])
+    (3, 2)
     """
-    outcomes = set(rows["outcome"])
+    outcomes = {row["outcome"] for row in rows}
     if "failed" in outcomes:
         return int(Outcome.FAILED)
     if outcomes == {ERROR}:
-        return 2
-    return int(Outcome.UNKNOWN) if outcomes != {"healthy"} else int(Outcome.HEALTHY)
+        return NONE_WATCHED
+    return int(Outcome.HEALTHY if outcomes == {"healthy"} else Outcome.UNKNOWN)
 
 
 def fleet_results(parts: Parts) -> dict[str, Any]:
     """Return a fleet as one JSON-ready object, schema 1; `logs` has a row a log, worst first, None for what isn't."""
-    frame = fleet_frame(parts)
-    rows = {int(row["task"]): row for row in parts.read().to_pylist()}
-    return dict(
-        plain(
-            {
-                "schema": SCHEMA,
-                "study": "fleet",
-                "exit_code": exit_code(frame),
-                "counts": {outcome: int((frame["outcome"] == outcome).sum()) for outcome in _OUTCOMES},
-                "logs": [rows[int(task)] for task in worst_first(frame)["task"]],
-                "versions": parts.facts["versions"],
-            }
-        )
-    )
-
-
-def write_fleet(parts: Parts, folder: Path) -> None:
-    """Write ``fleet.parquet`` with every row, ``gyros.png``, and ``report.md`` with both in it."""
-    import pyarrow.parquet as pq
-
-    from gtmbench.report.figures.fleet import gyros_figure
-
-    frame = fleet_frame(parts)
-    pq.write_table(parts.read(), folder / "fleet.parquet")
-    figure = gyros_figure(frame)
-    if figure is not None:
-        figure.savefig(folder / "gyros.png", dpi=110)
-    (folder / "report.md").write_text(_report(frame, has_figure=figure is not None), encoding="utf-8")
-
-
-def _report(frame: pd.DataFrame, *, has_figure: bool) -> str:
-    import pandas as pd
-
-    rows = [head_of(row) for row in worst_first(frame).to_dict("records")]
-    table = pd.DataFrame(rows).map(lambda cell: cell.replace("|", r"\|"))
-    lines = ["# A fleet of logs", "", counts_text(frame["outcome"]), "", markdown(table)]
-    if has_figure:
-        lines += ["", "![Each gyro's residual, bias and noise, flight by flight](gyros.png)"]
-    return "\n".join([*lines, ""])
+    rows = parts.read().to_pylist()
+    table = {
+        "schema": SCHEMA,
+        "study": "fleet",
+        "exit_code": exit_code(rows),
+        "counts": {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in _OUTCOMES},
+        "logs": worst_first(rows),
+        "versions": parts.facts["versions"],
+    }
+    return dict(plain(table))

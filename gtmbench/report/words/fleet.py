@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gtmbench.intake.events import Event
-from gtmbench.report.words.units import counted
+from gtmbench.report.words.units import counted, duration_text
 from gtmbench.study.log.self_check.motion import GYROS
 
-_OUTCOMES = {"failed": "failed", "unknown": "can't tell", "error": "couldn't be watched", "healthy": "nothing found"}
-HEAD = ("log", "outcome", "verdict", "bias seen (deg/s)", "false/h below", "autopilot")
-RIGHT = ("false/h below",)
-_WIDTHS = {"log": 28, "outcome": 10, "bias seen (deg/s)": 14, "false/h below": 6, "autopilot": 24}  # characters
-_GAPS = 14  # between columns
+_OUTCOMES = {"failed": "failed", "unknown": "can't tell", "error": "error", "healthy": "nothing found"}
+HEAD = ("log", "outcome", "verdict", "bias seen", "false/h", "autopilot")
+RIGHT = ("false/h",)
+_WIDTHS = {"log": 26, "outcome": 13, "bias seen": 14, "false/h": 7, "autopilot": 28}  # characters
+_GAPS = 12  # between columns
 _LEAST = 24
 _LINES = 3  # of a verdict
+MEANING = "bias seen: the smallest of p, q, r, in deg/s; false/h: at most so many false alarms an hour, at 95 %"
 
 
 def words_text(words: Sequence[Event]) -> str:
@@ -37,51 +37,63 @@ def counts_text(outcomes: Iterable[str]) -> str:
     """Say how many logs came out how.
 
     >>> counts_text(["healthy", "failed", "error", "healthy"])
-    "4 logs: 1 failed, 1 couldn't be watched, 2 nothing found"
+    '4 logs: 1 failed, 1 error, 2 nothing found'
     """
     counts = Counter(outcomes)
     parts = [f"{counts[outcome]} {text}" for outcome, text in _OUTCOMES.items() if counts[outcome]]
     return f"{counted(counts.total(), 'log')}: {', '.join(parts)}"
 
 
-def head_of(row: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a table shows of a row."""
-    told = row["error"] if row["outcome"] == "error" else row["verdict"]
+def full_lines(row: Mapping[str, Any]) -> list[str]:
+    """Return all that is said of a log."""
+    if row["outcome"] == "error":
+        return [_error(row)]
+    autopilot = [] if row["autopilot"] is None else [f"autopilot: {row['autopilot']}"]
+    told = [row["verdict"], *([] if row["certificate"] in row["verdict"] else [row["certificate"]])]
+    watched = f"{duration_text(row['watched_hours'])} watched of {row['start_s']:.2f} to {row['end_s']:.2f} s"
+    return [*told, *autopilot, f"{watched}, by {row['monitor']}, at {row['rate_hz']:.4g} Hz"]
+
+
+def _cells(row: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a table shows of a row; what another column says is left out of the verdict."""
+    if row["outcome"] == "error":
+        told = _error(row)
+    else:
+        told = row["verdict"].removeprefix("could not tell: ").removesuffix(f"; {row['certificate']}")
     seen = [_size(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
-    cells = (
-        str(row["log"]),
-        _OUTCOMES[str(row["outcome"])],
-        str(told),
-        " ".join(seen) if {*seen} != {"-"} else "-",
-        _size(row["false_alarms_per_hour_at_most"]),
-        str(row["autopilot"] or "-"),
-    )
-    return dict(zip(HEAD, cells, strict=True))
+    bias = " ".join(seen) if {*seen} != {"-"} else "-"
+    bound = _size(row["false_alarms_per_hour_at_most"])
+    name = Path(row["log"]).name
+    return dict(zip(HEAD, (name, _OUTCOMES[row["outcome"]], told, bias, bound, row["autopilot"] or "-"), strict=True))
+
+
+def _error(row: Mapping[str, Any]) -> str:
+    return str(row["error"]).removeprefix(f"{row['log']}: ")
 
 
 def fleet_lines(rows: Iterable[Mapping[str, Any]], width: int) -> list[list[str]]:
-    """Return the cells of a table that fits a screen; what is too long ends in "...", and stands whole in the report.
+    """Return the cells of a table that fits a screen, each log by its file's name.
+
+    What is too long is cut, a name in front; it stands whole in the report.
 
     Parameters
     ----------
     rows : iterable of mapping
-        As `fleet_frame` has them.
+        As `fleet_row` makes them.
     width : int
         Of the screen, in characters.
     """
     verdict = _LINES * max(width - _GAPS - sum(_WIDTHS.values()), _LEAST)
-    limits = {name: 2 * size for name, size in _WIDTHS.items()} | {"verdict": verdict, "log": _WIDTHS["log"]}
-    lines = []
-    for row in rows:
-        cells = head_of(row) | {"log": Path(str(row["log"])).name}
-        lines.append([_short(cells[name], limits[name]) for name in HEAD])
-    return lines
+    limits = {**_WIDTHS, "verdict": verdict}
+    return [[_short(cell, limits[name], in_front=name == "log") for name, cell in _cells(row).items()] for row in rows]
 
 
-def _short(text: str, limit: int) -> str:
-    return text if len(text) <= limit else f"{text[: limit - 3].rstrip()}..."
+def _short(text: str, limit: int, *, in_front: bool) -> str:
+    if len(text) <= limit:
+        return text
+    return f"...{text[3 - limit :]}" if in_front else f"{text[: limit - 3].rstrip()}..."
 
 
-def _size(value: Any) -> str:
+def _size(value: float | None) -> str:
     """Write a size; a dash where there is none."""
-    return "-" if value is None or not math.isfinite(value) else f"{float(f'{value:.2g}'):g}"
+    return "-" if value is None else f"{float(f'{value:.2g}'):g}"
