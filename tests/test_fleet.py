@@ -15,7 +15,7 @@ from gtmbench.cli.app import main
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
 from gtmbench.report.words.fleet import HEAD, fleet_lines
-from gtmbench.study.log.fleet import Watching, logs_in, watch_fleet
+from gtmbench.study.log.fleet import Watching, conduct, logs_in
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
@@ -190,7 +190,7 @@ def row_or_worse(watched):
 def test_a_log_that_kills_its_process_does_not_stop_the_others(tmp_path):
     logs = small_logs(tmp_path, ["a.csv", "dies.csv", "raises.csv", "z.csv"])
     told = []
-    parts = watch_fleet(
+    parts = conduct(
         logs, SMALL, tmp_path / "out", row=row_or_worse, columns=COLUMNS, progress=lambda *step: told.append(step)
     )
     rows = parts.read().to_pylist()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.cli.output import echo, print_json, print_table, screen_width
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, is_file
+from gtmbench.files import is_file
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -39,21 +39,15 @@ def monitor_fleet(
     quiet: bool,
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
-    from gtmbench.report.fleet import FIGURE, REPORT, TABLE, write_fleet
-    from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_results, fleet_row
+    from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
+    from gtmbench.report.tables.fleet import exit_code, fleet_results
     from gtmbench.report.words.fleet import HEAD, MEANING, RIGHT, counts_text, fleet_lines
-    from gtmbench.study.log.fleet import logs_in, watch_fleet
 
-    apart = [each for each in watching.healthy if isinstance(each, Path)]
-    logs = logs_in(sources, apart=apart)
+    logs = watching.logs_of(sources)
     if out is None:
         raise InputError(f"{len(logs)} logs are watched into a folder, which --resume goes on with; give --out DIR")
     with progress_bar(silent=as_json or quiet) as tell:
-        parts = watch_fleet(
-            logs, watching, out, row=fleet_row, columns=COLUMNS, jobs=jobs, resume=resume, progress=tell
-        )
-    with atomic_folder(out) as aside:
-        write_fleet(parts, aside)
+        parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
     results = fleet_results(parts)
     rows = results["logs"]
     if as_json:

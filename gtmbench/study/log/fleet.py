@@ -78,6 +78,10 @@ class Watching:
             if isinstance(each, Path) and not is_file(each):
                 raise InputError(f"no file {each}, which is to be identified on; give a span in seconds, or a log")
 
+    def logs_of(self, sources: Sequence[str | Path]) -> tuple[Path, ...]:
+        """Return the logs that are meant, as `logs_in` does, but for those that serve as healthy."""
+        return logs_in(sources, apart=[each for each in self.healthy if isinstance(each, Path)])
+
     def facts(self) -> Mapping[str, Any]:
         """Return what a row hangs on, as plain values; files by what is in them."""
         named = isinstance(self.detector, (str, Path))
@@ -163,7 +167,7 @@ def _in_order(path: Path) -> list[tuple[bool, int, str]]:
     return [(not part.isdigit(), int(part) if part.isdecimal() else 0, part) for part in _DIGITS.split(str(path))]
 
 
-def watch_fleet(
+def conduct(
     logs: Sequence[Path],
     watching: Watching,
     out: Path,
