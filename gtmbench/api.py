@@ -16,6 +16,7 @@ from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
+from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
@@ -85,6 +86,7 @@ from gtmbench.study.trial import Baseline, Study, Trial
 __all__ = [
     "CHANNELS",
     "PSEUDO_INPUTS",
+    "Accommodate",
     "Accommodation",
     "Aircraft",
     "Alarm",

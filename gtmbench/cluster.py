@@ -6,6 +6,7 @@ A scheduler is trusted: what its workers send back is unpickled, and what they a
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -13,12 +14,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gtmbench.checks import one_line
+from gtmbench.checks import one_line, shown
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.imports import load_extra
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+_ADDRESS = re.compile(r"(tcp|tls)://[\w.:\[\]-]+:\d{1,5}")
 _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at the scheduler
 _PATIENCE_S = 10
 _LOOK_S = 0.02
@@ -61,6 +63,17 @@ def completed_on_cluster(
                 yield running.pop(future), _result(distributed, future, scheduler)
 
 
+def check_cluster(scheduler: str, tls: Path | None = None) -> None:
+    """Refuse a scheduler that doesn't answer: before the long work, not after it.
+
+    Raises
+    ------
+    InputError
+    """
+    with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls):
+        pass
+
+
 def _most(client: Any, scheduler: str) -> int:
     """Return how many tasks may be out, with the workers that there are."""
     try:
@@ -83,11 +96,13 @@ def _gone(scheduler: str) -> GtmbenchError:
 
 
 def _client(distributed: Any, scheduler: str, tls: Path | None) -> Any:
+    if not _ADDRESS.fullmatch(scheduler):
+        raise InputError(f"--scheduler is {shown(scheduler)}; give tcp://HOST:PORT, or tls://HOST:PORT")
     try:
         return distributed.Client(
             scheduler, security=_security(distributed, tls), timeout=_PATIENCE_S, set_as_default=False
         )
-    except (TimeoutError, OSError, ValueError, TypeError) as error:  # of an address that is none, too
+    except (TimeoutError, OSError, ValueError, TypeError) as error:
         raise InputError(
             f"no scheduler answers at {scheduler} ({one_line(str(error)) or type(error).__name__}); start one: dask "
             "scheduler, and workers: dask worker ADDRESS --nthreads 1"

@@ -52,15 +52,20 @@ def load_module(source: str | Path) -> ModuleType:
         return import_module(text)
 
 
-def loaded_files() -> tuple[str, ...]:
-    """Return the files that `load_module` has imported, for another process that is to have the same."""
-    files = (module.__file__ for name, module in sys.modules.items() if name.startswith(_PRIVATE))
+def files_of(objects: Iterable[object]) -> tuple[str, ...]:
+    """Return the files of `load_module`'s that hold some objects' classes, or functions, for another process to import.
+
+    >>> files_of([1, print])
+    ()
+    """
+    names = {getattr(one, "__module__", None) or type(one).__module__ for one in objects}
+    files = (sys.modules[name].__file__ for name in names if name.startswith(_PRIVATE) and name in sys.modules)
     return tuple(sorted(file for file in files if file))
 
 
-def loaded_digests() -> dict[str, str]:
-    """Return digests of these files by their names: which detectors and faults of their own the user has."""
-    return {Path(file).name: sha256(Path(file).read_bytes()).hexdigest()[:16] for file in loaded_files()}
+def digests_of(files: Iterable[str]) -> dict[str, str]:
+    """Return digests of such files by their names: what a result hangs on that stands on them."""
+    return {Path(file).name: sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
 
 
 def load_files(files: Iterable[str]) -> None:

@@ -323,7 +323,7 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
         conduct(whole, out, resume=True)
     kept.write_text(content)
     with monkeypatch.context() as patch:
-        patch.setattr("gtmbench.study.campaign.conduct.__version__", "9.9")
+        patch.setattr("gtmbench.shipped.__version__", "9.9")
         with pytest.raises(gb.InputError, match=r"versions.gtmbench was .* and is '9.9'"):
             conduct(whole, out, resume=True)
     assert conduct(whole, out, shard=part).done() == (0,)
@@ -353,11 +353,34 @@ def test_a_detector_of_ones_own_watches_in_every_process(cli, tmp_path):
     assert list(facts["monitors"]) == [path.name for path in Path("out").glob("monitor-*")]
 
 
+def test_a_flight_in_the_loop_breaks_in_the_air_and_says_when_it_departed(tmp_path):
+    text = TINY.replace('seed = "1:8"', "seed = 3\nclosed_loop = [false, true]").replace('"jam"', '"sign_flip"')
+    rows = table(tmp_path, text.replace('"multisine"', '"turbulence"\nnoise = "t2"'))
+    rows = rows[rows.fault == "sign_flip"].set_index(["closed_loop", "channel"])
+    assert rows.error.isna().all()
+    departed = rows.departure_time_s[True, "q"]
+    assert 12.0 < departed < 14.0
+    assert rows.departure_time_s[False].isna().all()
+
+
+def test_a_loop_is_closed_by_the_gains_of_the_aircraft_that_flies(tmp_path):
+    text = TINY.replace('seed = "1:8"', 'aircraft = ["gtm", "A320"]\nclosed_loop = true').replace(
+        'excitation = "multisine"', 'excitation = "turbulence"\nnoise = "t2"'
+    )
+    flown = {task.setup.aircraft: task.setup.autopilot for task in loaded(tmp_path, text).tasks()}
+    assert flown == {name: gb.load_aircraft(name).autopilot for name in ("gtm", "A320")}
+    with pytest.raises(gb.InputError, match="no gains of its own"):
+        list(loaded(tmp_path, text.replace("A320", "XB-70")).tasks())
+    with pytest.raises(gb.InputError, match="snr is"):
+        list(loaded(tmp_path, text.replace('noise = "t2"', "snr = 50")).tasks())
+
+
 def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
     of = {
         "aircraft": "gtm",
         "excitation": "doublets",
         "turbulence": True,
+        "closed_loop": True,
         "altitude_ft": 9000.0,
         "tas_kt": 95.0,
         "seed": 5,
@@ -365,7 +388,8 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
     }
     assert set(of) == set(AXES)
     text = "\n".join(f"{name} = {json.dumps(value)}" for name, value in of.items())
-    (task,) = loaded(tmp_path, TINY.replace('seed = "1:8"', text)).tasks()
+    (task,) = loaded(tmp_path, 'noise = "t2"\n' + TINY.replace('seed = "1:8"', text)).tasks()
     setup = task.setup
     assert (setup.aircraft, setup.excitation, setup.seed) == ("gtm", "doublets+turbulence", 5)
+    assert setup.autopilot == gb.load_aircraft("gtm").autopilot
     assert (setup.trim_point, task.noise_seeds) == ({"altitude_ft": 9000.0, "tas_kt": 95.0}, (3,))

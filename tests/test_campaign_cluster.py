@@ -100,13 +100,22 @@ def test_what_a_worker_cant_do_is_one_line(cluster):
         list(completed_on_cluster(asserts, [3], scheduler=cluster.address))
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "tcp://", "udp://127.0.0.1:8786"])
-def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkeypatch, address):
-    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1)
+@pytest.mark.parametrize("address", ["nonsense", "tcp://", "udp://127.0.0.1:8786", "tcp://host", "tcp://h:1/\x1b[2J"])
+def test_an_address_that_is_none_is_one_line(cli, tmp_path, address):
     code, out, err = cli("campaign", written(tmp_path), "--scheduler", address, "--out", "out")
+    assert (code, out) == (2, "")
+    assert "give tcp://HOST:PORT" in err
+    assert err[:-1].isprintable()
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkeypatch):
+    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1)
+    code, out, err = cli("campaign", written(tmp_path), "--scheduler", "tcp://127.0.0.1:1", "--out", "out")
     assert (code, out) == (2, "")
     assert "no scheduler answers at" in err
     assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_certificates_that_arent_there_are_told(cli, tmp_path):

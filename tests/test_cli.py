@@ -140,6 +140,7 @@ def test_list_names_everything_there_is(cli):
         "scenarios",
         "detectors",
         "banks",
+        "campaigns",
         "pseudo inputs",
     }
     assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}

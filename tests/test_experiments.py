@@ -35,6 +35,11 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"\| noise \| [0-9.]+ deg/s \|",  # the smallest that is found
     ),
     "which_gyro": (r"# Which gyro failed\?", r"\*\*Quick: ", r"\| C +\| jam +\| strong +\| 1 of 1 +\| 1 +\| 1 +\|"),
+    "in_the_loop": (
+        r"# In the loop\n\n\*\*Quick: ",
+        r"\| jam +\| q +\| [0-9.]+ ",  # detected, wherever it is put
+        r"\| virtual rate \(C-early\) \| 1 +\| 0 ",  # no departure
+    ),
     "early_alarms": (r"# Alarms that don't wait\n\n\*\*Quick: ", r"\| as it is +\| C-early +\| 100.0 % .* of 1 +\|"),
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
     "rivals": (r"# Rivals on equal flights\n\n\*\*Quick: ", r"\| kinematic-kalman +\| 100.0 % .* of 1 .* 0 in 0.0 h"),

@@ -14,7 +14,7 @@ import gtmbench as gb
 from gtmbench.cli.app import main
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
-from gtmbench.report.words.fleet import HEAD, fleet_lines
+from gtmbench.report.words.fleet import fleet_table
 from gtmbench.study.log.fleet import Watching, conduct, logs_in
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
@@ -276,10 +276,13 @@ def test_the_figure_joins_flights_of_one_folder(flown):
 
 def test_long_words_are_cut(flown):
     row = rows_of(flown)["flight_10.csv"] | {"log": "x" * 100 + "/" + "y" * 80 + ".csv", "verdict": "why " * 500}
-    for width in (60, 140, 220):
-        (cells,) = fleet_lines([row], width)
-        assert len(cells) == len(HEAD)
-        assert len(cells[2]) <= 3 * max(width - 60, 24)
+    for width in (80, 140, 220):
+        columns, (cells,) = fleet_table([row], width)
+        assert len(cells) == len(columns)
+        assert ("autopilot" in columns) == (width > 100)
+        rest = sum(len(cell) + 3 for name, cell in zip(columns, cells, strict=True) if name != "verdict")
+        assert rest + 24 <= width
+        assert len(cells[columns.index("verdict")]) <= 3 * (width - 53)
         assert cells[0].startswith("...y")
         assert cells[0].endswith("y.csv")
 

@@ -158,7 +158,7 @@ class Zero:
                 return readings
             if not told:
                 told = True
-                tell(gb.LoopEvent(time_s=time_s, kind="accommodated", channel=self.channel, value=0.0))
+                tell(time_s, "accommodated", self.channel, 0.0)
             return [0.0 if i == self.column else value for i, value in enumerate(readings)]
 
         return hand_on

@@ -93,7 +93,7 @@ def test_every_file_that_is_named_exists():
     named = re.findall(r"`((?:gtmbench|aircraft|experiments|faults|tests)/[\w./]+)`", text)
     pictures = re.findall(r"\]\((experiments/[^)]+)\)", text)
     assert len(named) > 10
-    assert len(pictures) == 9
+    assert len(pictures) == 10
     for name in named + pictures:
         if "NAME" not in name:
             assert (ROOT / name).exists(), name

@@ -76,10 +76,11 @@ def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"study"}
 
 
-def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anywhere(installed, tmp_path):
+def test_the_wheel_brings_its_data_and_the_name_of_what_ships_works_anywhere(installed, tmp_path):
     script = (
         "import gtmbench as gb; from gtmbench.shipped import share;"
-        "print('_share' in str(share()), len(gb.load_scenario('faults/drift.toml').faults))"
+        "print('_share' in str(share()), len(gb.load_scenario('faults/drift.toml').faults), "
+        "gb.load_campaign('ci').flights)"
     )
     done = subprocess.run(
         [installed / "python", "-c", script],
@@ -89,7 +90,7 @@ def test_the_wheel_brings_its_data_and_the_name_of_a_shipped_scenario_works_anyw
         text=True,
         check=True,
     )
-    assert done.stdout.split() == ["True", "3"]
+    assert done.stdout.split() == ["True", "3", "2"]
 
 
 PROJECT = """

@@ -34,6 +34,7 @@ _PSI = SENSORS.index("psi")
 
 Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
 HandOn = Callable[[float, Readings], Readings]
+Tell = Callable[[float, str, str, float], None]  # a time, a kind, a channel and its value, as a `LoopEvent` has them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,12 +98,12 @@ def departed_s(events: Sequence[LoopEvent]) -> float | None:
 class Accommodation(Protocol):
     """What stands between the sensors and the autopilot, and may put other readings in the place of bad ones."""
 
-    def start(self, sample_period_s: float, tell: Callable[[LoopEvent], None]) -> HandOn:
+    def start(self, sample_period_s: float, tell: Tell) -> HandOn:
         """Begin a flight anew.
 
         Return a function that is called once a sample, with the time in seconds and the readings of all sensors in the
         order of `SENSORS` (not to be changed), and returns the readings that the autopilot gets. `tell` takes what it
-        did, to stand among the flight's events.
+        did, a time, a kind, a channel and its value, to stand among the flight's events.
         """
 
 
@@ -166,7 +167,11 @@ def fly_in_loop(
     _check_faults(broken, float(airborne.time_s[-1]))
     blocks = noise_blocks(noise, noise_seed, len(airborne.time_s), _BLOCK)
     events: list[LoopEvent] = []
-    hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, events.append)
+
+    def tell(time_s: float, kind: str, channel: str, value: float) -> None:
+        events.append(LoopEvent(time_s=time_s, kind=kind, channel=channel, value=value))
+
+    hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, tell)
     with simulating(airborne.fdm, craft):
         read, sensed, commands = _fly(airborne, pilot, [_Breaking(fault) for fault in broken], blocks, hand_on)
     truth = airborne.record(read, commands)

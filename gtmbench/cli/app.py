@@ -26,6 +26,7 @@ from gtmbench.cli.flight import fly_command, list_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
+from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
@@ -52,6 +53,7 @@ for command in (
     inject_command,
     trim_command,
     fly_command,
+    rescue_command,
     autopilot_command,
     view_command,
     diff_command,

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import click
 
 from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault
 from gtmbench.study.fault_tables import FaultSpec
+from gtmbench.study.scenario import load_faults
 
 trial_option = click.option(
     "--trial", type=int, metavar="N", help="Which of its trials, from 1 on.  [default: the only one]"
@@ -34,3 +36,20 @@ def trial_number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) 
 def numbered(trials: Sequence[FaultSpec]) -> list[str]:
     """Return the trials of a scenario, a line each: ``1 jam of p, from 300 s``."""
     return [f"{number} {trial.text}" for number, trial in enumerate(trials, 1)]
+
+
+def trial_faults(scenario: str | None, trial: int | None) -> tuple[Fault, ...]:
+    """Return the faults of a trial, all severities absolute; none where no scenario is given.
+
+    Raises
+    ------
+    InputError
+        Where it isn't said which trial, or a severity is relative.
+    """
+    if scenario is None:
+        if trial is not None:
+            raise InputError("--trial is of --fault SCENARIO.toml; give both")
+        return ()
+    trials = load_faults(scenario)
+    number = trial_number(trial, trials, scenario)
+    return trials[number - 1].absolute(f"{scenario}, trial {number}")

@@ -41,7 +41,7 @@ def monitor_fleet(
     """Watch logs into a folder, print a table, and return the exit code."""
     from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
     from gtmbench.report.tables.fleet import exit_code, fleet_results
-    from gtmbench.report.words.fleet import HEAD, MEANING, RIGHT, counts_text, fleet_lines
+    from gtmbench.report.words.fleet import MEANING, RIGHT, counts_text, fleet_table
 
     logs = watching.logs_of(sources)
     if out is None:
@@ -53,10 +53,13 @@ def monitor_fleet(
     if as_json:
         print_json(results | {"out": str(out)})
     elif not quiet:
-        print_table(f"{out}", HEAD, fleet_lines(rows[:_MOST_ROWS], screen_width()), right=RIGHT)
+        names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
+        print_table(f"{out}", names, cells, right=RIGHT)
         if len(rows) > _MOST_ROWS:
             echo(f"{len(rows) - _MOST_ROWS} logs more stand in {out / REPORT}")
-        echo(MEANING)
+        for name in names:
+            if name in MEANING:
+                echo(MEANING[name])
         echo(counts_text(row["outcome"] for row in rows))
         files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
         echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")

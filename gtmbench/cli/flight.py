@@ -17,12 +17,11 @@ from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.channels import CHANNELS
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
-from gtmbench.cli.faults import trial_number, trial_option
+from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import GROUP as FAULT_GROUP
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files import check_file
@@ -32,7 +31,7 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.report.words.judgement import loop_text
 from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
 from gtmbench.study.campaign.plan import load_campaign
-from gtmbench.study.scenario import load_faults, load_scenario
+from gtmbench.study.scenario import load_scenario
 
 
 @click.command("trim")
@@ -130,7 +129,9 @@ def fly_command(
     check_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
-    faults = _faults(scenario, trial, closed_loop=closed_loop)
+    if scenario is not None and not closed_loop:
+        raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
+    faults = trial_faults(scenario, trial)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
@@ -150,19 +151,6 @@ def fly_command(
         for event in events:
             echo(f"{event.time_s:g} s: {loop_text(event)}")
         echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
-
-
-def _faults(scenario: str | None, trial: int | None, *, closed_loop: bool) -> tuple[Fault, ...]:
-    """Return the faults of a trial, all severities absolute; none where no scenario is given."""
-    if scenario is None:
-        if trial is not None:
-            raise InputError("--trial is of --fault SCENARIO.toml; give both")
-        return ()
-    if not closed_loop:
-        raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
-    trials = load_faults(scenario)
-    number = trial_number(trial, trials, scenario)
-    return trials[number - 1].absolute(f"{scenario}, trial {number}")
 
 
 def _ratio(text: str) -> float:

@@ -154,7 +154,7 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
     ...     path = Path(folder, "log.csv")
     ...     _ = path.write_text("t [ms],gyro_x (rad/s)\n" + "".join(f"{10 * k},{k % 7}\n" for k in range(500)))
     ...     contents = log_contents(path)
-    >>> contents.usable, contents.channels[0].fresh_hz, contents.span_s
+    >>> contents.usable, round(contents.channels[0].fresh_hz, 6), contents.span_s
     (('p',), 100.0, (0.0, 4.99))
     """
     path = Path(path)

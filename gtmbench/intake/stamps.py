@@ -115,11 +115,22 @@ def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _S
     far = np.abs(steps) > _FEW * period_s
     between = steps[1:] + steps[:-1]
     astray = np.flatnonzero(far[:-1] & far[1:] & (between >= 0) & (between < 3 * period_s)) + 1
+    others = np.sort(np.delete(time_s[rows], astray))
+    astray = np.array([row for row in astray if not _fills(others, time_s[rows[row]], period_s)], dtype=int)
     for row in astray:
         beside = time_s[rows[row - 1]]
         text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
         stretches.remarks.append(remark("clock jump", beside, beside, text))
     return np.delete(rows, astray)
+
+
+def _fills(time_s: FloatArray, stamp_s: float, period_s: float) -> bool:
+    """Tell whether a stamp fits a place that others left free for one: then its row only stands somewhere else."""
+    place = int(np.searchsorted(time_s, stamp_s))
+    if not 0 < place < len(time_s):
+        return False
+    before_s, after_s = time_s[place - 1], time_s[place]
+    return bool(after_s - before_s < 2.5 * period_s and abs(0.5 * (before_s + after_s) - stamp_s) < 0.25 * period_s)
 
 
 def _join(

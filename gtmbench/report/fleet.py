@@ -18,7 +18,7 @@ from gtmbench.record import Span
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, fleet_row, worst_first
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.fleet import HEAD, MEANING, counts_text, fleet_lines, full_lines
+from gtmbench.report.words.fleet import MEANING, counts_text, fleet_table, full_lines
 from gtmbench.study.log.fleet import LIMIT_S, Watching, conduct
 
 if TYPE_CHECKING:
@@ -124,9 +124,17 @@ def _report(rows: list[Row], *, has_figure: bool) -> str:
     import pandas as pd
 
     worst = worst_first(rows)
-    cells = [[_as_text(cell) for cell in line] for line in fleet_lines(worst, _WIDTH)]
-    table = markdown(pd.DataFrame(cells, columns=list(HEAD)))
-    lines = ["# A fleet of logs", "", counts_text(row["outcome"] for row in rows), "", table, "", MEANING]
+    names, cells = fleet_table(worst, _WIDTH)
+    table = markdown(pd.DataFrame([[_as_text(cell) for cell in line] for line in cells], columns=names))
+    lines = [
+        "# A fleet of logs",
+        "",
+        counts_text(row["outcome"] for row in rows),
+        "",
+        table,
+        "",
+        f"{'; '.join(MEANING.values())}.",
+    ]
     if has_figure:
         lines += ["", f"![Each gyro's residual, bias and noise, flight by flight]({FIGURE})"]
     for row in worst:

@@ -219,25 +219,30 @@ def _setup(table: dict[str, Any]) -> Setup:
 
 
 def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
-    """Return a setup with the gains that a table ``[autopilot]`` leaves to the aircraft, and with sensors for a loop.
+    """Return a setup with the gains that ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
+    gains: Any = setup.autopilot  # the table, as it stands there
+    if gains is None:
+        return setup
+    return flown_by(setup, autopilot_of(gains, load_aircraft(setup.aircraft).autopilot) if gains else None, states_snr)
+
+
+def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Setup:
+    """Return a setup in the loop of an autopilot, or of the aircraft's own, with sensors for it.
 
     Raises
     ------
     InputError
         Where the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
     """
-    gains: Any = setup.autopilot  # the table, as it stands there
-    if gains is None:
-        return setup
-    own = load_aircraft(setup.aircraft).autopilot
-    if own is None and not gains:
+    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
+    if autopilot is None:
         raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
     if states_snr:
         raise InputError(
             f"snr is {setup.snr:g}, but in the loop sensors are noisy before there is a flight to be a ratio of; "
             'give noise = "t2"'
         )
-    return replace(setup, autopilot=autopilot_of(gains, own), snr=None, noise="t2")
+    return replace(setup, autopilot=autopilot, snr=None, noise="t2")
 
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
-from scipy.signal import lfilter, savgol_coeffs, savgol_filter
 
 from gtmbench.channels import COMMANDS
 from gtmbench.detectors.rivals.rival import Model, Rival
@@ -101,6 +99,8 @@ class _System(NamedTuple):
 
 def _identified(records: Sequence[FloatArray], period_s: float, servo_rad_s: float) -> _Found:
     """Fit rates of smoothed states, and forces, to states and servos by least squares."""
+    from scipy.signal import lfilter, savgol_coeffs, savgol_filter
+
     states, sensors = len(STATES), len(STATES) + len(FORCES)
     rows = max(round(_SMOOTHED_S / period_s), _DEGREE + 2) | 1
     share = 1.0 - float(savgol_coeffs(rows, _DEGREE)[rows // 2])  # of white noise, that smoothing leaves over
@@ -152,6 +152,8 @@ def _erring(found: _Found, share: float) -> _Found:
 
 
 def _discrete(found: _Found, period_s: float, servo_rad_s: float) -> _System:
+    from scipy.linalg import expm
+
     states, commands = found.b.shape
     size = states + commands
     drift = np.zeros((size + commands,) * 2)
@@ -168,7 +170,7 @@ def _tuned(system: _System, found: _Found, readings: FloatArray, commands: Float
     def cost(strength: FloatArray) -> tuple[float, FloatArray]:
         try:
             gain, covariance = _gain(system, found, np.exp(strength))
-        except (LinAlgError, ValueError):
+        except (np.linalg.LinAlgError, ValueError):
             return np.inf, np.zeros(0)
         innovations = _run(system, gain, readings, commands, np.zeros(len(system.transition)))[0][first:]
         weighed = np.linalg.solve(covariance, innovations.T)
@@ -192,6 +194,8 @@ def _tuned(system: _System, found: _Found, readings: FloatArray, commands: Float
 
 def _gain(system: _System, found: _Found, strength: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the steady gain and the innovations' covariance."""
+    from scipy.linalg import solve_discrete_are
+
     period_s = -np.log(system.transition[-1, -1])  # in servo time constants: scales all noise alike
     size = len(system.transition)
     process = np.full(size, 1e-9)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import ANGLES, GYROS, Generator, Lookback, body_increments
@@ -93,6 +92,8 @@ class _Innovations:
 
     def push(self, values: FloatArray) -> FloatArray:
         """Return the innovations of the next rows; where an increment is missing they only fade."""
+        from scipy.signal import lfilter
+
         increments = self._increments.push(values)
         innovations = np.empty_like(increments)
         for i, (column, pole) in enumerate(zip(increments.T, self._poles.tolist(), strict=True)):
@@ -112,6 +113,8 @@ def _fir(
     gyro: Sequence[FloatArray], increments: Sequence[FloatArray], lags: int, gain: float
 ) -> tuple[FloatArray, float]:
     """Return taps and constant by least squares of the innovations: both sides are summed as the filter does."""
+    from scipy.signal import lfilter
+
     gram, right = np.zeros((lags + 2,) * 2), np.zeros(lags + 2)
     for one, own in zip(gyro, increments, strict=True):
         there = np.isfinite(own)

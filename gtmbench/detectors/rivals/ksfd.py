@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import savgol_coeffs
 
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, body_rates, running
@@ -59,6 +58,8 @@ class KinematicConsistency(Rival):
 
     def generator(self, model: Model, sample_period_s: float) -> Generator:
         """Return what makes the error metrics."""
+        from scipy.signal import savgol_coeffs
+
         rows = max(round(self.span_s / sample_period_s), self.degree + 1)
         taps = savgol_coeffs(rows, self.degree, deriv=1, delta=sample_period_s, pos=rows - 1)
         markov = taps[:, np.newaxis, np.newaxis] * np.eye(6)  # the newest first

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gtmbench.channels import COMMANDS
 from gtmbench.detectors.rivals.rival import Model, Rival
@@ -69,6 +68,8 @@ class _Learner:
 
     def push(self, values: FloatArray) -> FloatArray:
         """Return the errors of the next rows, in standard units; rows that miss something teach nothing."""
+        from scipy.signal import lfilter
+
         signals = self._scale.standard(with_turns(np.concatenate([self._before, values]), self._channels)[1:])
         self._before = np.concatenate([self._before, values])[-1:]
         there = np.asarray(np.isfinite(signals).all(axis=1))

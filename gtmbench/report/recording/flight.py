@@ -1,25 +1,20 @@
-"""The flight that a study's trials share: its channels, the way flown, and the aircraft on it and from near by."""
+"""A flight's channels, the way flown, and the aircraft on it and from near by."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 
 from gtmbench.channels import SURFACES
-from gtmbench.record import FloatArray, Record
-from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, times
+from gtmbench.record import Record
+from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, rgb, set_time, times
+from gtmbench.report.scene import PLANE, Scene
 from gtmbench.report.style import colour
 
 _STEP = 10  # samples between two poses: 10 a second
 _SHARE_OF_PATH = 0.12  # the aircraft's size on the path, so that it is seen where the whole path fits
-# a paper plane in body axes (forward, right, down), wing span about 1: three corners a part
-_CORNERS = {
-    "fuselage": [[0.6, 0.0, 0.0], [-0.5, -0.06, 0.0], [-0.5, 0.06, 0.0]],
-    "wing": [[0.1, 0.0, 0.0], [-0.15, -0.55, 0.0], [-0.15, 0.55, 0.0]],
-    "fin": [[-0.3, 0.0, 0.0], [-0.5, 0.0, 0.0], [-0.5, 0.0, -0.22]],
-}
 _TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}
 
 
@@ -47,36 +42,47 @@ def _log_group(
         log_lines(recording, entity, record.time_s, record.matrix(channels), names, tints, channels=channels)
 
 
-def log_scene(recording: rr.RecordingStream, flight: Record) -> None:
-    """Log ``/path`` (north, east and down in ft, with the aircraft on it) and ``/attitude`` (the aircraft alone)."""
-    shown = slice(None, None, _STEP)
-    when = times(flight.time_s[shown])
-    place = np.column_stack([flight["north"], flight["east"], flight["altitude"][0] - flight["altitude"]])[shown]
-    turn = _quaternions(flight["phi"][shown], flight["theta"][shown], flight["psi"][shown])
-    size = max(_SHARE_OF_PATH * float(np.ptp(place, axis=0).max()), 1.0)
+def log_scene(recording: rr.RecordingStream, *scenes: Scene) -> None:
+    """Log ``/path`` (north, east and down in ft, with the aircraft on it) and ``/attitude`` (the aircraft alone).
+
+    Of several scenes each has its own, ``/path/NAME``, and the aircraft stand beside each other in ``/attitude``.
+    """
+    size = max(_SHARE_OF_PATH * max(float(np.ptp(scene.place_ft, axis=0).max()) for scene in scenes), 1.0)
     for root in ("/path", "/attitude"):
         recording.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
-    way = rr.LineStrips3D([place], colors=[[120, 160, 220]], radii=rr.Radius.ui_points(1.5))
-    recording.log("/path/flown", way, static=True)
-    for entity, scale, moved in (("/path/aircraft", size, place), ("/attitude/aircraft", 1.0, np.zeros_like(place))):
-        recording.log(entity, _aircraft(scale), static=True)
-        poses = rr.Transform3D.columns(translation=moved, quaternion=turn)
-        recording.send_columns(entity, indexes=[when], columns=poses)
+    for i, scene in enumerate(scenes):
+        below, shown = f"/{scene.name}" * bool(scene.name), slice(None, None, _STEP)
+        when, place = times(scene.flight.time_s[shown]), scene.place_ft[shown]
+        turn = scene.quaternions[shown]
+        way = rr.LineStrips3D([place], colors=[rgb(scene.tint)], radii=rr.Radius.ui_points(1.5))
+        recording.log(f"/path{below}/flown", way, static=True)
+        _log_moments(recording, f"/path{below}/moments", scene, 0.7 * size * (1.0 if i % 2 == 0 else -1.0))
+        heading = np.deg2rad(scene.flight["psi"][0])
+        beside = 1.3 * (i - (len(scenes) - 1) / 2.0) * np.array([-np.sin(heading), np.cos(heading), 0.0])
+        tints = _TINTS | ({"wing": rgb(scene.tint), "fin": rgb(scene.tint)} if scene.name else {})
+        for root, scale, moved in (("/path", size, place), ("/attitude", 1.0, np.zeros_like(place) + beside)):
+            entity = f"{root}{below}/aircraft"
+            recording.log(entity, _aircraft(scale, tints), static=True)
+            poses = rr.Transform3D.columns(translation=moved, quaternion=turn)
+            recording.send_columns(entity, indexes=[when], columns=poses)
 
 
-def _aircraft(scale: float) -> rr.Mesh3D:
-    corners = np.concatenate([np.array(part) for part in _CORNERS.values()]) * scale
-    tints = [tint for part in _CORNERS for tint in [_TINTS[part]] * 3]
+def _log_moments(recording: rr.RecordingStream, entity: str, scene: Scene, apart_ft: float) -> None:
+    """Log points on the way, each from its time on; what happened then stands in lines so far apart, downwards."""
+    tint = rgb(scene.tint)
+    for i, (time_s, text) in enumerate(scene.moments, 1):
+        place = scene.place_ft[scene.row(time_s)]
+        words = place + i * np.array([0.0, 0.0, apart_ft])
+        set_time(recording, time_s)
+        recording.log(f"{entity}/{i}", rr.Points3D([place], colors=[tint], radii=rr.Radius.ui_points(5.0)))
+        told = rr.Points3D([words], labels=[text], colors=[tint], radii=rr.Radius.ui_points(0.5), show_labels=True)
+        recording.log(f"{entity}/{i}/told", told)
+
+
+def _aircraft(scale: float, tints: Mapping[str, list[int]]) -> rr.Mesh3D:
+    corners = np.concatenate(list(PLANE.values())) * scale
     return rr.Mesh3D(
         vertex_positions=corners,
         triangle_indices=np.arange(len(corners)).reshape(-1, 3),
-        vertex_colors=tints,
+        vertex_colors=[tints[part] for part in PLANE for _ in range(3)],
     )
-
-
-def _quaternions(phi_deg: FloatArray, theta_deg: FloatArray, psi_deg: FloatArray) -> FloatArray:
-    """Return body-to-world rotations as x, y, z, w: yaw, then pitch, then roll."""
-    from scipy.spatial.transform import Rotation
-
-    angles = np.column_stack([psi_deg, theta_deg, phi_deg])
-    return np.asarray(Rotation.from_euler("ZYX", angles, degrees=True).as_quat())

@@ -103,6 +103,7 @@ from gtmbench.report.recording.entities import (
     whole,
 )
 from gtmbench.report.recording.flight import log_scene, log_sensors
+from gtmbench.report.scene import Scene
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.tables.log import log_results
@@ -149,7 +150,7 @@ def write_recording(study: Study, path: Path) -> None:
     name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
     with recorded(path, name, study_blueprint(placed)) as recording:
         log_sensors(recording, baseline.flight, baseline.healthy)
-        log_scene(recording, baseline.flight)
+        log_scene(recording, Scene(flight=baseline.flight))
         for detector in placed:
             norm = norm_of(detector.baseline.watch)
             if norm is None:

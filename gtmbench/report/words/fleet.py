@@ -15,10 +15,14 @@ _OUTCOMES = {"failed": "failed", "unknown": "can't tell", "error": "error", "hea
 HEAD = ("log", "outcome", "verdict", "bias seen", "false/h", "autopilot")
 RIGHT = ("false/h",)
 _WIDTHS = {"log": 26, "outcome": 13, "bias seen": 14, "false/h": 7, "autopilot": 28}  # characters
-_GAPS = 12  # between columns
+_GAP = 3  # between columns
+_WIDE, _OF_WIDE = 120, ("false/h", "autopilot")  # a screen, and what only such a one shows
 _LEAST = 24
 _LINES = 3  # of a verdict
-MEANING = "bias seen: the smallest of p, q, r, in deg/s; false/h: at most so many false alarms an hour, at 95 %"
+MEANING = {
+    "bias seen": "bias seen: the smallest of p, q and r that would have been, in deg/s",
+    "false/h": "false/h: at most so many false alarms an hour, at 95 %",
+}
 
 
 def words_text(words: Sequence[Event]) -> str:
@@ -71,10 +75,10 @@ def _error(row: Mapping[str, Any]) -> str:
     return str(row["error"]).removeprefix(f"{row['log']}: ")
 
 
-def fleet_lines(rows: Iterable[Mapping[str, Any]], width: int) -> list[list[str]]:
-    """Return the cells of a table that fits a screen, each log by its file's name.
+def fleet_table(rows: Iterable[Mapping[str, Any]], width: int) -> tuple[list[str], list[list[str]]]:
+    """Return the columns and the cells of a table that fits a screen, each log by its file's name.
 
-    What is too long is cut, a name in front; it stands whole in the report.
+    What is too long is cut, a name in front, and a narrow screen has fewer columns; all of it stands in the report.
 
     Parameters
     ----------
@@ -83,9 +87,10 @@ def fleet_lines(rows: Iterable[Mapping[str, Any]], width: int) -> list[list[str]
     width : int
         Of the screen, in characters.
     """
-    verdict = _LINES * max(width - _GAPS - sum(_WIDTHS.values()), _LEAST)
-    limits = {**_WIDTHS, "verdict": verdict}
-    return [[_short(cell, limits[name], in_front=name == "log") for name, cell in _cells(row).items()] for row in rows]
+    names = [name for name in HEAD if width >= _WIDE or name not in _OF_WIDE]
+    others = sum(_WIDTHS.get(name, 0) + _GAP for name in names)
+    limits = {**_WIDTHS, "verdict": _LINES * max(width - others, _LEAST)}
+    return names, [[_short(_cells(row)[name], limits[name], in_front=name == "log") for name in names] for row in rows]
 
 
 def _short(text: str, limit: int, *, in_front: bool) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
 from gtmbench.channels import unit_of
+from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch
@@ -23,6 +24,11 @@ Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET = "onset_s"
 _PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
 _BEFORE = {_ONSET: "from ", "value": "at "}
+_FLOWN_ON = {
+    SUSPECTED: "suspected: flown on only as far as the attitude agrees",
+    REPLACED: "flown without: another rate stands in",
+    GIVEN_BACK: "flown on again",
+}
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 
@@ -230,6 +236,8 @@ def loop_text(event: LoopEvent) -> str:
     """
     if event.kind == OUT_OF_LOOP:
         return f"the autopilot doesn't read {event.channel}: the fault changes no flight"
+    if event.kind in _FLOWN_ON:
+        return f"{event.channel} is {_FLOWN_ON[event.kind]}"
     what = {DEPARTURE: "departure", ENVELOPE: "end of the flight, out of the envelope"}.get(event.kind, event.kind)
     value = "" if event.value is None else f" is {event.value:.4g} {unit_of(event.channel)}".rstrip()
     return f"{what}: {event.channel}{value}"

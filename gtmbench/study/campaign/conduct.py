@@ -12,9 +12,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gtmbench.cluster import completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.errors import InputError
-from gtmbench.imports import load_files, loaded_digests, loaded_files
+from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.parts import Parts, Shard, parts_in
 from gtmbench.processes import completed
 from gtmbench.progress import Progress, silent
@@ -135,13 +135,16 @@ def conduct(
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
-    facts = {"campaign": campaign.facts(), "versions": versions(), "python": loaded_digests()}
+    if scheduler is not None:
+        check_cluster(scheduler, tls)
+    files = _files(campaign, detectors)
+    facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
         todo = parts.todo(shard)
         wanted = frozenset(todo)
         tasks = (task for task in campaign.tasks() if task.number in wanted)
-        packed = (_packed(task, detectors, monitors) for task in tasks)
+        packed = (_packed(task, detectors, monitors, files) for task in tasks)
         progress("flights", 0, len(todo))
         for finished, (place, rows) in enumerate(_worked(packed, jobs, scheduler, tls), 1):
             parts.write(todo[place], rows)
@@ -169,9 +172,21 @@ def versions() -> dict[str, str]:
     return code_facts(_LIBRARIES)
 
 
-def _packed(task: Task, detectors: Named, monitors: dict[Any, Any]) -> Work:
+def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
+    """Return the files in which the user's own detectors and faults stand."""
+    specs = [spec for scenario in campaign.scenarios for spec in scenario.faults]
+    faults = [one.fault for spec in specs for one in (spec, *spec.also)]
+    functions = [getattr(detector, "function", None) for detector in detectors.detectors.values()]
+    return files_of([*faults, *detectors.detectors.values(), *functions])
+
+
+def _digests(files: Sequence[str]) -> dict[str, str]:
+    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
+
+
+def _packed(task: Task, detectors: Named, monitors: dict[Any, Any], files: tuple[str, ...]) -> Work:
     watchers = detectors.watchers(task.setup, monitors)
-    return Work(tuple(versions().items()), loaded_files(), pickle.dumps(watchers), pickle.dumps(task))
+    return Work(tuple(versions().items()), files, pickle.dumps(watchers), pickle.dumps(task))
 
 
 def _worked(

@@ -29,7 +29,7 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import with_noise
-from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
+from gtmbench.study.scenario import Scenario, Setup, flown_by, load_scenario, scenario_of, setting
 from gtmbench.study.trial import fault_row
 
 MANY = 10_000_000  # trials: nobody means more without saying so
@@ -340,6 +340,7 @@ AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
     "aircraft": _settings("aircraft"),
     "excitation": _settings("excitation"),
     "turbulence": _flags,
+    "closed_loop": _flags,
     "altitude_ft": _settings("altitude_ft"),
     "tas_kt": _settings("tas_kt"),
     "seed": _seeds(0, 10_000_000),
@@ -361,9 +362,17 @@ def _flights(setup: Setup, axes: Axes) -> Iterator[Setup]:
     named = [name for name in axes if name in _OF_A_FLIGHT]
     for values in itertools.product(*(axes[name] for name in named)):
         changed = dict(zip(named, values, strict=True))
-        turbulent = changed.pop("turbulence", None)
-        flown = replace(setup, **changed)
+        turbulent, closed = changed.pop("turbulence", None), changed.pop("closed_loop", None)
+        flown = _in_loop(replace(setup, **changed), setup, closed)
         yield flown if turbulent is None else replace(flown, excitation=_in_air(flown.excitation, turbulent))
+
+
+def _in_loop(setup: Setup, stated: Setup, closed: bool | None) -> Setup:
+    """Return a flight with its loop closed, open, or as the scenario states it; gains are the aircraft's that flies."""
+    if closed is False or (closed is None and stated.autopilot is None):
+        return replace(setup, autopilot=None)
+    own = stated.autopilot if setup.aircraft == stated.aircraft else None
+    return flown_by(setup, own, setup.noise is None)
 
 
 def _in_air(excitation: str, turbulent: bool) -> str:

@@ -17,6 +17,7 @@ COLUMNS: Mapping[str, Column] = {
     "task": Column("int32", "of the campaign; a task is a flight"),
     "aircraft": Column("string", "that was flown"),
     "excitation": Column("string", "of its surfaces and the air"),
+    "closed_loop": Column("bool", "whether an autopilot flew, on what its sensors read"),
     "altitude_ft": Column("double", "of another trim than the aircraft's own"),
     "tas_kt": Column("double", "of another trim than the aircraft's own"),
     "duration_s": Column("double", "of the flight"),

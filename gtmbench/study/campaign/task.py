@@ -225,7 +225,8 @@ def _about(task: Task) -> Row:
     """Say what is flown."""
     setup = vars(task.setup)
     names = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "seed")
-    return {"task": task.number, **{name: setup[name] for name in names}}
+    is_closed = task.setup.autopilot is not None
+    return {"task": task.number, **{name: setup[name] for name in names}, "closed_loop": is_closed}
 
 
 def _of_fault(scenario: str, spec: FaultSpec) -> Row:

@@ -20,7 +20,7 @@ from gtmbench.columns import Column, Row, table_of
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import is_file
-from gtmbench.imports import load_files, loaded_digests, loaded_files
+from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.registry import is_log
 from gtmbench.intake.mapping import split_mapping
@@ -82,6 +82,11 @@ class Watching:
         """Return the logs that are meant, as `logs_in` does, but for those that serve as healthy."""
         return logs_in(sources, apart=[each for each in self.healthy if isinstance(each, Path)])
 
+    def files(self) -> tuple[str, ...]:
+        """Return the files of the user's own that the detector stands in."""
+        detector = prepared(self.detector)
+        return files_of([detector, getattr(detector, "function", None)])
+
     def facts(self) -> Mapping[str, Any]:
         """Return what a row hangs on, as plain values; files by what is in them."""
         named = isinstance(self.detector, (str, Path))
@@ -92,7 +97,7 @@ class Watching:
             "mapping": list(self.mapping),
             "rate_hz": self.rate_hz,
             "false_alarms_per_hour": self.false_alarms_per_hour,
-            "python": loaded_digests(),
+            "python": digests_of(self.files()),
         }
 
 
@@ -215,7 +220,7 @@ def conduct(
     with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, resume=resume) as parts:
         todo = parts.todo()
         work = partial(_row_of, watching=watching, row=row)
-        begin = partial(load_files, loaded_files())
+        begin = partial(load_files, watching.files())
         progress("logs", 0, len(todo))
         made = survived(work, (logs[task] for task in todo), processes=jobs, limit_s=watching.limit_s, begin=begin)
         for finished, (place, told) in enumerate(made, 1):

@@ -1,0 +1,128 @@
+"""The command rescue: a departure beside its rescue."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from gtmbench.cli.aircraft import aircraft_options, told_aircraft
+from gtmbench.cli.faults import trial_faults, trial_option
+from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.detectors.accommodate import Accommodate
+from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.files import load_monitor
+from gtmbench.detectors.protocol import Monitor
+from gtmbench.errors import InputError
+from gtmbench.faults.shaping import SignFlip
+from gtmbench.files import atomic_write, check_file
+from gtmbench.progress import Progress, progress_bar
+from gtmbench.report.words.judgement import fault_text, loop_text
+from gtmbench.study.healthy_records import CalibrationFlights
+from gtmbench.study.rescue import Rescue, fly_rescue
+
+_FLIGHTS, _FLIGHT_S = 6, 200.0  # that the monitor is calibrated on, where none is given
+_BEFORE_S, _AFTER_S = 20.0, 30.0  # the onset, and after it: a monitor has to come to rest first
+_BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
+_OWN = (SignFlip(channel="r", onset_s=_BEFORE_S),)
+
+
+@click.command("rescue")
+@click.option(
+    "--out", default="rescue.rrd", show_default=True, type=click.Path(path_type=Path), help="The recording to write."
+)
+@click.option("--figure", type=click.Path(path_type=Path), help="Also a picture of it: .png, .svg or .pdf.")
+@aircraft_options
+@click.option(
+    "--fault", "scenario", metavar="SCENARIO.toml", help="What breaks, a scenario's [[faults]].  [default: r's sign]"
+)
+@trial_option
+@click.option("--seed", default=1, show_default=True, help="Of turbulence and noise.")
+@click.option(
+    "--calibrated",
+    "monitor_file",
+    type=click.Path(path_type=Path),
+    metavar="MONITOR.json",
+    help=f"Of `gtmbench calibrate`.  [default: bank {_BANK}, calibrated now on {_FLIGHTS} flights]",
+)
+@click.option("--force", is_flag=True, help="Write over existing files.")
+@common_options
+def rescue_command(
+    out: Path,
+    figure: Path | None,
+    name: str,
+    altitude: float | None,
+    tas: float | None,
+    without_io: bool,
+    scenario: str | None,
+    trial: int | None,
+    seed: int,
+    monitor_file: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly a gyro's fault twice, without accommodation and with it, into one recording.
+
+    The autopilot flies on what the sensors read. A monitor that names the broken gyro takes its reading out of the
+    loop on the second flight; `gtmbench view FILE.rrd` shows both aircraft beside each other.
+    """
+    from gtmbench.report.figures.rescue import rescue_figure
+    from gtmbench.report.recording.rescue import write_rescue_recording
+
+    _check_files(out, figure, force=force)
+    faults = _OWN if scenario is None and trial is None else trial_faults(scenario, trial)
+    silent = as_json or quiet
+    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
+    with progress_bar(silent=silent) as tell:
+        monitor = load_monitor(monitor_file) if monitor_file else _calibrated(name, tell)
+    onset_s = min(fault.onset_s for fault in faults)
+    rescue = fly_rescue(
+        faults,
+        Accommodate(monitor),
+        aircraft=aircraft,
+        duration_s=onset_s + _AFTER_S,
+        seed=seed,
+        altitude_ft=altitude,
+        tas_kt=tas,
+    )
+    write_rescue_recording(rescue, out)
+    if figure is not None:
+        with atomic_write(figure) as aside:
+            rescue_figure(rescue).savefig(aside, dpi=150)
+    if as_json:
+        events = {which: [asdict(event) for event in flight.events] for which, flight in rescue.flights.items()}
+        print_json({"out": str(out), "onset_s": onset_s, "events": events})
+    elif not quiet:
+        _print(rescue)
+        echo(f"{out}: both flights; gtmbench view {out}")
+
+
+def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
+    if out.suffix.lower() != ".rrd":
+        raise InputError(f"--out is '{out}'; a recording's file ends in .rrd")
+    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
+    for file in filter(None, (out, figure)):
+        check_file(file, force=force)
+
+
+def _print(rescue: Rescue) -> None:
+    for fault in rescue.faults:
+        echo(f"{fault.onset_s:g} s: {fault_text(fault)}")
+    for name, flight in rescue.flights.items():
+        for event in flight.events:
+            echo(f"{event.time_s:g} s, {name}: {loop_text(event)}")
+        lost_ft = flight.truth["altitude"][0] - flight.truth["altitude"].min()
+        echo(f"{flight.truth.end_s:g} s, {name}: the flight ends, {lost_ft:.0f} ft of altitude were lost at most")
+
+
+def _calibrated(aircraft: str, tell: Progress) -> Monitor:
+    """Fly healthy, and calibrate: half a minute; a rescue is no study of false alarms."""
+    flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED)
+    recipe = BankDetector(bank=load_bank(_BANK))
+    records = flights.records(recipe, processes=os.cpu_count() or 1, progress=tell)
+    return recipe.calibrate(records, progress=tell)

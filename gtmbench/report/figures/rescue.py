@@ -1,0 +1,116 @@
+"""The picture of a rescue: the ways of both aircraft in space, and how the broken sensor, bank and altitude went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gtmbench.channels import unit_of
+from gtmbench.record import FloatArray
+from gtmbench.report.figures.panels import as_it_is
+from gtmbench.report.rescued import TINTS, moments, shown_flight
+from gtmbench.report.scene import PLANE, Scene
+from gtmbench.report.words.judgement import fault_text
+from gtmbench.report.words.units import with_unit
+from gtmbench.study.rescue import Rescue
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
+
+_APART_S = 2.5  # between two aircraft on a way
+_SHARE = 0.14  # of the greatest extent: an aircraft's length
+_DARK, _LIGHT = "#3c4650", "#aab4be"
+_LINES = {"unaided": -1.0, "rescued": 1.0}  # whether moments are told below the way or above
+
+
+def rescue_figure(rescue: Rescue) -> Figure:
+    """Draw both flights from just before the onset on; the ways along and across the heading at its beginning."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 5.6))
+    grid = figure.add_gridspec(3, 2, width_ratios=[2.1, 1.0], left=0.0, right=0.985, top=0.91, bottom=0.09, hspace=0.16)
+    space: Axes3D = figure.add_subplot(grid[:, 0], projection="3d")
+    _draw_space(space, rescue)
+    channel = rescue.faults[0].channel
+    for row, name in enumerate(dict.fromkeys((channel, "phi", "altitude"))):
+        _draw_channel(figure.add_subplot(grid[row, 1]), rescue, name, is_last=row == len({channel, "phi"}))
+    broken = "; ".join(as_it_is(fault_text(fault)) for fault in rescue.faults)
+    figure.suptitle(f"The same flight twice, with the same fault: {broken}", x=0.5)
+    return figure
+
+
+def _draw_space(space: Axes3D, rescue: Rescue) -> None:
+    told = moments(rescue)
+    scenes = {
+        name: Scene(flight=shown_flight(rescue, name), tint=TINTS[name], moments=told[name]) for name in rescue.flights
+    }
+    heading_deg = float(scenes["rescued"].flight["psi"][0])
+    ways = {name: _drawn(scene.place_ft, heading_deg) for name, scene in scenes.items()}
+    corners = np.concatenate(list(ways.values()))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    length = _SHARE * float((high - low).max())
+    for name, scene in scenes.items():
+        space.plot(*ways[name].T, color=scene.tint, lw=1.6)
+        _draw_aircraft(space, scene, heading_deg, length)
+        x, y, z = ways[name][-1]
+        space.text(x, y, z - 0.5 * length, name, color=scene.tint, ha="center", va="top", fontsize=12, weight="bold")
+        _draw_moments(space, scene, ways[name], _LINES[name] * length)
+    low, high = low - 0.7 * length, high + 0.7 * length
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    space.set_box_aspect(high - low, zoom=1.3)
+    space.set_xlabel("along the heading (ft)", labelpad=10.0)
+    space.set_yticks([])
+    space.set_zlabel("height (ft)", labelpad=6.0)
+    space.view_init(elev=24.0, azim=-64.0)
+    space.computed_zorder = False  # as drawn: words and moments in front
+
+
+def _drawn(place_ft: FloatArray, heading_deg: float) -> FloatArray:
+    """Return north, east, down as the axes have them: along a heading, to its left, up."""
+    cosine, sine = np.cos(np.deg2rad(heading_deg)), np.sin(np.deg2rad(heading_deg))
+    turn = np.array([[cosine, sine, 0.0], [sine, -cosine, 0.0], [0.0, 0.0, -1.0]])
+    return np.asarray(place_ft @ turn)
+
+
+def _draw_aircraft(space: Axes3D, scene: Scene, heading_deg: float, length: float) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    flight, place_ft = scene.flight, scene.place_ft
+    every = round(_APART_S / flight.sample_period_s)
+    rows = np.arange(every // 2, len(flight), every)
+    turns = Rotation.from_quat(scene.quaternions[rows])
+    for i, row in enumerate(rows):
+        parts = [_drawn(turns[i].apply(length * part) + place_ft[row], heading_deg) for part in PLANE.values()]
+        plane = Poly3DCollection(parts, facecolors=[_LIGHT, scene.tint, _DARK], edgecolors=_DARK, linewidths=0.3)
+        space.add_collection3d(plane)
+
+
+def _draw_moments(space: Axes3D, scene: Scene, way: FloatArray, beyond_ft: float) -> None:
+    """Draw points on the way, and beyond the first what happened at them, in time."""
+    if not scene.moments:
+        return
+    rows = [scene.row(time_s) for time_s, _ in scene.moments]
+    space.scatter(*way[rows].T, color=scene.tint, edgecolor="white", s=36, depthshade=False, zorder=10)
+    x, y, z = way[rows[0]]
+    space.plot([x, x], [y, y], [z, z + beyond_ft], color=scene.tint, lw=0.8)
+    words = "\n".join(as_it_is(text) for _, text in scene.moments)
+    where = {"va": "bottom" if beyond_ft > 0.0 else "top", "ha": "left" if beyond_ft > 0.0 else "right"}
+    space.text(x, y, z + beyond_ft, words, color=scene.tint, fontsize=9, **where)
+
+
+def _draw_channel(axis: Axes, rescue: Rescue, name: str, *, is_last: bool) -> None:
+    for which in rescue.flights:
+        flight = shown_flight(rescue, which)
+        axis.plot(flight.time_s - rescue.onset_s, flight[name], color=TINTS[which], lw=1.2)
+    for time_s, _ in moments(rescue)["rescued"]:
+        axis.axvline(time_s - rescue.onset_s, color=TINTS["rescued"], lw=0.8, ls=":")
+    axis.set_ylabel(with_unit(name, unit_of(name)))
+    axis.grid(alpha=0.3)
+    if is_last:
+        axis.set_xlabel("s after the fault began")
+    else:
+        axis.tick_params(labelbottom=False)
