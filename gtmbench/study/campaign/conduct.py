@@ -180,10 +180,6 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     return files_of([*faults, *detectors.detectors.values(), *functions])
 
 
-def _digests(files: Sequence[str]) -> dict[str, str]:
-    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
-
-
 def _packed(task: Task, detectors: Named, monitors: dict[Any, Any], files: tuple[str, ...]) -> Work:
     watchers = detectors.watchers(task.setup, monitors)
     return Work(tuple(versions().items()), files, pickle.dumps(watchers), pickle.dumps(task))
