@@ -166,7 +166,7 @@ def monitor_command(
 def _refuse(options: Mapping[str, object], why: str) -> None:
     """Refuse options that are for another number of logs."""
     for option, value in options.items():
-        if value:
+        if value is not None and value is not False:
             raise InputError(f"{option} is {why}")
 
 
