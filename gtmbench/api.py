@@ -71,6 +71,7 @@ from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
+from gtmbench.report.fleet import watch_fleet
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
@@ -227,6 +228,7 @@ __all__ = [
     "threshold",
     "trim",
     "watch",
+    "watch_fleet",
     "watch_log",
     "windowed_norm",
     "write_log",

@@ -63,6 +63,17 @@ def files_of(objects: Iterable[object]) -> tuple[str, ...]:
     return tuple(sorted(file for file in files if file))
 
 
+def digests_of(files: Iterable[str]) -> dict[str, str]:
+    """Return digests of such files by their names: what a result hangs on that stands on them."""
+    return {Path(file).name: sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
+
+
+def load_files(files: Iterable[str]) -> None:
+    """Import files of the user's own: pickles name their classes."""
+    for file in files:
+        load_module(file)
+
+
 def load_object(source: str) -> object:
     """Import an object: ``FILE.py:OBJECT`` or ``package.module:OBJECT``, split at the last colon.
 

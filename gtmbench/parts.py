@@ -193,6 +193,11 @@ def read_parts(folder: Path) -> Parts:
         raise InputError(f"{path} isn't the manifest of a run: {one_line(str(error))}") from error
 
 
+def holds_parts(folder: Path) -> bool:
+    """Whether a folder is one of parts: what lies there are results."""
+    return is_file(folder / _MANIFEST)
+
+
 @contextmanager
 def parts_in(
     folder: Path, *, what: str, tasks: int, facts: Mapping[str, Any], resume: bool = False, shard: Shard | None = None

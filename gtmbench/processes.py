@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import cache, partial
 from itertools import islice
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO, TypeVar
 
 from gtmbench.errors import GtmbenchError
 from gtmbench.progress import Progress, silent
@@ -107,6 +111,78 @@ def completed(
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 yield running.pop(future), future.result()
+
+
+class Lost(NamedTuple):
+    """What is left of a task whose process died at it, or was ended after `limit_s`."""
+
+    after_s: float
+    limit_s: float
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it had all the time that it was given."""
+        return self.after_s >= self.limit_s
+
+
+def survived(
+    work: Callable[[Task], Result],
+    tasks: Iterable[Task],
+    *,
+    processes: int,
+    limit_s: float,
+    begin: Callable[[], object] | None = None,
+) -> Iterator[tuple[int, Result | Lost]]:
+    """Give what some work makes of every task, as `completed` does; one that kills its process doesn't end the others.
+
+    Every task has a process for itself meanwhile, and so much time.
+
+    Examples
+    --------
+    >>> dict(survived(abs, [-2, 3], processes=1, limit_s=60.0))
+    {0: 2, 1: 3}
+    """
+    bounded = partial(_bounded, work, limit_s)
+    with ExitStack() as stack:
+
+        def new() -> Callable[..., Future[Any]] | None:
+            return stack.enter_context(_pool(1, begin, _KILLED))
+
+        waiting, free = enumerate(tasks), [new()]
+        if free[0] is None:  # a machine without semaphores
+            yield from enumerate(map(work, tasks))
+            return
+        running: dict[Future[Result], tuple[int, Callable[..., Future[Any]], float]] = {}
+        while True:
+            for number, task in islice(waiting, max(processes, 1) - len(running)):
+                submit = free.pop() if free else new()
+                assert submit is not None
+                running[submit(bounded, task)] = number, submit, time.monotonic()
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                number, submit, begun_s = running.pop(future)
+                try:
+                    result: Result | Lost = future.result()
+                except BrokenProcessPool:
+                    result = Lost(time.monotonic() - begun_s, limit_s)
+                else:
+                    free.append(submit)
+                yield number, result
+
+
+def _bounded(work: Callable[[Task], Result], limit_s: float, task: Task) -> Result:
+    """Do a task, or end this process: by a thread of C, for a library may hold Python's lock for ever."""
+    faulthandler.dump_traceback_later(limit_s, exit=True, file=_nowhere())
+    try:
+        return work(task)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+@cache
+def _nowhere() -> TextIO:
+    return Path(os.devnull).open("w")
 
 
 @contextmanager

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+
+from gtmbench.version import __version__
 
 _PACKAGE = Path(__file__).parent
 
@@ -56,3 +60,8 @@ def source_digest() -> str:
     for path in sorted({path.resolve() for path in files if path.suffix in {".py", ".toml", ".xml"}}):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def code_facts(libraries: Iterable[str]) -> dict[str, str]:
+    """Return what kept rows hang on beside their input: versions, and the digest of this package's code and data."""
+    return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in libraries}}

@@ -330,7 +330,7 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
         conduct(whole, out, resume=True)
     kept.write_text(content)
     with monkeypatch.context() as patch:
-        patch.setattr("gtmbench.study.campaign.conduct.__version__", "9.9")
+        patch.setattr("gtmbench.shipped.__version__", "9.9")
         with pytest.raises(gb.InputError, match=r"versions.gtmbench was .* and is '9.9'"):
             conduct(whole, out, resume=True)
     assert conduct(whole, out, shard=part).done() == (0,)

@@ -117,3 +117,16 @@ def test_a_repeated_attitude_is_told_with_both_rates(tmp_path):
     assert rates["phi"] == (100.0, 20.0)
     assert rates["p"] == (100.0, 100.0)
     assert any("20 Hz (logged at 100)" in line for line in listing_lines(contents, 80))
+
+
+def test_stamps_that_are_all_zero_are_one_channels_own_matter(tmp_path):
+    """As of a GPS that never had a fix."""
+    stamps = [*[0] * 7, 590_839_200_000, 0]
+    fixes = [(100_000 * k, stamp, 10.0) for k, stamp in enumerate(stamps)]
+    gyros = [(20_000 * k, *np.sin([0.1 * k, 0.2 * k, 0.3 * k])) for k in range(1000)]
+    tables = {"IMU": ("Qfff", "TimeUS,GyrX,GyrY,GyrZ", gyros), "GPS": ("Qf", "TimeUS,Alt", fixes)}
+    (tmp_path / "log.bin").write_bytes(files.dataflash(tables))
+    told = {each.name: each for each in log_contents(tmp_path / "log.bin").channels}
+    assert told["altitude"].why_not
+    assert np.isnan(told["altitude"].fresh_hz)
+    assert told["p"].fresh_hz > 0.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench.processes import completed, spread
+from gtmbench.processes import Lost, completed, spread, survived
 
 SHARED = {}
 
@@ -96,3 +96,26 @@ def test_processes_end_with_the_one_that_wants_their_work_even_if_it_is_killed(t
         time.sleep(0.1)
         patience -= 1
     assert patience > 0
+
+
+def hostile(task):
+    if task == "die":
+        die(task)
+    if task == "hang":
+        time.sleep(600.0)
+    return task
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal")
+def test_tasks_that_kill_their_process_or_never_end_are_lost_and_the_others_survive():
+    tasks = ["a", "die", "hang", "b", "c"]
+    told = dict(survived(hostile, tasks, processes=2, limit_s=3.0))
+    assert [told[place] for place in (0, 3, 4)] == ["a", "b", "c"]
+    assert isinstance(told[1], Lost)
+    assert isinstance(told[2], Lost)
+    assert (told[1].is_late, told[2].is_late) == (False, True)
+
+
+def test_of_survivors_too_what_the_work_raises_comes_as_it_is():
+    with pytest.raises(ZeroDivisionError):
+        list(survived(partial(divmod, 1), [1, 0], processes=1, limit_s=60.0))

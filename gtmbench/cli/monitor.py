@@ -1,14 +1,16 @@
-"""``gtmbench monitor``: a recorded flight, watched."""
+"""``gtmbench monitor``: a recorded flight, watched; or a fleet of them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import number
+from gtmbench.checks import number, whole
 from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json, screen_width
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.protocol import is_ready
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @click.command("monitor")
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB...", type=click.Path(path_type=Path))
 @map_option
 @detector_option("A bank or a detector is calibrated on what is healthy first.")
 @click.option(
@@ -54,9 +56,13 @@ if TYPE_CHECKING:
 @click.option("--list", "listed", is_flag=True, help="Only say what the log holds, and what can be watched.")
 @click.option("--all", "every", is_flag=True, help="The same, with every column.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
+@click.option("--out", type=click.Path(path_type=Path), help="Of several logs: folder of table, figure, report, parts.")
+@click.option("--jobs", type=int, help="Of several logs: processes.  [default: 1]")
+@click.option("--resume", is_flag=True, help="Of several logs: go on with what stands in the folder.")
+@click.option("--time-limit", type=float, help="Of several logs: seconds that one may take.  [default: 900]")
 @common_options
 def monitor_command(
-    log: Path,
+    logs: tuple[Path, ...],
     mapping: tuple[str, ...],
     detector: str | None,
     calibrated: Path | None,
@@ -73,6 +79,10 @@ def monitor_command(
     listed: bool,
     every: bool,
     force: bool,
+    out: Path | None,
+    jobs: int | None,
+    resume: bool,
+    time_limit: float | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -82,7 +92,37 @@ def monitor_command(
     by bank auto, the relations that the log's channels allow. Without either, it lists what the log allows. First comes
     a self-check: a log that isn't what the monitor expects isn't watched, and why, and what to type, is said. Exit
     code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+
+    Several logs, a folder or a pattern are watched into a folder, --out: a row a log, worst first, without a word by
+    bank auto, each identified on its own first part. Exit code: 1 any failed, 3 some can't be told, 2 none could be
+    read (docs/fleet.md).
     """
+    if is_fleet(logs, out):
+        alone = {
+            "--named": named,
+            "--record": record,
+            "--figure": figure,
+            "--save": save,
+            "--list": listed,
+            "--all": every,
+            "--force": force,
+        }
+        _refuse(alone, "of one log; several logs have --out")
+        watcher = _watcher(detector, calibrated, inputs, outputs, look, healthy) or AUTO
+        from gtmbench.study.log.fleet import LIMIT_S, Watching
+
+        watching = Watching(
+            detector=watcher if detector is None or calibrated is not None else detector,  # a name is found anew
+            healthy=tuple(healthy_part(text) for text in healthy),
+            mapping=mapping,
+            rate_hz=rate,
+            false_alarms_per_hour=_wanted(wanted),
+            limit_s=LIMIT_S if time_limit is None else time_limit,
+        )
+        processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
+        return monitor_fleet(logs, watching, out, jobs=processes, resume=resume, as_json=as_json, quiet=quiet)
+    _refuse({"--jobs": jobs, "--resume": resume, "--time-limit": time_limit}, "of several logs; give --out, too")
+    log = logs[0]
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:
             _check_output(path, ending, log, force=force)
@@ -105,7 +145,7 @@ def monitor_command(
             healthy=[healthy_part(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
-            false_alarms_per_hour=None if wanted is None else number("--false-alarms-per-hour", wanted, 1e-9, 1e3),
+            false_alarms_per_hour=_wanted(wanted),
             progress=tell,
         )
         if named:
@@ -121,6 +161,17 @@ def monitor_command(
     elif not quiet:
         _print(watched, record, figure, save)
     return int(watched.outcome)
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """Refuse options that are for another number of logs."""
+    for option, value in options.items():
+        if value is not None and value is not False:
+            raise InputError(f"{option} is {why}")
+
+
+def _wanted(given: float | None) -> float | None:
+    return None if given is None else number("--false-alarms-per-hour", given, 1e-9, 1e3)
 
 
 def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:

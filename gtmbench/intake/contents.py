@@ -205,7 +205,8 @@ def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, 
     for choice in chosen:
         track = tracks.get(choice.channel)
         there = int(np.count_nonzero(np.isfinite(choice.series.values())))
-        fresh_hz = np.nan if track is None or len(track.time_s) < 2 else 1.0 / track.period_s
+        period_s = track.period_s if track is not None and len(track.time_s) > 1 else 0.0
+        fresh_hz = 1.0 / period_s if period_s > 0.0 else np.nan  # a GPS without a fix stamps 0
         logged_hz = 1.0 / track.logged_s if track is not None and track.logged_s else fresh_hz
         told.append(
             LogChannel(

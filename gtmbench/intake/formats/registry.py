@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
+from gtmbench.files import is_file
 from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
@@ -30,6 +31,20 @@ def read_raw(path: Path) -> RawLog:
         Where it isn't a file, is too large, isn't of a known format, or is broken.
     """
     return _printable(_format(path).read(path))
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file goes by the name of a log, or begins as one; any CSV does."""
+    if not is_file(path):
+        return False
+    if path.suffix.lower() in (".csv", *(suffix for form in FORMATS for suffix in form.suffixes)):
+        return True
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError:
+        return False
+    return any(head.startswith(form.magic) for form in FORMATS)
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:

@@ -6,26 +6,23 @@ and it doesn't matter who ends when.
 
 from __future__ import annotations
 
-import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.errors import InputError
-from gtmbench.imports import files_of, load_module
+from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.parts import Parts, Shard, parts_in
 from gtmbench.processes import completed
 from gtmbench.progress import Progress, silent
-from gtmbench.shipped import source_digest
+from gtmbench.shipped import code_facts
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.campaign.task import Task, Watchers, rows_of
 from gtmbench.study.campaign.watchers import Named, calibrated, named
-from gtmbench.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -141,7 +138,7 @@ def conduct(
     if scheduler is not None:
         check_cluster(scheduler, tls)
     files = _files(campaign, detectors)
-    facts = {"campaign": campaign.facts(), "versions": versions(), "python": _digests(files)}
+    facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
         todo = parts.todo(shard)
@@ -172,7 +169,7 @@ def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
 
 def versions() -> dict[str, str]:
     """Return what rows hang on beside the campaign: versions, and a digest of this package's code and data."""
-    return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in _LIBRARIES}}
+    return code_facts(_LIBRARIES)
 
 
 def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
@@ -181,10 +178,6 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     faults = [one.fault for spec in specs for one in (spec, *spec.also)]
     functions = [getattr(detector, "function", None) for detector in detectors.detectors.values()]
     return files_of([*faults, *detectors.detectors.values(), *functions])
-
-
-def _digests(files: Sequence[str]) -> dict[str, str]:
-    return {Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] for file in files}
 
 
 def _packed(task: Task, detectors: Named, monitors: dict[Any, Any], files: tuple[str, ...]) -> Work:
@@ -217,18 +210,12 @@ def done(work: Work) -> pa.Table:
 
 @lru_cache(maxsize=2)  # of two aircraft
 def _watchers(files: tuple[str, ...], pickled: bytes) -> Watchers:
-    _import(files)
+    load_files(files)
     watchers: Watchers = pickle.loads(pickled)  # noqa: S301  our own, from the process that conducts
     return watchers
 
 
 def _task(files: tuple[str, ...], pickled: bytes) -> Task:
-    _import(files)
+    load_files(files)
     task: Task = pickle.loads(pickled)  # noqa: S301
     return task
-
-
-def _import(files: Sequence[str]) -> None:
-    """Import the user's own detectors and faults: pickles name their classes."""
-    for file in files:
-        load_module(file)

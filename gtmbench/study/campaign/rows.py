@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
+
+from gtmbench import columns
+from gtmbench.columns import Column, Row
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA = 1
-Row = dict[str, Any]
-
-
-class Column(NamedTuple):
-    """A column: its type, as Arrow calls it, and what it holds."""
-
-    type: str
-    meaning: str
-
 
 COLUMNS: Mapping[str, Column] = {
     "task": Column("int32", "of the campaign; a task is a flight"),
@@ -67,23 +61,10 @@ COLUMNS: Mapping[str, Column] = {
 }
 
 
-def schema() -> pa.Schema:
-    """Return the schema of a part; its metadata say which one it is."""
-    import pyarrow as pa
-
-    fields = [
-        pa.field(name, pa.type_for_alias(column.type), metadata={"meaning": column.meaning})
-        for name, column in COLUMNS.items()
-    ]
-    return pa.schema(fields, metadata={"gtmbench.schema": str(SCHEMA)})
-
-
 def table_of(rows: Sequence[Row]) -> pa.Table:
-    """Return rows as a table; what a row doesn't have is null.
+    """Return rows as a part; what a row doesn't have is null.
 
     >>> table_of([{"task": 3, "detected": True}]).to_pylist()[0]["task"]
     3
     """
-    import pyarrow as pa
-
-    return pa.Table.from_pylist(list(rows), schema=schema())
+    return columns.table_of(rows, COLUMNS, schema=SCHEMA)

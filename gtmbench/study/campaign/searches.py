@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.checks import naming, number, shown, table_of
+from gtmbench.columns import Row
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.trials import TIE_S, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
 from gtmbench.record import Record
-from gtmbench.study.campaign.rows import Row
 from gtmbench.study.fault_tables import FaultSpec, Severity, build, fault_specs, resolve
 from gtmbench.study.flights import Flown
 

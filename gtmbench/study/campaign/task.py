@@ -12,13 +12,14 @@ import numpy as np
 from gtmbench.bench.loop import departed_s
 from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.checks import one_line
+from gtmbench.columns import Row
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.detectors.trials import Detection, trials_on
 from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.progress import counted, silent
 from gtmbench.record import Record
-from gtmbench.study.campaign.rows import COLUMNS, Row
+from gtmbench.study.campaign.rows import COLUMNS
 from gtmbench.study.campaign.searches import Search, search_row
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import naming
+from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
@@ -101,9 +102,14 @@ def calibrated(
                     if _learns(detector) and not records:
                         records = _flown(campaign, detectors, aircraft, processes, progress)
                     save_monitor(_monitor(campaign, detector, records, aircraft, progress), path)
-                monitors[name, aircraft] = load_monitor(path, detector if is_recipe(detector) else None)
+                monitors[name, aircraft] = load_monitor(path, _restoring(detector))
                 digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return hold(parts, monitors=digests), monitors
+
+
+def _restoring(detector: Detector | Monitor) -> Detector | None:
+    """Return who restores a monitor's file; a bank's needs nobody, and of little flight isn't quite the recipe's."""
+    return detector if is_recipe(detector) and not isinstance(detector, BankDetector) else None
 
 
 def _learns(detector: Detector | Monitor) -> bool:

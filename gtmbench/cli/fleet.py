@@ -1,0 +1,66 @@
+"""A fleet of logs on the command line: what ``gtmbench monitor`` does with more than one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gtmbench.cli.output import echo, print_json, print_table, screen_width
+from gtmbench.errors import InputError
+from gtmbench.files import is_file
+from gtmbench.progress import progress_bar
+
+if TYPE_CHECKING:
+    from gtmbench.study.log.fleet import Watching
+
+_MOST_ROWS = 40  # on a screen
+
+
+def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
+    """Whether more than a log is meant: several, a folder, a pattern, or a folder to write into."""
+    (first, *others) = sources
+    if others or out is not None:
+        return True
+    try:
+        return first.is_dir() or (not first.exists() and any(letter in str(first) for letter in "*?["))
+    except (OSError, ValueError):
+        return False
+
+
+def monitor_fleet(
+    sources: Sequence[Path],
+    watching: Watching,
+    out: Path | None,
+    *,
+    jobs: int,
+    resume: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Watch logs into a folder, print a table, and return the exit code."""
+    from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
+    from gtmbench.report.tables.fleet import exit_code, fleet_results
+    from gtmbench.report.words.fleet import MEANING, RIGHT, counts_text, fleet_table
+
+    logs = watching.logs_of(sources)
+    if out is None:
+        raise InputError(f"{len(logs)} logs are watched into a folder, which --resume goes on with; give --out DIR")
+    with progress_bar(silent=as_json or quiet) as tell:
+        parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
+    results = fleet_results(parts)
+    rows = results["logs"]
+    if as_json:
+        print_json(results | {"out": str(out)})
+    elif not quiet:
+        names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
+        print_table(f"{out}", names, cells, right=RIGHT)
+        if len(rows) > _MOST_ROWS:
+            echo(f"{len(rows) - _MOST_ROWS} logs more stand in {out / REPORT}")
+        for name in names:
+            if name in MEANING:
+                echo(MEANING[name])
+        echo(counts_text(row["outcome"] for row in rows))
+        files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
+        echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")
+    return exit_code(rows)
