@@ -42,8 +42,7 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
 
     What a sensor's own readings show, and heals its residuals, needs no other fault to be absent: what it leaves alone
     may be another's. An axis whose suspects leave far more than the best so far with whatever simple shape and noise
-    isn't tried further; where the best heals, nor is a single suspect that does. Nor one that could explain all that it
-    enters and would still leave far more.
+    isn't tried further; nor is a suspect that could explain all that it enters and would still leave far more.
     """
     penalty = float(np.log(max(case.count, 2)))
     suspects = suspects_in(case, channels)
@@ -83,13 +82,16 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
 
 
 def _is_out(fitter: Fitter, mates: Sequence[Fitter], best: FittedHypothesis) -> bool:
-    """Tell whether a suspect leaves far more than the best so far, and its mates too, where that doesn't heal."""
+    """Tell whether a suspect leaves far more than the best so far, and its mates too.
+
+    Simple shapes are no measure of a suspect where they aren't of the best one, its mate: a sign that has flipped isn't
+    one.
+    """
     most = best.bic + _HOPELESS
     if fitter.suspect.at_least > most:
         return True
-    if not _leaves_more(fitter, most):
-        return False
-    return best.left.heals(fitter.suspect.case.monitor) or all(_leaves_more(mate, most) for mate in mates)
+    is_other = all(best.channel != mate.suspect.channel for mate in mates)
+    return is_other and all(_leaves_more(mate, most) for mate in mates)
 
 
 def _likely_first(fitter: Fitter, mates: Sequence[Fitter]) -> tuple[float, float]:
