@@ -144,6 +144,16 @@ def test_whether_and_when_is_the_same_whether_or_not_it_is_asked_what(tmp_path):
     assert unasked["sensor"].isna().all()
 
 
+def test_a_fault_from_before_anybody_watches_is_a_trial_whether_or_not_it_is_asked_what(tmp_path):
+    text = TINY.replace('seed = "1:8"', "seed = 3").replace("onset_s = 12", "onset_s = 1")
+    asked = table(tmp_path, text)
+    (tmp_path / "only").mkdir()
+    only = table(tmp_path / "only", "isolate = false\n" + text)
+    assert only.error.isna().all()
+    for name in ("detected", "alarm_time_s", "altered_share"):
+        pd.testing.assert_series_equal(only[name], asked[name])
+
+
 def test_rows_have_the_columns_of_the_schema_and_no_others(tmp_path):
     search = (
         '[[smallest]]\nkind = "deadzone"\nchannels = ["p"]\nonset_s = 12\nhalf_width = ["1 % of rms", "300 % of rms"]\n'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, stretches
+from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import rising
 from gtmbench.method.convolution import filtered
@@ -46,11 +46,10 @@ class NormTrials:
 
     def first_alarm_s(self, fault: Fault) -> float | None:
         """Return when the first alarm could be raised at or after a fault's onset; None where none is."""
-        row = fault.onset_row(self._record)
-        if not self._is_simple(fault, row):
+        if not is_superposed(fault, self._record):
             return self._watched.first_alarm_s(fault)
-        for known in stretches(row, len(self._record)):
-            norms = self._changed(fault, row, known.stop)
+        for known in stretches(fault.onset_row(self._record), len(self._record)):
+            norms = self._changed(fault, known.stop)
             if norms is None:
                 return self._watched.first_alarm_s(fault)
             alarm_s = self._alarm_s(fault, norms)
@@ -60,18 +59,13 @@ class NormTrials:
 
     def detection(self, fault: Fault) -> Detection:
         """Return that, and how far E(k) went by the record's end."""
-        row = fault.onset_row(self._record)
-        norms = self._changed(fault, row, len(self._record)) if self._is_simple(fault, row) else None
+        norms = self._changed(fault, len(self._record)) if is_superposed(fault, self._record) else None
         if norms is None:
             return self._watched.detection(fault)
-        known = norms[max(row - self._late, 0) :]
+        known = norms[max(fault.onset_row(self._record) - self._late, 0) :]
         is_entered = fault.channel in (*self._operator.outputs, *self._operator.inputs)
         peak = float(np.fmax.reduce(known, initial=0.0)) / self._threshold if is_entered else 0.0
         return Detection(alarm_s=self._alarm_s(fault, norms), peak_ratio=peak)
-
-    def _is_simple(self, fault: Fault, row: int) -> bool:
-        is_one = fault.changes == (fault.channel,) and all(name in self._record for name in fault.reads)
-        return is_one and 0 < row < len(self._record)
 
     def _alarm_s(self, fault: Fault, norms: FloatArray) -> float | None:
         risen = rising(norms, self._threshold) + self._late
@@ -79,14 +73,13 @@ class NormTrials:
         later = times_s[times_s >= fault.onset_s - TIE_S]
         return float(later[0]) if len(later) else None
 
-    def _changed(self, fault: Fault, row: int, stop: int) -> FloatArray | None:
+    def _changed(self, fault: Fault, stop: int) -> FloatArray | None:
         """Return E(k) with the fault, as far as it is known with rows before `stop`; None where samples miss."""
-        some = slice(row - 1, stop)  # a fault begins with the last healthy sample
-        readings = self._record.matrix(fault.reads)[some]
-        broken = fault.broken(readings, self._time_s[some], self._record.sample_period_s)
-        if not np.isfinite(broken).all():
+        row = fault.onset_row(self._record)
+        was, reads = fault.onwards(self._record, stop)
+        if not np.isfinite(reads).all():
             return None
-        change = (broken - readings[:, 0])[1:]
+        change = reads - was
         begin = max(row - self._operator.noncausal_order, 0)
         end = max(stop - self._operator.noncausal_order, begin)
         errors = self._errors[begin:end] + self._effect(fault.channel, change, row, begin)[: end - begin]

@@ -89,6 +89,12 @@ class WatchedTrials:
         )
 
 
+def is_superposed(fault: Fault, record: Record) -> bool:
+    """Whether a fault changes one channel of a record, and begins within it: what it changes can be added up."""
+    is_one = fault.changes == (fault.channel,) and all(name in record for name in fault.reads)
+    return is_one and 0 < fault.onset_row(record) < len(record)
+
+
 def stretches(first: int, stop: int, *, shortest: int = 256, growth: int = 4) -> list[range]:
     """Return rows as stretches that grow: what ends at its first alarm looks at little more than it has to.
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.checks import number, shown
+from gtmbench.clock import even_times_s
 from gtmbench.errors import InputError
 from gtmbench.faults.intermittent import SLACK_S, Intermittent
 from gtmbench.faults.parameter import Parameter as Parameter
@@ -173,6 +174,15 @@ class Fault:
     def array(self, record: Record) -> FloatArray:
         """Return the broken channel of a record, shape (samples,)."""
         return self.broken(record.matrix(self.reads), record.time_s, record.sample_period_s)
+
+    def onwards(self, record: Record, stop: int) -> tuple[FloatArray, FloatArray]:
+        """Return what the channel reads from `onset_row` up to another row, without the fault and with it."""
+        row = max(self.onset_row(record), 0)
+        before = max(row - 1, 0)  # a fault begins with the last healthy sample
+        readings = record.values[before:stop, record.columns(self.reads)]
+        time_s = even_times_s(record.start_s, record.sample_period_s, range(before, before + len(readings)))
+        broken = self.broken(readings, time_s, record.sample_period_s)
+        return readings[row - before :, 0], broken[row - before :]
 
     def stream(self, sample_period_s: float) -> Callable[[float, Sequence[float]], float]:
         """Return a function that takes a time and the sample of `reads`, in order, and gives the broken sample."""

@@ -316,8 +316,11 @@ def false_alarms(watch: Watch, onset_s: float = math.inf) -> tuple[Alarm, ...]:
     return tuple(alarm for alarm in watch.faults if alarm.time_s < onset_s - _TIE)
 
 
-def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record) -> float:
-    """Return the share of samples of faults' active intervals at which a broken signal differs from the healthy."""
+def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record | Mapping[str, FloatArray]) -> float:
+    """Return the share of samples of faults' active intervals at which a broken signal differs from the healthy.
+
+    Of what is broken, the channels that the faults change are enough.
+    """
     altered = []
     for channel in dict.fromkeys(channel for fault in faults for channel in fault.changes):
         own = [fault.active(healthy.time_s) for fault in faults if channel in fault.changes]

@@ -133,15 +133,6 @@ class Superposition:
     residual: ChangedResidual = field(repr=False)
     armed: BoolArray = field(repr=False)
 
-    def changed(self, fault: Fault, stop: int) -> tuple[int, FloatArray]:
-        """Return the row of a fault's onset, and what the residual is from there to another row."""
-        period_s = self.record.sample_period_s
-        row = max(fault.onset_row(self.record), 0)
-        before = max(row - 1, 0)  # what a fault begins with
-        readings = self._readings(fault.reads)[before:stop]
-        change = fault.broken(readings, self._time_s[before:stop], period_s) - readings[:, 0]
-        return row, self.residual.raw[row:stop] + change[row - before :]
-
     def alarm_row(self, fault: Fault, within_s: float) -> int | None:
         """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
 
@@ -154,25 +145,12 @@ class Superposition:
         within_s : float
             From the onset until the alarm could be raised: look-ahead counts.
         """
-        period_s = self.record.sample_period_s
-        row = round((fault.onset_s - self.record.start_s) / period_s)
-        stop = min(row + round(within_s / period_s) - self.residual.ahead + 1, len(self.record))
+        row = fault.onset_row(self.record)
+        stop = min(row + round(within_s / self.record.sample_period_s) - self.residual.ahead + 1, len(self.record))
         if not self.armed[row] or stop <= row:
             return None
-        begin, changed = self.changed(fault, stop)
-        rows, scores = self.residual.scores(begin, changed, range(begin, stop))
+        was, reads = fault.onwards(self.record, stop)
+        changed = self.residual.raw[row:stop] + (reads - was)
+        rows, scores = self.residual.scores(row, changed, range(row, stop))
         above = np.flatnonzero((scores > 1.0) & self.armed[rows])
         return int(rows[above[0]]) if len(above) else None
-
-    def _readings(self, channels: tuple[str, ...]) -> FloatArray:
-        if channels == (self.sensor,):
-            return self._own
-        return self.record.matrix(channels)
-
-    @cached_property
-    def _own(self) -> FloatArray:
-        return self.record[self.sensor][:, np.newaxis]
-
-    @cached_property
-    def _time_s(self) -> FloatArray:
-        return self.record.time_s

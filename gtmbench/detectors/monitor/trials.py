@@ -15,7 +15,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.monitor.scores import crossings, residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, stretches
+from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.record import FloatArray, Record
 
@@ -113,13 +113,13 @@ class BankTrials:
         return tuple(spec.output for spec in self._bank.bank.residuals if fault.channel in spec.needs)
 
     def _is_simple(self, fault: Fault) -> bool:
-        row, onset_s = fault.onset_row(self._record), fault.onset_s
-        is_one = fault.changes == (fault.channel,) and all(name in self._record for name in fault.reads)
-        is_within = 0 < row < len(self._record)
-        if not (is_one and is_within) or any(alarm.time_s < onset_s - TIE_S for alarm in self._alarms):
+        if not is_superposed(fault, self._record):
+            return False
+        if any(alarm.time_s < fault.onset_s - TIE_S for alarm in self._alarms):
             return False
         if self._bank.uncertainties and self._entered(fault) != (fault.channel,):
             return False
+        row = fault.onset_row(self._record)
         scores = (self._scores[output][: row - self._residuals[output].ahead] for output in self._entered(fault))
         return all((score <= 1.0).any() for score in scores)  # armed
 
@@ -136,19 +136,15 @@ class BankTrials:
     def _changed(self, fault: Fault, stop: int) -> list[_Changed] | None:
         """Return the residuals that a fault enters, by what is known with rows before `stop`; None where some miss."""
         row = fault.onset_row(self._record)
-        some = slice(row - 1, stop)  # a fault begins with the last healthy sample
-        readings = self._record.matrix(fault.reads)[some]
-        broken = fault.broken(readings, self._time_s[some], self._record.sample_period_s)
-        if not np.isfinite(broken).all():
+        was, reads = fault.onwards(self._record, stop)
+        if not np.isfinite(reads).all():
             return None
         entered = self._entered(fault)
-        if fault.channel in entered:
-            residual = self._residuals[fault.channel]
-            end = max(stop - residual.ahead, row)
-            own = residual.raw[row:end] + (broken - readings[:, 0])[1 : end - row + 1]
-            if entered == (fault.channel,):
-                return [_Changed(residual, row, own)]
-        return self._derived(fault.channel, entered, row, broken[1:])
+        if entered != (fault.channel,):
+            return self._derived(fault.channel, entered, row, reads)
+        residual = self._residuals[fault.channel]
+        end = max(stop - residual.ahead, row)
+        return [_Changed(residual, row, residual.raw[row:end] + (reads - was)[: end - row])]
 
     def _derived(self, channel: str, outputs: tuple[str, ...], row: int, broken: FloatArray) -> list[_Changed]:
         """Return residuals that are worked out anew from a row on where a channel reads otherwise."""

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-import numpy as np
-
 from gtmbench.bench.loop import departed_s
 from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.checks import one_line
@@ -25,7 +23,7 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
-from gtmbench.study.score import false_alarms, score
+from gtmbench.study.score import altered_share, false_alarms, score
 from gtmbench.study.trial import Injection
 
 Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes that are tied to their flight
@@ -182,9 +180,9 @@ def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
     trials = trials_on(quiet.monitor, quiet.record)
 
     def detected(broken: _Broken) -> Row:
-        if len(broken.faults) > 1:
+        fault, *also = broken.faults
+        if also or fault.onset_s <= quiet.record.start_s:  # it may begin before anybody watches
             return _of_detection(judge(broken))
-        (fault,) = broken.faults
         return _detected(trials.detection(fault), fault, quiet)
 
     return detected
@@ -202,15 +200,14 @@ def _judged(monitor: Monitor, setup: Setup, broken: _Broken) -> Row:
 def _detected(detection: Detection, fault: Fault, quiet: Watch) -> Row:
     """Say only whether and when there was an alarm."""
     alarm_s, healthy = detection.alarm_s, quiet.record
-    altered = [part.array(healthy) != healthy[part.channel] for part in fault.parts]
-    active = fault.active(healthy.time_s)
+    broken = {part.channel: part.array(healthy) for part in fault.parts}
     return {
         "detected": alarm_s is not None,
         "alarm_time_s": alarm_s,
         "detection_delay_s": None if alarm_s is None else round(alarm_s - fault.onset_s, 9),
         "look_ahead_s": round(quiet.monitor.look_ahead_s, 9),
         "peak_ratio": detection.peak_ratio,
-        "altered_share": float(np.mean([each[active] for each in altered])) if active.any() else 0.0,
+        "altered_share": altered_share([fault], healthy, broken),
         "false_alarms": len(false_alarms(quiet, fault.onset_s)),
     }
 
