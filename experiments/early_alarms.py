@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
+from gtmbench.channels import SENSORS
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
@@ -31,6 +32,7 @@ from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
 from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import build, fault_specs, resolve
+from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1
@@ -98,9 +100,10 @@ def late(record: gb.Record, late_s: float) -> gb.Record:
 
 def calibrated(size: Size, jobs: int, tell: Progress) -> Monitors:
     """Calibrate both banks, with the attitude as it is and late."""
-    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
-    fly = partial(reading, excitation=CALIBRATION, duration_s=size.calibration_s)
-    records = spread(fly, seeds, processes=jobs, step="calibration flights", progress=tell)
+    flights = CalibrationFlights(
+        flights=size.calibration, duration_s=size.calibration_s, excitation=CALIBRATION, seed=CALIBRATION_SEED
+    )
+    records = flights.sensed(SENSORS, processes=jobs, progress=tell)
     monitors = {}
     for attitude, late_s in LATE_S.items():
         healthy = [late(record, late_s) for record in records]

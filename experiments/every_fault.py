@@ -19,7 +19,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -29,7 +28,7 @@ import pandas as pd
 import scipy.optimize  # noqa: F401  a diagnosis imports it when it first needs it, which isn't what is timed
 
 import gtmbench as gb
-from gtmbench.channels import axis_of, unit_of
+from gtmbench.channels import SENSORS, axis_of, unit_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation.diagnosis import SAME
@@ -43,6 +42,7 @@ from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
 from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import fault_specs
+from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1
@@ -149,16 +149,12 @@ QUICK = Size(
 # ---- what is flown, and breaks ----
 
 
-def reading(seed: int, *, duration_s: float) -> gb.Record:
-    """Fly healthy, for calibration."""
-    return gb.measure(gb.fly("gtm", CALIBRATION, duration_s, seed), noise="t2", seed=seed)
-
-
 def calibrated(size: Size, jobs: int, tell: Progress) -> BankMonitor:
     """Calibrate bank C."""
-    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
-    fly = partial(reading, duration_s=size.calibration_s)
-    records = spread(fly, seeds, processes=jobs, step="calibration flights", progress=tell)
+    flights = CalibrationFlights(
+        flights=size.calibration, duration_s=size.calibration_s, excitation=CALIBRATION, seed=CALIBRATION_SEED
+    )
+    records = flights.sensed(SENSORS, processes=jobs, progress=tell)
     return gb.calibrate(records, bank=gb.load_bank("C"), estimator=gb.LeastSquares())  # of quick's few minutes, too
 
 

@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
+from gtmbench.channels import SENSORS
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
@@ -33,6 +34,7 @@ from gtmbench.progress import Progress
 from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown
 from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 
 CALIBRATION, FLOWN = "multisine+turbulence", "turbulence"
@@ -105,16 +107,12 @@ QUICK = Size(
 )
 
 
-def reading(seed: int, duration_s: float) -> gb.Record:
-    """Fly healthy; return what the sensors read."""
-    return gb.measure(gb.fly("gtm", CALIBRATION, duration_s, seed), noise="t2", seed=seed)
-
-
 def calibrated(size: Size, jobs: int, tell: Progress) -> Monitors:
     """Calibrate both banks in open loop."""
-    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
-    fly = partial(reading, duration_s=size.calibration_s)
-    records = spread(fly, seeds, processes=jobs, step="calibration flights", progress=tell)
+    flights = CalibrationFlights(
+        flights=size.calibration, duration_s=size.calibration_s, excitation=CALIBRATION, seed=CALIBRATION_SEED
+    )
+    records = flights.sensed(SENSORS, processes=jobs, progress=tell)
     return {
         bank: gb.calibrate(records, bank=gb.load_bank(bank), estimator=gb.LeastSquares()) for bank in ("C", "C-early")
     }

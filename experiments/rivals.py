@@ -24,6 +24,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 import gtmbench as gb
+from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.statistics.thresholds import rate_bound
@@ -33,6 +34,7 @@ from gtmbench.progress import Progress
 from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
 from gtmbench.study.fault_tables import build, fault_specs, resolve
+from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import false_alarms
 
 CALIBRATION, UNSEEN = "multisine+turbulence", "doublets+turbulence"
@@ -89,12 +91,6 @@ QUICK = Size(
 )
 
 
-def reading(seed: int, excitation: str, duration_s: float, late_s: float) -> gb.Record:
-    """Fly healthy; return what the sensors read."""
-    flight = gb.fly("gtm", excitation, duration_s, seed)
-    return late(gb.measure(flight, noise="t2", seed=seed, commands=True), late_s)
-
-
 def late(record: gb.Record, late_s: float) -> gb.Record:
     """Return a record whose attitude comes late."""
     for angle in ANGLES if late_s else ():
@@ -104,9 +100,11 @@ def late(record: gb.Record, late_s: float) -> gb.Record:
 
 def calibrated(size: Size, jobs: int, tell: Progress) -> dict[str, Monitor]:
     """Calibrate all but the one that is tied to its excitation, on the same flights."""
-    fly = partial(reading, excitation=CALIBRATION, duration_s=size.calibration_s, late_s=size.late_s)
-    seeds = range(CALIBRATION_SEED, CALIBRATION_SEED + size.calibration)
-    records = spread(fly, seeds, processes=jobs, step="calibration flights", progress=tell)
+    flights = CalibrationFlights(
+        flights=size.calibration, duration_s=size.calibration_s, excitation=CALIBRATION, seed=CALIBRATION_SEED
+    )
+    sensed = flights.sensed((*SENSORS, *COMMANDS), processes=jobs, progress=tell)
+    records = [late(record, size.late_s) for record in sensed]
     names = [name for name in size.detectors if name != DISSERTATION]
     monitors: dict[str, Monitor] = {}
     for done, name in enumerate(names):
