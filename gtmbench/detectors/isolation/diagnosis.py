@@ -112,7 +112,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         likeliest = ranking[0].channel if ranking else told.candidates[0]
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
-    best, rivals, untestable = explained[0], _rivals(explained), _untestable(case)
+    best, rivals, untestable = explained[0], _rivals(case, explained), _untestable(case)
     order = tuple(dict.fromkeys([*rivals, *untestable]))
     if best.channel in ANGLES and best.kind in _RATES:
         order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
@@ -191,14 +191,14 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     if not good:
         return _unexplained(case, first)
     best = good[0]
-    order = _rivals(good)
+    order = _rivals(case, good)
     untestable = _untestable(case)
     pair = {best.channel, best.partner} if best.kind == "swap" else {best.channel}
     alone = set(order) <= pair and not untestable
     strays = [] if first.sensor is not None else _strays(case, best)
     is_early = not (case.is_telling or best.is_shown or best.left.heals(case.monitor))
     sensor = first.sensor or (best.channel if alone and not strays and not is_early else None)
-    kind = _kind(case, best.channel, ranking, healthy)
+    kind = _kind(case, [fit for fit in ranking if fit.channel == best.channel])
     return Judgement(
         time_s=case.end_s,
         sensor=sensor,
@@ -230,14 +230,14 @@ def _candidates(case: Case, order: Sequence[str], untestable: Sequence[str], *, 
     return tuple(dict.fromkeys([*order, *untestable, *(_axis(case, order[0]) if whole_axis else [])]))
 
 
-def _rivals(good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
+def _rivals(case: Case, good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
     """Return the suspects that the best doesn't decisively beat, likeliest first."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
     return tuple(
         channel
         for channel, fit in best.items()
-        if fit.bic < first.bic + (_ALIKE if _are_same(good, first.channel, channel) else DECISIVE)
+        if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE)
     )
 
 
@@ -245,29 +245,31 @@ def _channels(fits: Iterable[FittedHypothesis]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(fit.channel for fit in fits))
 
 
-def _are_same(good: Sequence[FittedHypothesis], one: str, other: str) -> bool:
-    """Tell whether two sensors' likeliest kinds are physically the same fault."""
+def _are_same(case: Case, good: Sequence[FittedHypothesis], one: str, other: str) -> bool:
+    """Tell whether two sensors' likeliest kinds, or those that would be told of them, are physically the same fault."""
     if one == other or other not in axis_of(one):
         return False
     gyro, angle = (one, other) if other in ANGLES else (other, one)
     return any(
-        (of_gyro.kind, of_angle.kind) in SAME for of_gyro in _likely(good, gyro) for of_angle in _likely(good, angle)
+        (of_gyro, of_angle) in SAME for of_gyro in _likely(case, good, gyro) for of_angle in _likely(case, good, angle)
     )
 
 
-def _likely(good: Sequence[FittedHypothesis], channel: str) -> list[FittedHypothesis]:
-    """Return the fits of a sensor that its best doesn't decisively beat."""
+def _likely(case: Case, good: Sequence[FittedHypothesis], channel: str) -> set[str]:
+    """Return the kinds of a sensor that its best doesn't decisively beat, and the one that would be told of it.
+
+    A kind is told although what reads anything is better still, which would then be the only likely one.
+    """
     own = [fit for fit in good if fit.channel == channel]
-    return [fit for fit in own if fit.bic < own[0].bic + DECISIVE]
+    return {fit.kind for fit in own if fit.bic < own[0].bic + DECISIVE} | {_kind(case, own).kind}
 
 
-def _kind(case: Case, channel: str, ranking: Sequence[FittedHypothesis], healthy: float) -> FittedHypothesis:
-    """Return the fit of a sensor whose kind may be named, or that of no kind.
+def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
+    """Return, of a sensor's fits, the one whose kind may be named, or that of no kind.
 
     What explains a little of everything (noise, a random walk) is a kind only where nothing definite explains the rest.
     """
-    fits = [fit for fit in ranking if fit.channel == channel]
-    best = fits[0]
+    best, healthy = fits[0], case.deviance
     for kinds in (_definite, _absorbing):
         for fit in filter(kinds, fits):
             explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
