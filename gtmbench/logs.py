@@ -83,6 +83,16 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     InputError
         Where the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
         missing or another one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import gtmbench as gb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(gb.fly("gtm", duration_s=1.0), f"{folder}/flight.csv")
+    ...     record = gb.read_log(f"{folder}/flight.csv")
+    >>> len(record), record.sample_period_s, record.channels[:3]
+    (101, 0.01, ('p', 'q', 'r'))
     """
     import pandas as pd
 

@@ -32,6 +32,13 @@ class Mode:
     """One mode: an eigenvalue (the upper one of a pair) with its natural frequency and damping ratio.
 
     ``time_constant_s`` is -1/Re of the eigenvalue: negative where the mode grows.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> short_period = gb.modes("gtm")[0]
+    >>> short_period.name, round(short_period.natural_frequency_rad_s, 1), round(short_period.damping, 2)
+    ('short period', 7.7, 0.43)
     """
 
     name: str

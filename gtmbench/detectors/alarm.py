@@ -39,6 +39,14 @@ class Judgement:
         What may have raised the alarm though no sensor failed; empty where one must have.
     imu : str
         Of which IMU `sensor` is, where a log has several.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> early = gb.Judgement(time_s=12.5, sensor=None, candidates=("p", "phi"), reason="both explain it")
+    >>> late = gb.Judgement(time_s=20.0, sensor="p", candidates=("p",), kind="bias", parameters={"size": 2.1})
+    >>> early.verdict, late.verdict
+    ('undecided: p or phi', 'p failed')
     """
 
     time_s: float
@@ -97,6 +105,14 @@ class Alarm:
         When the fault had gone; None while it lasts, or where that isn't told.
     end_known_s : float or None
         When that was known, so that watching goes on; None while it isn't.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> named = gb.Judgement(time_s=12.9, sensor="p", candidates=("p",), kind="bias")
+    >>> alarm = gb.Alarm(number=0, time_s=12.4, onset_s=12.0, source="p", judgements=(named,))
+    >>> alarm.verdict, alarm.sensor, alarm.isolated_s
+    ('p failed', 'p', 12.9)
     """
 
     number: int

@@ -47,7 +47,20 @@ class BankWatch(Watch):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankMonitor(CalibratedBank):
-    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds."""
+    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((6000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> monitor = gb.calibrate(record.between(0, 120), bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> broken = gb.inject(record.between(120, 239), gb.Noise(channel="q", onset_s=180.0, deviation=2.0))
+    >>> alarm = monitor.watch(broken).faults[0]
+    >>> alarm.source, 180.0 < alarm.time_s < 182.0
+    ('q', True)
+    """
 
     @property
     def name(self) -> str:
@@ -158,6 +171,18 @@ class BankDetector:
     Parameters
     ----------
     bank : Bank
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> healthy = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> detector = gb.BankDetector(bank=gb.bank_between(["p"], ["q"]))
+    >>> detector.channels
+    ('q', 'p')
+    >>> detector.calibrate([healthy], 1.0).suspects  # at most one false alarm an hour is wanted
+    ('q', 'p')
     """
 
     bank: Bank
@@ -230,6 +255,16 @@ def calibrate(
     ------
     InputError
         Where channels are missing or constant, or the records too short.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> healthy = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> monitor = gb.calibrate(healthy, bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> monitor.operators["q"].name, monitor.watch(healthy).faults
+    ('[p] -> q', ())
     """
     calibrated = calibrate_bank(
         as_records(records),

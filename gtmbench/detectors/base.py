@@ -32,6 +32,21 @@ class BaseMonitor:
     ----------
     suspects, sample_period_s, look_ahead_s, memory_s, provenance
         As `Monitor` has them: nobody, any, none, everything, nothing.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True)
+    ... class Silent(gb.BaseMonitor):
+    ...     name: str = "silent"
+    ...     channels: tuple = ("p",)
+    ...
+    ...     def watch(self, record):
+    ...         return gb.Watch(monitor=self, record=record, alarms=())
+    >>> record = gb.Record([0.0, 1.0], channels=["p"], sample_period_s=0.01)
+    >>> Silent().watch(record).alarms, Silent().stream().push(record)
+    ((), ())
     """
 
     name: str

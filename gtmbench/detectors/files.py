@@ -98,6 +98,21 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     ------
     InputError
         Naming the file, the key, what stands there and what should.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import gtmbench as gb
+    >>> import numpy as np
+    >>> u = np.random.default_rng(1).standard_normal(2000)
+    >>> record = gb.Record(np.column_stack([u, 2.0 * u + np.roll(u, 9)]), channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([record, record])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.save_monitor(monitor, f"{folder}/mine.json")
+    ...     again = gb.load_monitor(f"{folder}/mine.json")
+    >>> again.threshold == monitor.threshold
+    True
     """
     path = Path(path)
     try:

@@ -43,6 +43,21 @@ class DissertationOperator:
         Times the greatest E(k) of the healthy record.
     identify_s, threshold_s : (start, end), optional
         The parts of the two records that are used (k Ts of windows, for the threshold); all of them unless told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(2000)
+    >>> def sensed():
+    ...     values = np.column_stack([u, 2.0 * u]) + 0.01 * rng.standard_normal((2000, 2))
+    ...     return gb.Record(values, channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([sensed(), sensed()])
+    >>> broken = gb.inject(sensed(), gb.Bias(channel="r", onset_s=10.0, size=0.5))
+    >>> 10.0 < monitor.watch(broken).alarm_s < 10.1
+    True
     """
 
     inputs: tuple[str, ...] = ("p", "q", "beta")
@@ -132,6 +147,22 @@ class NormMonitor:
         w.
     threshold : float
         Of E(k), in the outputs' unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(2000)
+    >>> def sensed():
+    ...     values = np.column_stack([u, 2.0 * u]) + 0.01 * rng.standard_normal((2000, 2))
+    ...     return gb.Record(values, channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([sensed(), sensed()])
+    >>> monitor.operator.name, monitor.look_ahead_s, monitor.window_s
+    ('[p] -> r', 0.02, 1.01)
+    >>> monitor.watch(sensed()).alarms
+    ()
     """
 
     name: str

@@ -55,6 +55,17 @@ class Fault:
     intermittent : Intermittent or None
         When it is on in between; None: always. Each time, it begins anew from the last healthy sample; time since the
         onset and what is drawn run on in the pauses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> record = gb.Record(np.zeros(6), channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Bias(channel="p", onset_s=1.0, duration_s=3.0, ramp_s=2.0, size=4.0)  # it comes in over 2 s
+    >>> gb.inject(record, fault)["p"]
+    array([0., 0., 2., 4., 0., 0.])
+    >>> fault.kind, fault.severities, fault.changes
+    ('bias', {'size': 4.0}, ('p',))
     """
 
     kind: ClassVar[str]

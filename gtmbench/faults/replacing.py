@@ -20,6 +20,8 @@ from gtmbench.record import FloatArray
 class Dropout(Formula):
     """Nothing arrives: NaN.
 
+    Examples
+    --------
     >>> Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     nan
     """
@@ -35,6 +37,8 @@ class Dropout(Formula):
 class Stuck(Formula):
     """The sensor reads a value that never changes: y_b(k) = value; zero where none is given.
 
+    Examples
+    --------
     >>> Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     0.0
     """
@@ -51,6 +55,8 @@ class Stuck(Formula):
 class Jam(Fault):
     """The sensor stays at its last healthy sample: y(k) = y(onset - Ts), or the first sample if it never was healthy.
 
+    Examples
+    --------
     >>> step = Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([3.0, 1.0, 2.0])]
     [3.0, 3.0, 3.0]
@@ -79,6 +85,8 @@ class Hardover(Fault):
 
     It starts from the last healthy sample; without a rate limit, it is at its stop at once.
 
+    Examples
+    --------
     >>> step = Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 2.0, 1.0, 2.0])]
     [1.0, -3.0, -5.0, -5.0]
@@ -111,6 +119,8 @@ class Stale(Fault):
 
     Where that is between samples the next one is taken; one that is missing (NaN) isn't: the one before is repeated on.
 
+    Examples
+    --------
     >>> step = Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 3.0, 4.0])]
     [0.0, 1.0, 1.0, 3.0, 3.0]
@@ -139,6 +149,8 @@ class Delay(Fault):
 
     What was read before the onset has been read on time: until the first late reading arrives, the last one stands.
 
+    Examples
+    --------
     >>> step = Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 4.0, 8.0])]
     [0.0, 0.0, 0.5, 1.5, 3.0]
@@ -178,6 +190,8 @@ class Delay(Fault):
 class Swap(Formula):
     """Two channels change places: each reads what the other should. The one kind that changes two channels.
 
+    Examples
+    --------
     >>> step = Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
     >>> step(0.0, [2.0, 5.0])
     5.0

@@ -18,6 +18,8 @@ from gtmbench.record import FloatArray
 class ScaleFactor(Formula):
     """The gain is wrong: factor y, about zero, not about the mean.
 
+    Examples
+    --------
     >>> step = ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
     >>> step(0.0, [2.0])
     3.0
@@ -35,6 +37,8 @@ class ScaleFactor(Formula):
 class SignFlip(Formula):
     """The sign is wrong: -y.
 
+    Examples
+    --------
     >>> SignFlip(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     -2.0
     """
@@ -50,6 +54,8 @@ class SignFlip(Formula):
 class Misalignment(Formula):
     """The sensor is turned towards another axis, whose sensor stays as it is: cos(angle) y + sin(angle) y_axis.
 
+    Examples
+    --------
     >>> step = Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
     >>> round(step(0.0, [2.0, 5.0]), 9)
     5.0
@@ -73,6 +79,8 @@ class Misalignment(Formula):
 class Deadzone(Formula):
     """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0).
 
+    Examples
+    --------
     >>> step = Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-2.0, 0.0, 2.0]
@@ -90,6 +98,8 @@ class Deadzone(Formula):
 class Saturation(Formula):
     """The magnitude is held within +-limit.
 
+    Examples
+    --------
     >>> step = Saturation(channel="p", onset_s=0.0, limit=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-1.0, 0.5, 1.0]
@@ -109,6 +119,8 @@ class RateSaturation(Fault):
 
     It starts from the last healthy sample. A missing sample (NaN) stays missing and is passed over.
 
+    Examples
+    --------
     >>> step = RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 3.0, 3.0])]
     [0.0, 2.0, 3.0]
@@ -139,6 +151,8 @@ class Hysteresis(Fault):
 
     It starts from the last healthy sample, amid its play. A missing sample stays missing and is passed over.
 
+    Examples
+    --------
     >>> step = Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 0.5, 3.0, 2.0, 0.0])]
     [0.0, 0.0, 2.0, 2.0, 1.0]
@@ -166,6 +180,8 @@ class Hysteresis(Fault):
 class Quantisation(Formula):
     """Readings are whole multiples of quantum: quantum round(y/quantum).
 
+    Examples
+    --------
     >>> step = Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
     >>> step(0.0, [0.7])
     0.5
@@ -186,6 +202,8 @@ class Lag(Fault):
     Between samples y runs straight; so the solution is exact (`lagged`). A missing sample stays missing and is passed
     over.
 
+    Examples
+    --------
     >>> step = Lag(channel="p", onset_s=1.0, lag_s=2.0).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [y]), 3) for time_s, y in enumerate([0.0, 1.0, 1.0, 1.0])]
     [0.0, 0.213, 0.523, 0.711]

@@ -31,6 +31,18 @@ class Remark:
         When, on the log's clock.
     text : str
         In words, figures included.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
+    ...     log = gb.open_log(Path(folder, "flight.csv"))
+    >>> [(remark.kind, remark.start_s, remark.end_s) for remark in log.remarks]
+    [('gap', 3.9, 6.0)]
     """
 
     kind: str
@@ -79,6 +91,18 @@ class FlightLog:
         In time: the failures that the log says were put into its flight.
     imus : tuple of Imu
         The gyros of three axes that it holds, each with stamps that come often enough to be compared.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
+    ...     log = gb.open_log(Path(folder, "flight.csv"))
+    >>> log.channels, log.sample_period_s, [len(segment) for segment in log.segments]
+    (('p',), 0.1, [40, 40])
     """
 
     path: Path

@@ -28,6 +28,17 @@ class Alarms:
         In the norm's unit.
     look_ahead_s, window_s : float
         d Ts and (w + 1) Ts: the spans of samples after k and from k on that an alarm at k has seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(
+    ...     values=np.array([0.1, 0.2, 3.0]), time_s=np.arange(3.0), window=0, look_ahead_s=0.5, sample_period_s=1.0
+    ... )
+    >>> found = gb.alarms(norm, threshold=1.0)
+    >>> found.time_s.tolist(), found.armed_s
+    ([2.5], 0.5)
     """
 
     time_s: FloatArray

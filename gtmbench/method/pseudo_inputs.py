@@ -85,6 +85,13 @@ class PseudoInput:
         Where it comes from.
     reproduces : str or None
         The sensor that it reads as, but for lags and gains.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> yaw = gb.PSEUDO_INPUTS["r_att"]
+    >>> yaw.formula, yaw.unit, yaw.reproduces
+    ("psi' cos theta cos phi - theta' sin phi", 'deg/s', 'r')
     """
 
     name: str
@@ -313,6 +320,8 @@ def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None =
 def derivable(channels: Iterable[str]) -> tuple[str, ...]:
     """Return the pseudo inputs that can be built from some channels.
 
+    Examples
+    --------
     >>> derivable(["phi", "theta", "psi"])[:3]
     ('p_att', 'q_att', 'r_att')
     """

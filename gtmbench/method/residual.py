@@ -25,6 +25,17 @@ class Residual:
     outputs : tuple of str
     look_ahead_s, sample_period_s : float
         d Ts and Ts, in seconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> healthy = gb.Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)
+    >>> left = gb.residual(operator, gb.inject(healthy, gb.Bias(channel="y", onset_s=2.0, size=0.5)))
+    >>> left.outputs, np.abs(left.values[[0, 300], 0]).round(6).tolist()
+    (('y',), [0.0, 0.5])
     """
 
     values: FloatArray = field(repr=False)
@@ -48,6 +59,19 @@ class WindowedNorm:
         w: a window holds w + 1 samples, k..k+w.
     look_ahead_s, sample_period_s : float
         d Ts and Ts, in seconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> time_s = np.arange(4.0)
+    >>> e = gb.Residual(
+    ...     values=np.array([[3.0], [4.0], [0.0], [0.0]]), time_s=time_s, outputs=("y",), look_ahead_s=0.5,
+    ...     sample_period_s=1.0,
+    ... )
+    >>> norm = gb.windowed_norm(e, window=1)
+    >>> norm.values.tolist(), norm.known_s.tolist()
+    ([5.0, 4.0, 0.0, nan], [1.5, 2.5, 3.5, 4.5])
     """
 
     values: FloatArray = field(repr=False)

@@ -48,6 +48,21 @@ class Transmissibility:
         Of the prediction-error method.
     sensor_noise : shape (inputs + outputs,), optional
         Standard deviations that total least squares took, in the channels' units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> y = 2.0 * u + 0.5 * np.roll(u, 1)
+    >>> record = gb.Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=0)
+    >>> operator.name, operator.lags.tolist()
+    ('[u] -> y', [0, 1])
+    >>> operator.markov[:, 0, 0].round(6).tolist()  # H_0 and H_1
+    [2.0, 0.5]
+    >>> np.allclose(operator.predict(record)[1:, 0], y[1:])
+    True
     """
 
     markov: FloatArray

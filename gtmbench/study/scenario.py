@@ -78,7 +78,15 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise."""
+    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> scenario = gb.load_scenario("jam")
+    >>> scenario.setup.duration_s, [fault.channel for fault in scenario.faults]
+    (500.0, ['p', 'q', 'r'])
+    """
 
     name: str
     title: str

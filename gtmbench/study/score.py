@@ -154,6 +154,17 @@ class Verdict:
         When the fault had gone, and how much later than in truth.
     reason : str
         Why a fault was missed, or why no sensor is named where one could be; empty otherwise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> healthy = gb.Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Bias(channel="p", onset_s=2.0, size=9.0)
+    >>> broken = gb.inject(healthy, fault)
+    >>> monitor = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 4.0][:1], name="limit").calibrate()
+    >>> verdict = gb.score(monitor.watch(broken), fault=fault, healthy=healthy, broken=broken)
+    >>> verdict.detected, verdict.detection_delay_s, verdict.false_alarms
+    (True, 0.0, 0)
     """
 
     onset_s: float

@@ -74,6 +74,15 @@ class Bank:
     attitude_from_gyros : bool
         Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
         so that after an alarm no residual that uses it can be trusted, and no fault's kind fits for long.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> bank = gb.load_bank("C")
+    >>> [(spec.output, spec.inputs) for spec in bank.residuals][0]
+    ('p', ('p_att',))
+    >>> bank.suspects, bank.affects("phi")
+    (('p', 'q', 'r', 'phi', 'theta', 'psi'), ('p', 'q', 'r'))
     """
 
     name: str

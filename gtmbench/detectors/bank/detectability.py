@@ -45,6 +45,13 @@ class Signatures:
         over its RMS on the same rows without; 1 where it changes nothing.
     blind_spots : tuple of str
         What the bank can't tell or can't see, a sentence each.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> matrix = gb.signatures(gb.load_bank("C"))
+    >>> matrix.outputs, matrix.pattern["psi"]
+    (('p', 'q', 'r'), ('slope', 'slope', 'slope'))
     """
 
     bank: Bank

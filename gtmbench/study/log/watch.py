@@ -62,6 +62,12 @@ class Outcome(IntEnum):
     """What a log comes to; the value is the command's exit code.
 
     Unknown: nothing could have alarmed, or a score couldn't, or the log isn't what the monitor expects.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> [(outcome.name, outcome.value) for outcome in gb.Outcome]  # the exit codes of `gtmbench monitor`
+    [('HEALTHY', 0), ('FAILED', 1), ('UNKNOWN', 3)]
     """
 
     HEALTHY = 0
@@ -94,6 +100,20 @@ class WatchedLog:
         What of the healthy spans, and of other logs, wasn't identified on.
     comparison : Comparison or None
         What several IMUs say of each other; None where the log has one, or they can't be compared.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> broken = gb.inject(record, gb.Noise(channel="q", onset_s=45.0, deviation=3.0))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(broken, f"{folder}/flight.csv")
+    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> watched.outcome.name, watched.alarms[0].doubt  # an operator between gyros may not know this motion
+    ('UNKNOWN', 'motion or model')
     """
 
     log: FlightLog
