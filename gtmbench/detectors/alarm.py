@@ -199,6 +199,18 @@ class Alarm:
     resumed_s = renamed("Finding.resumed_s", "end_known_s")
 
 
+SAID = ("alarm (s)", "onset (s)", "of", "said")  # what `said_of` says, column by column
+
+
+def said_of(alarms: Iterable[Alarm]) -> list[tuple[str, str, str, str]]:
+    """Return what is said of each alarm as words, a row each, for a notebook.
+
+    >>> said_of([Alarm(number=0, time_s=2.5, onset_s=2.0, source="p")])
+    [('2.50', '2.00', 'p', 'alarm')]
+    """
+    return [(f"{alarm.time_s:.2f}", f"{alarm.onset_s:.2f}", alarm.source, alarm.verdict) for alarm in alarms]
+
+
 def alarms_at(rises: Iterable[tuple[float, str]], first: int = 0) -> tuple[Alarm, ...]:
     """Return alarms of times and names of scores that tell no onset, numbered from `first` on.
 

@@ -15,7 +15,8 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 
 from gtmbench.deprecation import renamed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, FloatArray, Record
 
@@ -274,6 +275,15 @@ class Watch:
     residuals: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     predictions: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
+
+    def _repr_html_(self) -> str:
+        record, faults = self.record, self.faults
+        facts = {
+            "record": f"{record.start_s:g} to {record.end_s:g} s, {len(record)} samples",
+            "watched": f"{3600.0 * self.armed_hours:.1f} s",
+            "alarms": f"{len(self.alarms)}" + (f", of {len(faults)} faults" if len(faults) < len(self.alarms) else ""),
+        }
+        return card(f"Watch by {self.monitor.name}", facts, columns=SAID, rows=said_of(faults))
 
     @property
     def faults(self) -> tuple[Alarm, ...]:

@@ -144,7 +144,7 @@ class NormMonitor:
     ----------
     operator : Transmissibility
     window : int
-        w.
+        w of (4.12), in samples.
     threshold : float
         Of E(k), in the outputs' unit.
 
@@ -191,7 +191,7 @@ class NormMonitor:
 
     @property
     def look_ahead_s(self) -> float:
-        """D Ts."""
+        """How long after a sample its residual exists: d Ts, in seconds."""
         return round(self.operator.look_ahead_s, 9)
 
     @property

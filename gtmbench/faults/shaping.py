@@ -77,7 +77,7 @@ class Misalignment(Formula):
 
 @dataclass(frozen=True, kw_only=True)
 class Deadzone(Formula):
-    """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0).
+    """Signals within +-half_width vanish, larger ones lose the half-width: ``sign(y) max(|y| - half_width, 0)``.
 
     Examples
     --------

@@ -10,6 +10,7 @@ from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
+from gtmbench.notebook import card
 from gtmbench.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -113,6 +114,16 @@ class FlightLog:
     events: tuple[Event, ...] = ()
     injections: tuple[Injection, ...] = ()
     imus: tuple[Imu, ...] = ()
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "channels": ", ".join(self.channels),
+            "every": f"{self.sample_period_s:g} s",
+            "segments": ", ".join(f"{each.start_s:g} to {each.end_s:g} s" for each in self.segments[:_APART])
+            + (f" and {len(self.segments) - _APART} more" if len(self.segments) > _APART else ""),
+        }
+        rows = [(f"{each.start_s:.2f}", each.kind, each.channel or "all", each.text) for each in self.remarks]
+        return card(f"FlightLog {self.path.name}", facts, columns=("from (s)", "remark", "channel", "text"), rows=rows)
 
     @property
     def channels(self) -> tuple[str, ...]:

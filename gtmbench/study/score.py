@@ -36,6 +36,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
+from gtmbench.notebook import card, figure
 from gtmbench.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
@@ -191,6 +192,31 @@ class Verdict:
     ended_s: float | None = None
     end_error_s: float | None = None
     reason: str
+
+    @property
+    def in_short(self) -> str:
+        """Say whether it was detected, and what was said of it: ``detected after 1.46 s: q failed``, ``missed``."""
+        if self.detection_delay_s is None:
+            return f"missed: {self.reason}"
+        said = f": {self.verdict}" if self.verdict else ""
+        return f"detected after {self.detection_delay_s:.2f} s{said}"
+
+    def _repr_html_(self) -> str:
+        return card("Verdict", {"verdict": self.in_short, **self._facts()})
+
+    def _facts(self) -> dict[str, object]:
+        """Return what a notebook tells of it."""
+        facts: dict[str, object] = {
+            "onset": f"{self.onset_s:g} s",
+            "alarm": "none" if self.alarm_time_s is None else f"{self.alarm_time_s:.2f} s",
+            "peak over threshold": figure(self.peak_ratio, ".3g"),
+            "false alarms before": self.false_alarms,
+        }
+        if self.sensor is not None:
+            facts["sensor"] = f"{self.sensor}, {'right' if self.isolated else 'wrong'}"
+        if self.kind is not None and self.kind_right is not None:
+            facts["kind"] = f"{self.kind}, {'right' if self.kind_right else 'wrong'}"
+        return facts
 
 
 def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: Sequence[Fault] = ()) -> Verdict:

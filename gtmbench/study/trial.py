@@ -15,6 +15,7 @@ from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
 from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import Alarms, alarms
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.notebook import card
 from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import Setup
@@ -170,6 +171,10 @@ class Trial(Injection, Verdict):
     baseline: Baseline = field(repr=False)
     expected: Expectation | None = None
 
+    def _repr_html_(self) -> str:
+        title = f"Trial: {self.fault} of {self.channel}, watched by {self.detector}"
+        return card(title, {"verdict": self.in_short, **self._facts()})
+
     @property
     def unexpected(self) -> tuple[str, ...]:
         """Where the verdict differs from what is expected, in words; empty where it doesn't."""
@@ -240,6 +245,17 @@ class Study:
 
     baselines: tuple[Baseline, ...]
     trials: tuple[Trial, ...]
+
+    def _repr_html_(self) -> str:
+        facts = {
+            each.detector: f"{sum(trial.detected for trial in self.trials_of(each.detector))} of "
+            f"{len(self.trials_of(each.detector))} detected, {each.false_alarms} false alarms in "
+            f"{each.healthy_hours:.2f} h of healthy flight"
+            for each in self.baselines
+        }
+        columns = ("detector", "fault", "channel", "onset (s)", "verdict")
+        rows = [(each.detector, each.fault, each.channel, f"{each.onset_s:g}", each.in_short) for each in self.trials]
+        return card("Study", facts, columns=columns, rows=rows)
 
     @property
     def baseline(self) -> Baseline:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.deprecation import renamed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
@@ -29,6 +29,7 @@ from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
+from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
@@ -126,6 +127,15 @@ class WatchedLog:
     asks_names: bool = field(default=False, repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "outcome": self.outcome.name.lower(),
+            "watched by": self.monitor.name,
+            "watched": f"{3600.0 * self.armed_hours:.1f} s",
+            **{f"reason {number}": reason for number, reason in enumerate(self.reasons, 1)},
+        }
+        return card(f"WatchedLog {self.log.path.name}", facts, columns=SAID, rows=said_of(self.alarms))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
