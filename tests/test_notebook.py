@@ -1,12 +1,16 @@
 """In a notebook: values show themselves, whatever they are called, and `gb.plot` draws them."""
 
+import re
 from functools import cache
 from html.parser import HTMLParser
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench import api
 
 HOSTILE = "<script>alert('p')</script> & $x$"
 SHORT = """
@@ -48,9 +52,6 @@ class Seen(HTMLParser):
 
 @cache
 def study():
-    from pathlib import Path
-    from tempfile import TemporaryDirectory
-
     def spin(record):
         return record.time_s[np.abs(record["p"]) > 1e6]
 
@@ -147,3 +148,14 @@ def test_everything_that_can_be_drawn_is_a_picture_in_a_notebook(watched):
         assert gb.plot(value)._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n", name
     with pytest.raises(gb.InputError, match=r"^a int can't be drawn; give one of Record, "):
         gb.plot(3)
+
+
+@pytest.mark.parametrize("name", ["from_trim_to_alarm", "break_a_gyro", "a_flight_log"])
+def test_the_notebooks_of_the_docs_use_names_that_are_there(name):
+    """The site's build executes them; here it is seen at once when a name of theirs goes."""
+    text = (Path(__file__).parents[1] / f"docs/notebooks/{name}.md").read_text()
+    cells = re.findall(r"^```\{code-cell\} ipython3\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+    assert len(cells) > 9
+    for cell in cells:
+        compile(re.sub(r"^:tags:.*$", "", cell, flags=re.MULTILINE), name, "exec")
+    assert set(re.findall(r"\bgb\.(\w+)", text)) <= set(api.__all__)
