@@ -37,6 +37,12 @@ def check_log_path(path: Path) -> str:
 def write_log(record: Record, path: str | Path) -> None:
     """Write a record; `read_log` returns it with the same values, channels and times.
 
+    Parameters
+    ----------
+    record : Record
+    path : str or Path
+        Its ending says what is written: ``.csv`` or ``.parquet``.
+
     Raises
     ------
     InputError
@@ -77,6 +83,13 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
 
     Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, the stamps
     are only asked for the start: for logs whose stamps are rounded.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV or Parquet.
+    sample_period_s : float, optional
+        Ts, in seconds.
 
     Raises
     ------

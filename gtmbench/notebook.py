@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 40
 _CARD = """\
 <div class="gtmbench">
+<style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>
 <p><strong>{{ title }}</strong>{% for name, value in facts.items() %}<br>{{ name }}: {{ value }}{% endfor %}</p>
 {% if rows %}
 <table>
@@ -59,6 +60,7 @@ def card(
     --------
     >>> print(card("Record", {"length": "20 s"}, columns=["channel"], rows=[["<p>"]]))
     <div class="gtmbench">
+    <style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>
     <p><strong>Record</strong><br>length: 20 s</p>
     <table>
     <thead><tr><th scope="col">channel</th></tr></thead>

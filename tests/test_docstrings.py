@@ -7,6 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench import api
+from gtmbench.faults.kinds import FAULTS
 
 TABLES = {"CHANNELS": gb.Channel, "PSEUDO_INPUTS": gb.PseudoInput}  # told of where their rows are
 SLOW = {"find_autopilot"}  # minutes: its example shows what it begins with
@@ -32,6 +33,13 @@ def test_no_docstring_breaks_when_it_is_rendered(name):
     assert not re.search(r"(?<!\S)\(?\|\S[^|\n]*\|(?![\w^|])", plain), "|x| would be a substitution; write ``|x|``"
     plain = re.sub(r"\*\w[^*\n]*\*", "", plain)  # an emphasis that ends
     assert not re.search(r"(?<![`\w*])\*\w", plain), "*x would begin an emphasis"
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_every_parameter_of_a_fault_is_told_of_where_it_stands(kind):
+    text = inspect.getdoc(FAULTS[kind])
+    told = re.findall(r"^(\w+) : ", text, flags=re.MULTILINE)
+    assert told == [parameter.name for parameter in FAULTS[kind].parameters()]
 
 
 @pytest.mark.parametrize("of", VALUES, ids=lambda of: of.__name__)

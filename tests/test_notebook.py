@@ -88,7 +88,7 @@ def test_values_show_themselves_in_well_formed_html(watched):
     for name, value in values(watched).items():
         seen = Seen(value._repr_html_())
         assert not seen.opened, name
-        assert seen.elements <= {"div", "p", "strong", "br", "table", "thead", "tbody", "tr", "th", "td"}, name
+        assert seen.elements <= {"div", "style", "p", "strong", "br", "table", "thead", "tbody", "tr", "th", "td"}, name
         assert all(len(row) == len(seen.rows[0]) for row in seen.rows), name
     verdict = gb.Verdict(**{name: getattr(study().trials[0], name) for name in gb.Verdict.__dataclass_fields__})
     assert "detected after" in verdict._repr_html_()

@@ -57,6 +57,13 @@ def modes(
     The eigenvalues of the state matrix of u, v, w, p, q, r, phi and theta, by central differences of the nonlinear
     model; surfaces, engines and altitude stand still. Another condition than the aircraft's own as for `trim`.
 
+    Parameters
+    ----------
+    aircraft : str, Path or Aircraft
+        As `trim` takes it.
+    altitude_ft, tas_kt : float, optional
+        Another condition than the aircraft's own.
+
     Raises
     ------
     TrimError

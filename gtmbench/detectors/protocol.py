@@ -336,6 +336,12 @@ class Watch:
 def watch(monitor: Monitor, record: Record) -> Watch:
     """Watch a record with a monitor, as its own `watch` does.
 
+    Parameters
+    ----------
+    monitor : Monitor
+    record : Record
+        With the monitor's channels.
+
     Raises
     ------
     InputError

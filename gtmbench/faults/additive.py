@@ -20,6 +20,11 @@ from gtmbench.record import FloatArray
 class Bias(Formula):
     """A step: y + size.
 
+    Parameters
+    ----------
+    size : float
+        What is added, in the channel's unit.
+
     Examples
     --------
     >>> step = Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
@@ -39,6 +44,11 @@ class Bias(Formula):
 class Drift(Formula):
     """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro.
 
+    Parameters
+    ----------
+    slope : float
+        In the channel's unit per second.
+
     Examples
     --------
     >>> step = Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
@@ -57,6 +67,16 @@ class Drift(Formula):
 @dataclass(frozen=True, kw_only=True)
 class Oscillation(Formula):
     """A sine is added: y + amplitude sin(2 pi frequency_hz (t - onset) + phase_deg); or it `replaces` the signal.
+
+    Parameters
+    ----------
+    amplitude : float
+        In the channel's unit.
+    frequency_hz : float
+    phase_deg : float, optional
+        At the onset.
+    replaces : bool, optional
+        Whether the sine takes the signal's place; left out, it is added.
 
     Examples
     --------
@@ -83,6 +103,13 @@ class RandomWalk(Fault):
     """A random walk is added: y + w, w(k) = w(k-1) + gain sqrt(Ts) n(k), n standard normal, from 0 at the beginning.
 
     After T seconds w has a standard deviation of gain sqrt(T).
+
+    Parameters
+    ----------
+    gain : float
+        In the channel's unit per sqrt(s).
+    seed : int, optional
+        Of what is drawn.
 
     Examples
     --------
@@ -114,6 +141,13 @@ class RandomWalk(Fault):
 class Noise(Formula):
     """White noise is added: y + deviation n(k), n standard normal.
 
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation, in the channel's unit.
+    seed : int, optional
+        Of what is drawn.
+
     Examples
     --------
     >>> step = Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
@@ -133,6 +167,15 @@ class Noise(Formula):
 @dataclass(frozen=True, kw_only=True)
 class Spikes(Formula):
     """Single samples are off by +size or -size, each sample with probability rate_hz Ts: rate_hz spikes a second.
+
+    Parameters
+    ----------
+    size : float
+        In the channel's unit.
+    rate_hz : float
+        How many a second.
+    seed : int, optional
+        Of what is drawn.
 
     Examples
     --------
@@ -159,6 +202,13 @@ class GSensitivity(Formula):
     """Acceleration leaks in: y + coefficient n, n the specific force in g that the accelerometer of `axis` reads.
 
     At rest that is 1 g along the vertical: the bias that it brings belongs to the fault.
+
+    Parameters
+    ----------
+    axis : str
+        The accelerometer: nx, ny or nz.
+    coefficient : float
+        In the channel's unit per g.
 
     Examples
     --------

@@ -271,6 +271,12 @@ def check_unit(what: str, channel: str, unit: str) -> None:
 def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     """Return the record with one or several faults, applied one after the other.
 
+    Parameters
+    ----------
+    record : Record
+    faults : Fault or sequence of Fault
+        Each acts on what those before it left.
+
     Raises
     ------
     InputError

@@ -123,6 +123,15 @@ def setting(
 ) -> Any:
     """Declare a number among a fault's fields that doesn't tell how bad it is: a frequency, a phase.
 
+    Parameters
+    ----------
+    unit : str
+        Its own.
+    low, high, above
+        What it may be: low..high, with `above` more than low.
+    default
+        What it is when nothing is said; left out: it must be given.
+
     Examples
     --------
     >>> from dataclasses import dataclass

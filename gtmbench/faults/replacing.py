@@ -37,6 +37,11 @@ class Dropout(Formula):
 class Stuck(Formula):
     """The sensor reads a value that never changes: y_b(k) = value; zero where none is given.
 
+    Parameters
+    ----------
+    value : float, optional
+        In the channel's unit.
+
     Examples
     --------
     >>> Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
@@ -85,6 +90,13 @@ class Hardover(Fault):
 
     It starts from the last healthy sample; without a rate limit, it is at its stop at once.
 
+    Parameters
+    ----------
+    limit : float
+        The stop, in the channel's unit.
+    rate_limit : float or None, optional
+        How fast it runs there, in the channel's unit per second; None: at once.
+
     Examples
     --------
     >>> step = Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
@@ -119,6 +131,11 @@ class Stale(Fault):
 
     Where that is between samples the next one is taken; one that is missing (NaN) isn't: the one before is repeated on.
 
+    Parameters
+    ----------
+    hold_s : float
+        From one fresh reading to the next, in seconds.
+
     Examples
     --------
     >>> step = Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
@@ -148,6 +165,11 @@ class Delay(Fault):
     """Readings are late: y_b(t) = y(t - delay_s), between samples on a straight line.
 
     What was read before the onset has been read on time: until the first late reading arrives, the last one stands.
+
+    Parameters
+    ----------
+    delay_s : float
+        In seconds.
 
     Examples
     --------
@@ -189,6 +211,11 @@ class Delay(Fault):
 @dataclass(frozen=True, kw_only=True)
 class Swap(Formula):
     """Two channels change places: each reads what the other should. The one kind that changes two channels.
+
+    Parameters
+    ----------
+    other : str
+        The other channel.
 
     Examples
     --------

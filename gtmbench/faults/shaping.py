@@ -18,6 +18,11 @@ from gtmbench.record import FloatArray
 class ScaleFactor(Formula):
     """The gain is wrong: factor y, about zero, not about the mean.
 
+    Parameters
+    ----------
+    factor : float
+        1 is healthy.
+
     Examples
     --------
     >>> step = ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
@@ -54,6 +59,13 @@ class SignFlip(Formula):
 class Misalignment(Formula):
     """The sensor is turned towards another axis, whose sensor stays as it is: cos(angle) y + sin(angle) y_axis.
 
+    Parameters
+    ----------
+    axis : str
+        The sensor of the other axis.
+    angle_deg : float
+        How far it is turned.
+
     Examples
     --------
     >>> step = Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
@@ -79,6 +91,11 @@ class Misalignment(Formula):
 class Deadzone(Formula):
     """Signals within +-half_width vanish, larger ones lose the half-width: ``sign(y) max(|y| - half_width, 0)``.
 
+    Parameters
+    ----------
+    half_width : float
+        In the channel's unit.
+
     Examples
     --------
     >>> step = Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
@@ -97,6 +114,11 @@ class Deadzone(Formula):
 @dataclass(frozen=True, kw_only=True)
 class Saturation(Formula):
     """The magnitude is held within +-limit.
+
+    Parameters
+    ----------
+    limit : float
+        In the channel's unit.
 
     Examples
     --------
@@ -118,6 +140,11 @@ class RateSaturation(Fault):
     """The signal follows no faster than rate_limit: y_b(k) = y_b(k-1) + clip(y(k) - y_b(k-1), +-rate_limit Ts).
 
     It starts from the last healthy sample. A missing sample (NaN) stays missing and is passed over.
+
+    Parameters
+    ----------
+    rate_limit : float
+        In the channel's unit per second.
 
     Examples
     --------
@@ -151,6 +178,11 @@ class Hysteresis(Fault):
 
     It starts from the last healthy sample, amid its play. A missing sample stays missing and is passed over.
 
+    Parameters
+    ----------
+    width : float
+        The whole play, in the channel's unit.
+
     Examples
     --------
     >>> step = Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
@@ -180,6 +212,11 @@ class Hysteresis(Fault):
 class Quantisation(Formula):
     """Readings are whole multiples of quantum: quantum round(y/quantum).
 
+    Parameters
+    ----------
+    quantum : float
+        In the channel's unit.
+
     Examples
     --------
     >>> step = Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
@@ -201,6 +238,11 @@ class Lag(Fault):
 
     Between samples y runs straight; so the solution is exact (`lagged`). A missing sample stays missing and is passed
     over.
+
+    Parameters
+    ----------
+    lag_s : float
+        Time constant, in seconds.
 
     Examples
     --------

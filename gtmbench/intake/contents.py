@@ -248,6 +248,11 @@ def _imus(raw: RawLog) -> tuple[str, ...]:
 def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     """Return what a log's file holds: columns, their units and rates, and which channels they become.
 
+    Parameters
+    ----------
+    path : str or Path
+        CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP.
+
     Raises
     ------
     InputError

@@ -51,6 +51,15 @@ class Alarms:
 def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float = 1.5) -> float:
     """Return a threshold from a healthy record: `factor` times the greatest E(k) with start_s <= k Ts <= end_s.
 
+    Parameters
+    ----------
+    norm : WindowedNorm
+        Of a healthy record.
+    start_s, end_s : float
+        The span of k Ts that is looked at, in seconds.
+    factor : float
+        Times the greatest E(k).
+
     Raises
     ------
     InputError
@@ -109,6 +118,14 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
 
     An alarm is a window above the threshold after one at or below it; a norm that is above from the start (a
     flight's transient) has to come down first. Windows with missing samples are passed over.
+
+    Parameters
+    ----------
+    norm : WindowedNorm
+    threshold : float
+        In the norm's unit.
+    start_s : float
+        k Ts of the first window that is watched, in seconds; all of them unless told.
 
     Raises
     ------

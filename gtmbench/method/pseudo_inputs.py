@@ -320,6 +320,11 @@ def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None =
 def derivable(channels: Iterable[str]) -> tuple[str, ...]:
     """Return the pseudo inputs that can be built from some channels.
 
+    Parameters
+    ----------
+    channels : iterable of str
+        Those that are measured.
+
     Examples
     --------
     >>> derivable(["phi", "theta", "psi"])[:3]

@@ -91,6 +91,12 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
 
     A missing sample makes the residuals that need it NaN, and no others.
 
+    Parameters
+    ----------
+    operator : Transmissibility
+    record : Record
+        With the operator's inputs and outputs, of its sample period.
+
     Raises
     ------
     InputError
@@ -125,6 +131,13 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
     """Return epsilon(k) = A(q) e(k), equation (3.67), of an operator that was identified with a noise model.
 
     It is white where the residual e(k) is coloured, and can be watched likewise; k = r+n..l-d.
+
+    Parameters
+    ----------
+    operator : Transmissibility
+        With a noise model.
+    record : Record
+        As for `residual`.
 
     Raises
     ------

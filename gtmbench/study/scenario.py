@@ -98,6 +98,11 @@ class Scenario:
 def load_scenario(source: str | Path) -> Scenario:
     """Read a scenario from a file, or one of the package's by name (``drift``).
 
+    Parameters
+    ----------
+    source : str or Path
+        A name that ``gtmbench list`` shows, or a file.
+
     Raises
     ------
     InputError

@@ -140,6 +140,11 @@ def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) ->
 def load_bank(source: str | Path) -> Bank:
     """Read a bank from a TOML file, or one of the package's by name (``C``).
 
+    Parameters
+    ----------
+    source : str or Path
+        A name that ``gtmbench list`` shows, or a file.
+
     Raises
     ------
     InputError
