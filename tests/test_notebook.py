@@ -81,6 +81,8 @@ def values(watched):
         "study": study(),
         "log": watched.log,
         "watched": watched,
+        "norm's monitor": trial.baseline.monitor,
+        "bank's monitor": watched.monitor,
     }
 
 
@@ -140,12 +142,16 @@ def test_a_studys_picture_has_a_mark_for_every_trial():
     assert [label.get_text() for label in axis.get_yticklabels()] == ["jam of p", "jam of altitude"]
 
 
-def test_everything_that_can_be_drawn_is_a_picture_in_a_notebook(watched):
+def test_everything_that_can_be_drawn_is_and_is_a_picture_in_a_notebook(watched):
     operator, record = study().baseline.monitor.operator, study().baseline.healthy
     left = gb.residual(operator, record)
-    drawn = {**values(watched), "residual": left, "norm": gb.windowed_norm(left, window=100)}
-    for name, value in drawn.items():
-        assert gb.plot(value)._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n", name
+    loop = gb.fly_in_loop(duration_s=3.0, faults=gb.SignFlip(channel="q", onset_s=1.0))
+    drawn = {**values(watched), "residual": left, "norm": gb.windowed_norm(left, window=100), "loop": loop}
+    figures = {name: gb.plot(value) for name, value in drawn.items() if "monitor" not in name}
+    assert len(figures) == 10
+    assert all(figure.axes for figure in figures.values())
+    for name in ("trial", "study"):  # the others differ in what is drawn, not in how it is shown
+        assert figures[name]._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(gb.InputError, match=r"^a int can't be drawn; give one of Record, "):
         gb.plot(3)
 

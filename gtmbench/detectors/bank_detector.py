@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
@@ -23,6 +24,7 @@ from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimator, Records, as_records
+from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, Record
 
@@ -81,6 +83,19 @@ class BankMonitor(CalibratedBank):
     def look_ahead_s(self) -> float:
         """How long after a sample the last of its residuals is judged."""
         return max(map(self.look_ahead_of, self.operators))
+
+    def _repr_html_(self) -> str:
+        asked, shown = (self.provenance.get(f"false_alarms_per_hour{end}") for end in ("", "_at_most"))
+        facts = {
+            "may name": ", ".join(self.suspects),
+            "look-ahead": f"{self.look_ahead_s:g} s, samples every {self.sample_period_s:g} s",
+            "false alarms an hour": f"{figure(asked)} asked for; at most {figure(shown)} shown at 95 %",
+        }
+        rows = [
+            (name, ", ".join(each.inputs), f"{figure(float(each.rms_residual[0]))} {unit_of(name)}".rstrip())
+            for name, each in self.operators.items()
+        ]
+        return card(f"Monitor: bank {self.name}", facts, columns=("residual of", "told from", "RMS"), rows=rows)
 
     @property
     def memory_s(self) -> float:

@@ -21,6 +21,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span, check_record
 
@@ -173,6 +174,14 @@ class NormMonitor:
 
     def __post_init__(self) -> None:
         number("threshold", self.threshold, 0.0, above=True)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "operator": self.operator.name,
+            "threshold": f"{figure(self.threshold)} {unit_of(self.operator.outputs[0])}".rstrip(),
+            "window": f"{self.window_s:g} s, look-ahead {self.look_ahead_s:g} s",
+        }
+        return card(f"Monitor: {self.name}, {SCORE}", facts)
 
     @property
     def channels(self) -> tuple[str, ...]:

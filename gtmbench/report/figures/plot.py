@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gtmbench.bench.loop import LoopFlight
 from gtmbench.channels import CHANNELS, Role, unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
@@ -39,6 +40,7 @@ _POINTS = 2000  # of a line: more than a panel has pixels
 _MOST_PANELS = 10
 _MOST_SENSORS = 4  # with a panel each, of those that are predicted
 _MOST_TRIALS = 45
+_MOST_EVENTS = 4  # that a title says
 _BEFORE_S, _AFTER_S = 15.0, 20.0  # of a trial, before the onset and after the decision
 
 
@@ -47,11 +49,11 @@ def plot(value: Any) -> Figure:
 
     Parameters
     ----------
-    value : Record, FlightLog, Transmissibility, Residual, WindowedNorm, Watch, Trial, Study, WatchedLog, OrderChoice, \
-ExcitationCount
-        A record shows its channels, those of one unit together; an operator its Markov parameters; a watch its scores
-        against their thresholds, alarms, and sensors beside what they should have read; a trial the same with the
-        onset; a study the delay of every trial.
+    value
+        A Record, FlightLog or LoopFlight shows its channels, those of one unit together; a Transmissibility its Markov
+        parameters; a Residual and a WindowedNorm themselves; a Watch its scores against their thresholds, its alarms,
+        and sensors beside what they should have read; a Trial the same about the onset; a Study the delay of every
+        trial; a WatchedLog what became of the log; an OrderChoice and an ExcitationCount what they were chosen from.
 
     Returns
     -------
@@ -89,6 +91,17 @@ def _records(records: Sequence[Record]) -> Figure:
         axis.set_ylabel(unit_of(names[0]))
     rest = sum(map(len, groups[_MOST_PANELS:]))
     _timed(figure, axes, f"{counted(rest, 'more channel')} not drawn" if rest else "")
+    return figure
+
+
+def _loop(flight: LoopFlight) -> Figure:
+    """Draw what the sensors read, with what happened in the loop."""
+    figure = _records([flight.readings(commands=True)])
+    for axis in figure.axes:
+        for event in flight.events:
+            axis.axvline(event.time_s, color=COLOURS["threshold"], lw=1.0)
+    told = [f"{event.kind} at {event.time_s:.2f} s" for event in flight.events[:_MOST_EVENTS]]
+    figure.suptitle(as_it_is("; ".join(told)), fontsize="medium")
     return figure
 
 
@@ -280,6 +293,7 @@ def _alarms_text(faults: Iterable[Alarm]) -> str:
 _DRAWN: Mapping[type, Callable[[Any], Figure]] = {
     Record: lambda record: _records([record]),
     FlightLog: lambda log: _records(log.segments),
+    LoopFlight: _loop,
     Transmissibility: markov_figure,
     Residual: _residuals,
     WindowedNorm: _norm,
