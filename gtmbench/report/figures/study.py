@@ -103,10 +103,11 @@ def markov_figure(operator: Transmissibility) -> Figure:
             band = parameters - 2.0 * error, parameters + 2.0 * error
             axis.fill_between(operator.lags, *band, color=colour(name, i), alpha=0.25, linewidth=0)
             axis.stem(operator.lags, parameters, linefmt=colour(name, i), markerfmt=".", basefmt="k-")
-            axis.set_title(f"{name} to {output}")
+            axis.set_title(as_it_is(f"{name} to {output}"))
             axis.set_xlabel("lag i (samples)")
             axis.set_ylabel(f"$H_i$ ({unit_of(output)} per {unit_of(name)})")
-    figure.suptitle(f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)")
+    title = f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)"
+    figure.suptitle(as_it_is(title))
     return figure
 
 
