@@ -52,10 +52,12 @@ def write_log(record: Record, path: str | Path) -> None:
     Examples
     --------
     >>> import tempfile
-    >>> record = Record([[1.5, 0.1], [2.5, 0.2]], channels=["p", "beta"], sample_period_s=0.01)
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[1.5, 0.1], [2.5, 0.2]], channels=["p", "beta"], sample_period_s=0.01)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_log(record, Path(folder, "log.csv"))
-    ...     print(Path(folder, "log.csv").read_text().splitlines()[0], read_log(Path(folder, "log.csv")))
+    ...     gb.write_log(record, Path(folder, "log.csv"))
+    ...     print(Path(folder, "log.csv").read_text().splitlines()[0], gb.read_log(Path(folder, "log.csv")))
     time_s,p_deg_s,beta_deg Record(2 samples, 0..0.01 s, every 0.01 s: p, beta)
     """
     path = Path(path)

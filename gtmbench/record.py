@@ -67,7 +67,8 @@ class Record:
 
     Examples
     --------
-    >>> record = Record([[1.0, 0.5], [2.0, 0.25]], channels=["p", "q"], sample_period_s=0.01)
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[1.0, 0.5], [2.0, 0.25]], channels=["p", "q"], sample_period_s=0.01)
     >>> len(record), record["q"], record.time_s
     (2, array([0.5 , 0.25]), array([0.  , 0.01]))
     """

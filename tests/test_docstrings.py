@@ -1,5 +1,8 @@
 """Every public name tells what it is and shows how it is used; the examples themselves run as doctests."""
 
+import ast
+import builtins
+import doctest
 import inspect
 import re
 
@@ -22,6 +25,19 @@ def test_every_public_name_has_an_example(name):
     assert ">>> " in section[1]
     if inspect.isfunction(getattr(gb, name)) and name not in SLOW:
         assert re.search(rf"\b{name}\b", section[1]), f"{name} isn't in its own example"
+
+
+@pytest.mark.parametrize("name", api.__all__)
+def test_every_example_can_be_pasted(name):
+    """It defines or imports all that it uses: doctests would find what stands in the module."""
+    examples = doctest.DocTestParser().get_examples(inspect.getdoc(TABLES.get(name, getattr(gb, name))))
+    nodes = list(ast.walk(ast.parse("".join(example.source for example in examples))))
+    used = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+    made = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    made |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    made |= {node.name for node in nodes if isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.ExceptHandler))}
+    made |= {alias.asname or alias.name for node in nodes if hasattr(node, "names") for alias in node.names}
+    assert used - made <= set(dir(builtins))
 
 
 @pytest.mark.parametrize("name", sorted(set(api.__all__) - set(TABLES)))

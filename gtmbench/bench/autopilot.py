@@ -43,8 +43,8 @@ class Autopilot:
     Examples
     --------
     >>> from dataclasses import replace
-    >>> from gtmbench.bench.fleet import load_aircraft
-    >>> own = load_aircraft("gtm").autopilot
+    >>> import gtmbench as gb
+    >>> own = gb.load_aircraft("gtm").autopilot
     >>> replace(own, psi_to_phi=0.0).reads
     ('p', 'q', 'r', 'phi', 'theta', 'tas', 'altitude')
     """

@@ -179,8 +179,8 @@ def fly_in_loop(
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import SignFlip
-    >>> flight = fly_in_loop(duration_s=4.0, faults=SignFlip(channel="q", onset_s=2.0))
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=4.0, faults=gb.SignFlip(channel="q", onset_s=2.0))
     >>> [event.kind for event in flight.events][:1], len(flight.sensed) == len(flight.truth)
     (['departure'], True)
     """

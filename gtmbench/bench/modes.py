@@ -71,7 +71,8 @@ def modes(
 
     Examples
     --------
-    >>> [mode.name for mode in modes("gtm")]
+    >>> import gtmbench as gb
+    >>> [mode.name for mode in gb.modes("gtm")]
     ['short period', 'roll', 'dutch roll', 'phugoid', 'spiral']
     """
     linear = linearised(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)

@@ -82,6 +82,10 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
 
     Examples
     --------
+    It flies for minutes (``gb.find_autopilot("c172x").autopilot``); what it begins with is there at once:
+
+    >>> from gtmbench.bench.modes import linearised
+    >>> from gtmbench.bench.tuning import similar_autopilot
     >>> similar = similar_autopilot(linearised("gtm"))
     >>> round(similar.theta_to_elevator, 1), round(similar.phi_to_aileron, 1)
     (0.8, 1.0)

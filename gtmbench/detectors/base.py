@@ -89,15 +89,17 @@ class SimpleDetector:
 
     Examples
     --------
-    >>> class Limit(SimpleDetector):
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> class Limit(gb.SimpleDetector):
     ...     name, channels, memory_s = "limit", ("p",), 0.0
     ...     def learn(self, records):
     ...         return {"p": max(np.abs(record["p"]).max() for record in records)}
     ...     def scores(self, record, learned):
     ...         return {"p": np.abs(record["p"]) / learned["p"]}
-    >>> healthy = Record([1.0, -2.0, 0.5], channels=["p"], sample_period_s=0.1)
+    >>> healthy = gb.Record([1.0, -2.0, 0.5], channels=["p"], sample_period_s=0.1)
     >>> monitor = Limit().calibrate([healthy])
-    >>> monitor.watch(Record([0.0, -2.0, 2.5], channels=["p"], sample_period_s=0.1)).alarm_s
+    >>> monitor.watch(gb.Record([0.0, -2.0, 2.5], channels=["p"], sample_period_s=0.1)).alarm_s
     0.2
     """
 

@@ -27,7 +27,8 @@ class Bias(Formula):
 
     Examples
     --------
-    >>> step = Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 2.0])]
     [1.0, 1.5, 2.5]
     """
@@ -51,7 +52,8 @@ class Drift(Formula):
 
     Examples
     --------
-    >>> step = Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 1.0])]
     [1.0, 1.0, 1.5]
     """
@@ -80,7 +82,8 @@ class Oscillation(Formula):
 
     Examples
     --------
-    >>> step = Oscillation(channel="p", onset_s=0.0, amplitude=2.0, frequency_hz=0.25).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Oscillation(channel="p", onset_s=0.0, amplitude=2.0, frequency_hz=0.25).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [1.0]), 9) for time_s in range(4)]
     [1.0, 3.0, 1.0, -1.0]
     """
@@ -113,7 +116,8 @@ class RandomWalk(Fault):
 
     Examples
     --------
-    >>> step = RandomWalk(channel="p", onset_s=1.0, gain=0.1).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.RandomWalk(channel="p", onset_s=1.0, gain=0.1).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [0.0]), 3) for time_s in range(5)]
     [0.0, 0.0, 0.136, 0.164, 0.086]
     """
@@ -150,7 +154,8 @@ class Noise(Formula):
 
     Examples
     --------
-    >>> step = Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [1.0]), 3) for time_s in range(4)]
     [1.0, 0.865, 1.097, 1.415]
     """
@@ -179,7 +184,8 @@ class Spikes(Formula):
 
     Examples
     --------
-    >>> step = Spikes(channel="p", onset_s=0.0, size=9.0, rate_hz=0.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Spikes(channel="p", onset_s=0.0, size=9.0, rate_hz=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [1.0]) for time_s in range(6)]
     [-8.0, 1.0, 10.0, 1.0, -8.0, 1.0]
     """
@@ -212,7 +218,8 @@ class GSensitivity(Formula):
 
     Examples
     --------
-    >>> step = GSensitivity(channel="p", onset_s=0.0, axis="nz", coefficient=0.1).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.GSensitivity(channel="p", onset_s=0.0, axis="nz", coefficient=0.1).stream(sample_period_s=1.0)
     >>> step(0.0, [1.0, 2.0])
     1.2
     """

@@ -284,9 +284,9 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import Jam
-    >>> record = Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
-    >>> inject(record, Jam(channel="p", onset_s=1.0))["p"]
+    >>> import gtmbench as gb
+    >>> record = gb.Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
+    >>> gb.inject(record, gb.Jam(channel="p", onset_s=1.0))["p"]
     array([3., 3., 3.])
     """
     for fault in [faults] if isinstance(faults, Fault) else faults:

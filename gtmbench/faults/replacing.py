@@ -22,7 +22,8 @@ class Dropout(Formula):
 
     Examples
     --------
-    >>> Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    >>> import gtmbench as gb
+    >>> gb.Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     nan
     """
 
@@ -44,7 +45,8 @@ class Stuck(Formula):
 
     Examples
     --------
-    >>> Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    >>> import gtmbench as gb
+    >>> gb.Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     0.0
     """
 
@@ -62,7 +64,8 @@ class Jam(Fault):
 
     Examples
     --------
-    >>> step = Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([3.0, 1.0, 2.0])]
     [3.0, 3.0, 3.0]
     """
@@ -99,7 +102,8 @@ class Hardover(Fault):
 
     Examples
     --------
-    >>> step = Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 2.0, 1.0, 2.0])]
     [1.0, -3.0, -5.0, -5.0]
     """
@@ -138,7 +142,8 @@ class Stale(Fault):
 
     Examples
     --------
-    >>> step = Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 3.0, 4.0])]
     [0.0, 1.0, 1.0, 3.0, 3.0]
     """
@@ -173,7 +178,8 @@ class Delay(Fault):
 
     Examples
     --------
-    >>> step = Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 4.0, 8.0])]
     [0.0, 0.0, 0.5, 1.5, 3.0]
     """
@@ -219,7 +225,8 @@ class Swap(Formula):
 
     Examples
     --------
-    >>> step = Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
     >>> step(0.0, [2.0, 5.0])
     5.0
     """

@@ -25,7 +25,8 @@ class ScaleFactor(Formula):
 
     Examples
     --------
-    >>> step = ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
     >>> step(0.0, [2.0])
     3.0
     """
@@ -44,7 +45,8 @@ class SignFlip(Formula):
 
     Examples
     --------
-    >>> SignFlip(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    >>> import gtmbench as gb
+    >>> gb.SignFlip(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     -2.0
     """
 
@@ -68,7 +70,8 @@ class Misalignment(Formula):
 
     Examples
     --------
-    >>> step = Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
     >>> round(step(0.0, [2.0, 5.0]), 9)
     5.0
     """
@@ -98,7 +101,8 @@ class Deadzone(Formula):
 
     Examples
     --------
-    >>> step = Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-2.0, 0.0, 2.0]
     """
@@ -122,7 +126,8 @@ class Saturation(Formula):
 
     Examples
     --------
-    >>> step = Saturation(channel="p", onset_s=0.0, limit=1.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Saturation(channel="p", onset_s=0.0, limit=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-1.0, 0.5, 1.0]
     """
@@ -148,7 +153,8 @@ class RateSaturation(Fault):
 
     Examples
     --------
-    >>> step = RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 3.0, 3.0])]
     [0.0, 2.0, 3.0]
     """
@@ -185,7 +191,8 @@ class Hysteresis(Fault):
 
     Examples
     --------
-    >>> step = Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 0.5, 3.0, 2.0, 0.0])]
     [0.0, 0.0, 2.0, 2.0, 1.0]
     """
@@ -219,7 +226,8 @@ class Quantisation(Formula):
 
     Examples
     --------
-    >>> step = Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
     >>> step(0.0, [0.7])
     0.5
     """
@@ -246,7 +254,8 @@ class Lag(Fault):
 
     Examples
     --------
-    >>> step = Lag(channel="p", onset_s=1.0, lag_s=2.0).stream(sample_period_s=1.0)
+    >>> import gtmbench as gb
+    >>> step = gb.Lag(channel="p", onset_s=1.0, lag_s=2.0).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [y]), 3) for time_s, y in enumerate([0.0, 1.0, 1.0, 1.0])]
     [0.0, 0.213, 0.523, 0.711]
     """

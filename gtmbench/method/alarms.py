@@ -34,7 +34,7 @@ class Alarms:
     >>> import numpy as np
     >>> import gtmbench as gb
     >>> norm = gb.WindowedNorm(
-    ...     values=np.array([0.1, 0.2, 3.0]), time_s=np.arange(3.0), window=0, look_ahead_s=0.5, sample_period_s=1.0
+    ...        values=np.array([0.1, 0.2, 3.0]), time_s=np.arange(3.0), window=0, look_ahead_s=0.5, sample_period_s=1.0
     ... )
     >>> found = gb.alarms(norm, threshold=1.0)
     >>> found.time_s.tolist(), found.armed_s
@@ -67,9 +67,11 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
 
     Examples
     --------
-    >>> norm = WindowedNorm(values=np.array([9.0, 1.0, 2.0]), time_s=np.arange(3.0), window=0,
-    ...                     look_ahead_s=0.0, sample_period_s=1.0)
-    >>> threshold(norm, start_s=1.0, end_s=2.0, factor=1.5)
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(values=np.array([9.0, 1.0, 2.0]), time_s=np.arange(3.0), window=0,
+    ...                        look_ahead_s=0.0, sample_period_s=1.0)
+    >>> gb.threshold(norm, start_s=1.0, end_s=2.0, factor=1.5)
     3.0
     """
     factor = number("factor", factor, 0.0, above=True)
@@ -134,9 +136,11 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
 
     Examples
     --------
-    >>> norm = WindowedNorm(values=np.array([0.0, 2.0, 2.0, 0.0, 2.0]), time_s=np.arange(5.0), window=0,
-    ...                     look_ahead_s=0.5, sample_period_s=1.0)
-    >>> alarms(norm, 1.0).time_s
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(values=np.array([0.0, 2.0, 2.0, 0.0, 2.0]), time_s=np.arange(5.0), window=0,
+    ...                        look_ahead_s=0.5, sample_period_s=1.0)
+    >>> gb.alarms(norm, 1.0).time_s
     array([1.5, 4.5])
     """
     threshold = number("threshold", threshold, 0.0, above=True)

@@ -245,8 +245,9 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
 
     Examples
     --------
-    >>> record = Record([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0]], channels=["phi", "theta"], sample_period_s=0.1)
-    >>> derive(record, ["phi_rate"])["phi_rate"]
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0]], channels=["phi", "theta"], sample_period_s=0.1)
+    >>> gb.derive(record, ["phi_rate"])["phi_rate"]
     array([nan,  3., nan])
     """
     check_record(record)
@@ -327,7 +328,8 @@ def derivable(channels: Iterable[str]) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> derivable(["phi", "theta", "psi"])[:3]
+    >>> import gtmbench as gb
+    >>> gb.derivable(["phi", "theta", "psi"])[:3]
     ('p_att', 'q_att', 'r_att')
     """
     return tuple(name for name in PSEUDO_INPUTS if raw_needs(name) <= set(channels))

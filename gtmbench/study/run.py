@@ -46,7 +46,8 @@ def run(
 
     Examples
     --------
-    >>> trials = run("jam")
+    >>> import gtmbench as gb
+    >>> trials = gb.run("jam")
     >>> [(trial.channel, trial.detected) for trial in trials]
     [('p', True), ('q', True), ('r', True)]
     """

@@ -110,7 +110,8 @@ def load_scenario(source: str | Path) -> Scenario:
 
     Examples
     --------
-    >>> scenario = load_scenario("drift")
+    >>> import gtmbench as gb
+    >>> scenario = gb.load_scenario("drift")
     >>> [(fault.kind, fault.channel, fault.onset_s) for fault in scenario.faults][0]
     ('drift', 'p', 300.0)
     """

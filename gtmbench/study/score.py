@@ -235,14 +235,12 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: 
 
     Examples
     --------
-    >>> from gtmbench.faults.fault import inject
-    >>> from gtmbench.faults.kinds import Drift
-    >>> from gtmbench.detectors.function import FunctionDetector
-    >>> healthy = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
-    >>> fault = Drift(channel="p", onset_s=1.0, slope=2.0)
-    >>> broken = inject(healthy, fault)
-    >>> limit = FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([healthy])
-    >>> verdict = score(limit.watch(broken), fault=fault, healthy=healthy, broken=broken)
+    >>> import gtmbench as gb
+    >>> healthy = gb.Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Drift(channel="p", onset_s=1.0, slope=2.0)
+    >>> broken = gb.inject(healthy, fault)
+    >>> limit = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([healthy])
+    >>> verdict = gb.score(limit.watch(broken), fault=fault, healthy=healthy, broken=broken)
     >>> verdict.detected, verdict.detection_delay_s, verdict.isolated
     (True, 2.0, None)
     """

@@ -152,7 +152,8 @@ def load_bank(source: str | Path) -> Bank:
 
     Examples
     --------
-    >>> bank = load_bank("C")
+    >>> import gtmbench as gb
+    >>> bank = gb.load_bank("C")
     >>> bank.channels
     ('p', 'q', 'r', 'phi', 'psi', 'theta')
     >>> bank.affects("psi")

@@ -90,8 +90,8 @@ def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> S
 
     Examples
     --------
-    >>> from gtmbench.detectors.bank.bank import load_bank
-    >>> matrix = signatures(load_bank("C"))
+    >>> import gtmbench as gb
+    >>> matrix = gb.signatures(gb.load_bank("C"))
     >>> matrix.pattern["p"], matrix.pattern["phi"]
     (('level', '', ''), ('slope', 'level', 'level'))
     >>> matrix.table().loc["psi"].tolist()

@@ -88,12 +88,13 @@ def select_inputs(
 
     Examples
     --------
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> values = rng.standard_normal((1000, 4))
     >>> values[:, 3] = values[:, 0] - 2.0 * np.roll(values[:, 2], 1) + 0.1 * values[:, 3]
-    >>> record = Record(values, channels=["a", "b", "c", "y"], sample_period_s=0.01)
-    >>> select_inputs(record, candidates=["a", "b", "c"], outputs=["y"], causal_order=2, noncausal_order=2).inputs
+    >>> record = gb.Record(values, channels=["a", "b", "c", "y"], sample_period_s=0.01)
+    >>> gb.select_inputs(record, candidates=["a", "b", "c"], outputs=["y"], causal_order=2, noncausal_order=2).inputs
     ('c', 'a')
     """
     u, y = operator_names(candidates, outputs)

@@ -225,7 +225,8 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
 
     Examples
     --------
-    >>> campaign = load_campaign("dissertation")
+    >>> import gtmbench as gb
+    >>> campaign = gb.load_campaign("dissertation")
     >>> campaign.flights, campaign.trials, campaign.detectors
     (1, 15, ('dissertation',))
     """

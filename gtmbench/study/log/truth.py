@@ -155,12 +155,14 @@ def score_log(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     log = Path(folder, "flight.csv")
     ...     _ = log.write_text("t [s],gyro_x (rad/s)\n" + "".join(f"{k / 100},0.5\n" for k in range(500)))
     ...     try:
-    ...         score_log(log)
-    ...     except InputError as error:
+    ...         gb.score_log(log)
+    ...     except gb.InputError as error:
     ...         print("a table tells of none" if "says of no failure" in str(error) else error)
     a table tells of none
     """

@@ -195,7 +195,8 @@ def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float
 
     Examples
     --------
-    >>> bank = bank_between(["p", "q", "beta"], ["r"])
+    >>> import gtmbench as gb
+    >>> bank = gb.bank_between(["p", "q", "beta"], ["r"])
     >>> bank.name, bank.suspects
     ('[p q beta] -> r', ('r', 'p', 'q', 'beta'))
     """
@@ -254,13 +255,14 @@ def watch_log(
     Examples
     --------
     >>> import tempfile
-    >>> from gtmbench.logs import write_log
-    >>> from gtmbench.record import Record
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
-    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_log(record, Path(folder, "flight.csv"))
-    ...     watched = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    ...     gb.write_log(record, Path(folder, "flight.csv"))
+    ...     watched = gb.watch_log(Path(folder, "flight.csv"), gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
     >>> watched.outcome, watched.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
