@@ -37,4 +37,5 @@ else:
         return stands_for
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__getattr__("__all__")})
+        """Return the public names only."""
+        return sorted(["__version__", *__getattr__("__all__")])

@@ -71,6 +71,7 @@ from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.progress import silent
 from gtmbench.record import Record
+from gtmbench.report.figures.plot import plot
 from gtmbench.report.fleet import watch_fleet
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
@@ -210,6 +211,7 @@ __all__ = [
     "modes",
     "open_log",
     "other_channel",
+    "plot",
     "random_seed",
     "read_log",
     "read_recording",

@@ -40,6 +40,15 @@ class Channel:
         Channel value = property value * scale.
     noise : float
         Standard deviation of the T2's sensor in ``unit``; 0 where there is no sensor.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> roll = gb.CHANNELS["p"]
+    >>> roll.unit, roll.meaning, roll.header, roll.noise
+    ('deg/s', 'roll rate', 'p_deg_s', 0.535)
+    >>> [name for name, channel in gb.CHANNELS.items() if channel.unit == "g"]
+    ['nx', 'ny', 'nz']
     """
 
     name: str

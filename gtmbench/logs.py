@@ -37,6 +37,12 @@ def check_log_path(path: Path) -> str:
 def write_log(record: Record, path: str | Path) -> None:
     """Write a record; `read_log` returns it with the same values, channels and times.
 
+    Parameters
+    ----------
+    record : Record
+    path : str or Path
+        Its ending says what is written: ``.csv`` or ``.parquet``.
+
     Raises
     ------
     InputError
@@ -46,10 +52,12 @@ def write_log(record: Record, path: str | Path) -> None:
     Examples
     --------
     >>> import tempfile
-    >>> record = Record([[1.5, 0.1], [2.5, 0.2]], channels=["p", "beta"], sample_period_s=0.01)
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[1.5, 0.1], [2.5, 0.2]], channels=["p", "beta"], sample_period_s=0.01)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_log(record, Path(folder, "log.csv"))
-    ...     print(Path(folder, "log.csv").read_text().splitlines()[0], read_log(Path(folder, "log.csv")))
+    ...     gb.write_log(record, Path(folder, "log.csv"))
+    ...     print(Path(folder, "log.csv").read_text().splitlines()[0], gb.read_log(Path(folder, "log.csv")))
     time_s,p_deg_s,beta_deg Record(2 samples, 0..0.01 s, every 0.01 s: p, beta)
     """
     path = Path(path)
@@ -78,11 +86,28 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, the stamps
     are only asked for the start: for logs whose stamps are rounded.
 
+    Parameters
+    ----------
+    path : str or Path
+        CSV or Parquet.
+    sample_period_s : float, optional
+        Ts, in seconds.
+
     Raises
     ------
     InputError
         Where the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
         missing or another one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import gtmbench as gb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(gb.fly("gtm", duration_s=1.0), f"{folder}/flight.csv")
+    ...     record = gb.read_log(f"{folder}/flight.csv")
+    >>> len(record), record.sample_period_s, record.channels[:3]
+    (101, 0.01, ('p', 'q', 'r'))
     """
     import pandas as pd
 

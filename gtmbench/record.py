@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtmbench.channels import CHANNELS, channel_of
+from gtmbench.channels import CHANNELS, channel_of, unit_of
 from gtmbench.checks import number
 from gtmbench.clock import FloatArray as FloatArray
 from gtmbench.clock import check_span, even_period_s, even_times_s, same_period
 from gtmbench.errors import InputError
+from gtmbench.notebook import card, figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +67,8 @@ class Record:
 
     Examples
     --------
-    >>> record = Record([[1.0, 0.5], [2.0, 0.25]], channels=["p", "q"], sample_period_s=0.01)
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[1.0, 0.5], [2.0, 0.25]], channels=["p", "q"], sample_period_s=0.01)
     >>> len(record), record["q"], record.time_s
     (2, array([0.5 , 0.25]), array([0.  , 0.01]))
     """
@@ -113,6 +115,15 @@ class Record:
             f"Record({len(self)} samples, {self.start_s:g}..{self.end_s:g} s, every {self.sample_period_s:g} s: "
             f"{', '.join(self.channels)})"
         )
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "samples": f"{len(self)}, every {self.sample_period_s:g} s",
+            "time": f"{self.start_s:g} to {self.end_s:g} s",
+        }
+        columns = ("channel", "unit", "least", "mean", "greatest", "deviation", "missing")
+        rows = [(name, unit_of(name), *_summary(self[name])) for name in self.channels]
+        return card("Record", facts, columns=columns, rows=rows)
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -265,6 +276,15 @@ class Record:
 
     def _with(self, values: FloatArray, channels: Sequence[str], start_s: float, there: BoolArray | None) -> Record:
         return Record(values, channels=channels, sample_period_s=self.sample_period_s, start_s=start_s, there=there)
+
+
+def _summary(channel: FloatArray) -> tuple[str, ...]:
+    """Return a channel's least, mean and greatest value, its deviation, and how many samples are missing, as words."""
+    there = channel[np.isfinite(channel)]
+    missing = str(len(channel) - len(there))
+    if not len(there):
+        return "-", "-", "-", "-", missing
+    return *(figure(float(each)) for each in (there.min(), there.mean(), there.max(), there.std())), missing
 
 
 def _mask(there: ArrayLike, values: FloatArray) -> BoolArray | None:

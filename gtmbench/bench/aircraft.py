@@ -56,6 +56,13 @@ class Aircraft:
         Its gains, where they are known.
     without_io : bool
         Whether the model's input and output sections are left out; else a model that has some is refused.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gtm = gb.load_aircraft("gtm")
+    >>> gtm.altitude_ft, gtm.tas_kt, gtm.limits["elevator"]
+    (8000.0, 100.58, (-30.0, 20.0))
     """
 
     name: str

@@ -62,9 +62,10 @@ def filtered_attitude(
 
     Examples
     --------
+    >>> import gtmbench as gb
     >>> level = {"p": 2.0, "q": 0.0, "r": 0.0, "phi": 0.0, "theta": 0.0, "psi": 45.0}  # p is off by 2 deg/s
-    >>> record = Record([list(level.values())] * 1001, channels=list(level), sample_period_s=0.01)
-    >>> attitude = filtered_attitude(record, time_constant_s=0.5, reference_noise_deg=0.0)
+    >>> record = gb.Record([list(level.values())] * 1001, channels=list(level), sample_period_s=0.01)
+    >>> attitude = gb.filtered_attitude(record, time_constant_s=0.5, reference_noise_deg=0.0)
     >>> attitude["phi"][[0, 50, 1000]].round(3), attitude["psi"][1000].round(3)
     (array([0.   , 0.628, 1.   ]), np.float64(45.0))
     """

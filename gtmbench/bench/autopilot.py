@@ -22,7 +22,7 @@ _MOST = 1e4  # a gain beyond is none that anybody means
 class Autopilot:
     """Gains and limits of a simple autopilot, which holds the altitude, speed and heading of the trim.
 
-    With e what is held less what is read, and everything about the trim,
+    With e what is held less what is read, and everything about the trim::
 
         elevator = q_to_elevator_s q + theta_to_elevator (theta - theta_c),
         theta_c  = altitude_to_theta_deg_ft e_altitude + altitude_integral_deg_ft_s int e_altitude,
@@ -43,8 +43,8 @@ class Autopilot:
     Examples
     --------
     >>> from dataclasses import replace
-    >>> from gtmbench.bench.fleet import load_aircraft
-    >>> own = load_aircraft("gtm").autopilot
+    >>> import gtmbench as gb
+    >>> own = gb.load_aircraft("gtm").autopilot
     >>> replace(own, psi_to_phi=0.0).reads
     ('p', 'q', 'r', 'phi', 'theta', 'tas', 'altitude')
     """

@@ -32,7 +32,15 @@ _DECIMALS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Trim:
-    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names."""
+    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> level = gb.trim("gtm")
+    >>> round(level.tas_kt, 2), round(level.alpha_deg, 1), round(level.commands["throttle"])
+    (100.58, 3.0, 21)
+    """
 
     altitude_ft: float
     eas_kt: float

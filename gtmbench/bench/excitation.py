@@ -18,7 +18,18 @@ from gtmbench.record import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Excitation:
-    """Surface deflections about trim in degrees, by channel, and whether the air is turbulent."""
+    """Surface deflections about trim in degrees, by channel, and whether the air is turbulent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> time_s = np.arange(0.0, 5.0, 0.01)
+    >>> kick = gb.Excitation(surfaces={"rudder": np.where((time_s >= 1.0) & (time_s < 1.5), 2.0, 0.0)})
+    >>> flight = gb.fly("gtm", kick, duration_s=4.99)
+    >>> float(np.ptp(flight["rudder"])), bool(np.abs(flight["r"]).max() > 1.0)
+    (2.0, True)
+    """
 
     surfaces: dict[str, FloatArray] = field(default_factory=dict)
     turbulence: bool = False

@@ -40,6 +40,12 @@ def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> A
     ------
     InputError
         Where there is no such aircraft, or its facts are incomplete.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.load_aircraft("gtm").title
+    'NASA Generic Transport Model T2 (5.5 % scale)'
     """
     if isinstance(name, Aircraft):
         return replace(name, without_io=name.without_io or without_io)

@@ -58,7 +58,8 @@ def fly(
 
     Examples
     --------
-    >>> flight = fly(duration_s=2.0)
+    >>> import gtmbench as gb
+    >>> flight = gb.fly(duration_s=2.0)
     >>> len(flight), flight["nz"][0].round(1)
     (201, np.float64(1.0))
     """

@@ -41,7 +41,8 @@ class Imperfections:
 
     Examples
     --------
-    >>> str(Imperfections(bias=0.5, lag_s=0.005)), str(Imperfections())
+    >>> import gtmbench as gb
+    >>> str(gb.Imperfections(bias=0.5, lag_s=0.005)), str(gb.Imperfections())
     ('bias 0.5, lag 0.005 s', 'perfect')
     """
 
@@ -95,8 +96,9 @@ def imperfect(
 
     Examples
     --------
-    >>> record = Record([0.3, 0.6, 0.9], channels=["p"], sample_period_s=0.01)
-    >>> imperfect(record, Imperfections(quantum=0.5), channels=["p"])["p"]
+    >>> import gtmbench as gb
+    >>> record = gb.Record([0.3, 0.6, 0.9], channels=["p"], sample_period_s=0.01)
+    >>> gb.imperfect(record, gb.Imperfections(quantum=0.5), channels=["p"])["p"]
     array([0.5, 0.5, 1. ])
     """
     check_record(record)

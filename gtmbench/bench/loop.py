@@ -51,6 +51,14 @@ class LoopEvent:
     channel : str
     value : float or None
         Of the channel, in its unit, where it matters.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=4.0, faults=gb.SignFlip(channel="q", onset_s=2.0))
+    >>> event = flight.events[0]
+    >>> event.kind, 2.0 < event.time_s < 4.0
+    ('departure', True)
     """
 
     time_s: float
@@ -71,6 +79,15 @@ class LoopFlight:
         What the sensors read, noise and faults included, before any accommodation.
     events : tuple of LoopEvent
         In the order of their times.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=2.0)
+    >>> flight.departed_s is None, len(flight.truth) == len(flight.sensed)
+    (True, True)
+    >>> [name for name in flight.readings(commands=True).channels if name not in flight.sensed]
+    ['elevator', 'aileron', 'rudder', 'throttle']
     """
 
     truth: Record = field(repr=False)
@@ -96,7 +113,18 @@ def departed_s(events: Sequence[LoopEvent]) -> float | None:
 
 
 class Accommodation(Protocol):
-    """What stands between the sensors and the autopilot, and may put other readings in the place of bad ones."""
+    """What stands between the sensors and the autopilot, and may put other readings in the place of bad ones.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> class Untouched:
+    ...     def start(self, sample_period_s, tell):
+    ...         return lambda time_s, readings: readings  # the autopilot gets what the sensors read
+    >>> flight = gb.fly_in_loop(duration_s=1.0, accommodate=Untouched())
+    >>> flight.events
+    ()
+    """
 
     def start(self, sample_period_s: float, tell: Tell) -> HandOn:
         """Begin a flight anew.
@@ -151,8 +179,8 @@ def fly_in_loop(
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import SignFlip
-    >>> flight = fly_in_loop(duration_s=4.0, faults=SignFlip(channel="q", onset_s=2.0))
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=4.0, faults=gb.SignFlip(channel="q", onset_s=2.0))
     >>> [event.kind for event in flight.events][:1], len(flight.sensed) == len(flight.truth)
     (['departure'], True)
     """

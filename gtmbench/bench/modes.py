@@ -32,6 +32,13 @@ class Mode:
     """One mode: an eigenvalue (the upper one of a pair) with its natural frequency and damping ratio.
 
     ``time_constant_s`` is -1/Re of the eigenvalue: negative where the mode grows.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> short_period = gb.modes("gtm")[0]
+    >>> short_period.name, round(short_period.natural_frequency_rad_s, 1), round(short_period.damping, 2)
+    ('short period', 7.7, 0.43)
     """
 
     name: str
@@ -50,6 +57,13 @@ def modes(
     The eigenvalues of the state matrix of u, v, w, p, q, r, phi and theta, by central differences of the nonlinear
     model; surfaces, engines and altitude stand still. Another condition than the aircraft's own as for `trim`.
 
+    Parameters
+    ----------
+    aircraft : str, Path or Aircraft
+        As `trim` takes it.
+    altitude_ft, tas_kt : float, optional
+        Another condition than the aircraft's own.
+
     Raises
     ------
     TrimError
@@ -57,7 +71,8 @@ def modes(
 
     Examples
     --------
-    >>> [mode.name for mode in modes("gtm")]
+    >>> import gtmbench as gb
+    >>> [mode.name for mode in gb.modes("gtm")]
     ['short period', 'roll', 'dutch roll', 'phugoid', 'spiral']
     """
     linear = linearised(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)

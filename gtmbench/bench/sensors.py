@@ -49,8 +49,10 @@ def measure(
 
     Examples
     --------
-    >>> truth = Record(np.sin(np.arange(1000) / 50), channels=["p"], sample_period_s=0.01)
-    >>> added = measure(truth, snr=50, seed=1)["p"] - truth["p"]
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> truth = gb.Record(np.sin(np.arange(1000) / 50), channels=["p"], sample_period_s=0.01)
+    >>> added = gb.measure(truth, snr=50, seed=1)["p"] - truth["p"]
     >>> bool(0.9 < np.std(added) / (np.std(truth["p"]) / 50) < 1.1)
     True
     """

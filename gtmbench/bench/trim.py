@@ -32,7 +32,8 @@ def trim(
 
     Examples
     --------
-    >>> level = trim("gtm")
+    >>> import gtmbench as gb
+    >>> level = gb.trim("gtm")
     >>> round(level.alpha_deg, 1), round(level.elevator_deg, 1)
     (3.0, 2.7)
     """

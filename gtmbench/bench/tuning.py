@@ -43,6 +43,13 @@ class Tuned:
     autopilot : Autopilot
     altitude_off_ft, tas_off_kt, bank_deg : float
         The most that altitude and speed were off the trim, and the most bank, either way.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gains = gb.Autopilot(**vars(gb.load_aircraft("gtm").autopilot))
+    >>> gb.Tuned(autopilot=gains, altitude_off_ft=31.0, tas_off_kt=2.4, bank_deg=4.2).altitude_off_ft
+    31.0
     """
 
     autopilot: Autopilot
@@ -75,6 +82,10 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
 
     Examples
     --------
+    It flies for minutes (``gb.find_autopilot("c172x").autopilot``); what it begins with is there at once:
+
+    >>> from gtmbench.bench.modes import linearised
+    >>> from gtmbench.bench.tuning import similar_autopilot
     >>> similar = similar_autopilot(linearised("gtm"))
     >>> round(similar.theta_to_elevator, 1), round(similar.phi_to_aileron, 1)
     (0.8, 1.0)

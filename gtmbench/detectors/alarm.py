@@ -39,6 +39,14 @@ class Judgement:
         What may have raised the alarm though no sensor failed; empty where one must have.
     imu : str
         Of which IMU `sensor` is, where a log has several.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> early = gb.Judgement(time_s=12.5, sensor=None, candidates=("p", "phi"), reason="both explain it")
+    >>> late = gb.Judgement(time_s=20.0, sensor="p", candidates=("p",), kind="bias", parameters={"size": 2.1})
+    >>> early.verdict, late.verdict
+    ('undecided: p or phi', 'p failed')
     """
 
     time_s: float
@@ -97,6 +105,14 @@ class Alarm:
         When the fault had gone; None while it lasts, or where that isn't told.
     end_known_s : float or None
         When that was known, so that watching goes on; None while it isn't.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> named = gb.Judgement(time_s=12.9, sensor="p", candidates=("p",), kind="bias")
+    >>> alarm = gb.Alarm(number=0, time_s=12.4, onset_s=12.0, source="p", judgements=(named,))
+    >>> alarm.verdict, alarm.sensor, alarm.isolated_s
+    ('p failed', 'p', 12.9)
     """
 
     number: int
@@ -181,6 +197,18 @@ class Alarm:
     residual = renamed("Finding.residual", "source")
     series = renamed("Finding.series", "test")
     resumed_s = renamed("Finding.resumed_s", "end_known_s")
+
+
+SAID = ("alarm (s)", "onset (s)", "of", "said")  # what `said_of` says, column by column
+
+
+def said_of(alarms: Iterable[Alarm]) -> list[tuple[str, str, str, str]]:
+    """Return what is said of each alarm as words, a row each, for a notebook.
+
+    >>> said_of([Alarm(number=0, time_s=2.5, onset_s=2.0, source="p")])
+    [('2.50', '2.00', 'p', 'alarm')]
+    """
+    return [(f"{alarm.time_s:.2f}", f"{alarm.onset_s:.2f}", alarm.source, alarm.verdict) for alarm in alarms]
 
 
 def alarms_at(rises: Iterable[tuple[float, str]], first: int = 0) -> tuple[Alarm, ...]:

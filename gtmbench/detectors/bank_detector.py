@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
@@ -23,6 +24,7 @@ from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimator, Records, as_records
+from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, Record
 
@@ -47,7 +49,20 @@ class BankWatch(Watch):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankMonitor(CalibratedBank):
-    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds."""
+    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((6000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> monitor = gb.calibrate(record.between(0, 120), bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> broken = gb.inject(record.between(120, 239), gb.Noise(channel="q", onset_s=180.0, deviation=2.0))
+    >>> alarm = monitor.watch(broken).faults[0]
+    >>> alarm.source, 180.0 < alarm.time_s < 182.0
+    ('q', True)
+    """
 
     @property
     def name(self) -> str:
@@ -68,6 +83,19 @@ class BankMonitor(CalibratedBank):
     def look_ahead_s(self) -> float:
         """How long after a sample the last of its residuals is judged."""
         return max(map(self.look_ahead_of, self.operators))
+
+    def _repr_html_(self) -> str:
+        asked, shown = (self.provenance.get(f"false_alarms_per_hour{end}") for end in ("", "_at_most"))
+        facts = {
+            "may name": ", ".join(self.suspects),
+            "look-ahead": f"{self.look_ahead_s:g} s, samples every {self.sample_period_s:g} s",
+            "false alarms an hour": f"{figure(asked)} asked for; at most {figure(shown)} shown at 95 %",
+        }
+        rows = [
+            (name, ", ".join(each.inputs), f"{figure(float(each.rms_residual[0]))} {unit_of(name)}".rstrip())
+            for name, each in self.operators.items()
+        ]
+        return card(f"Monitor: bank {self.name}", facts, columns=("residual of", "told from", "RMS"), rows=rows)
 
     @property
     def memory_s(self) -> float:
@@ -158,6 +186,18 @@ class BankDetector:
     Parameters
     ----------
     bank : Bank
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> healthy = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> detector = gb.BankDetector(bank=gb.bank_between(["p"], ["q"]))
+    >>> detector.channels
+    ('q', 'p')
+    >>> detector.calibrate([healthy], 1.0).suspects  # at most one false alarm an hour is wanted
+    ('q', 'p')
     """
 
     bank: Bank
@@ -230,6 +270,16 @@ def calibrate(
     ------
     InputError
         Where channels are missing or constant, or the records too short.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
+    >>> healthy = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> monitor = gb.calibrate(healthy, bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> monitor.operators["q"].name, monitor.watch(healthy).faults
+    ('[p] -> q', ())
     """
     calibrated = calibrate_bank(
         as_records(records),

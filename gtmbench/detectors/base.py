@@ -32,6 +32,21 @@ class BaseMonitor:
     ----------
     suspects, sample_period_s, look_ahead_s, memory_s, provenance
         As `Monitor` has them: nobody, any, none, everything, nothing.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True)
+    ... class Silent(gb.BaseMonitor):
+    ...     name: str = "silent"
+    ...     channels: tuple = ("p",)
+    ...
+    ...     def watch(self, record):
+    ...         return gb.Watch(monitor=self, record=record, alarms=())
+    >>> record = gb.Record([0.0, 1.0], channels=["p"], sample_period_s=0.01)
+    >>> Silent().watch(record).alarms, Silent().stream().push(record)
+    ((), ())
     """
 
     name: str
@@ -74,15 +89,17 @@ class SimpleDetector:
 
     Examples
     --------
-    >>> class Limit(SimpleDetector):
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> class Limit(gb.SimpleDetector):
     ...     name, channels, memory_s = "limit", ("p",), 0.0
     ...     def learn(self, records):
     ...         return {"p": max(np.abs(record["p"]).max() for record in records)}
     ...     def scores(self, record, learned):
     ...         return {"p": np.abs(record["p"]) / learned["p"]}
-    >>> healthy = Record([1.0, -2.0, 0.5], channels=["p"], sample_period_s=0.1)
+    >>> healthy = gb.Record([1.0, -2.0, 0.5], channels=["p"], sample_period_s=0.1)
     >>> monitor = Limit().calibrate([healthy])
-    >>> monitor.watch(Record([0.0, -2.0, 2.5], channels=["p"], sample_period_s=0.1)).alarm_s
+    >>> monitor.watch(gb.Record([0.0, -2.0, 2.5], channels=["p"], sample_period_s=0.1)).alarm_s
     0.2
     """
 

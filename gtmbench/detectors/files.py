@@ -63,14 +63,13 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     --------
     >>> import tempfile
     >>> import numpy as np
-    >>> from gtmbench.detectors.bank.bank import load_bank
-    >>> from gtmbench.detectors.bank_detector import calibrate
-    >>> from gtmbench.record import Record
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((9000, 4))
-    >>> record = Record(noise, channels=["p", "q", "r", "beta"], sample_period_s=0.1)
+    >>> record = gb.Record(noise, channels=["p", "q", "r", "beta"], sample_period_s=0.1)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_monitor(calibrate(record, bank=load_bank("paper")), Path(folder, "monitor.json"))
-    ...     load_monitor(Path(folder, "monitor.json")).operators["r"]
+    ...     gb.save_monitor(gb.calibrate(record, bank=gb.load_bank("paper")), Path(folder, "monitor.json"))
+    ...     gb.load_monitor(Path(folder, "monitor.json")).operators["r"]
     Transmissibility([p q beta] -> r, lags -5..5, rank 33 of 33, condition nan)
     """
     path = Path(path)
@@ -98,6 +97,21 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     ------
     InputError
         Naming the file, the key, what stands there and what should.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import gtmbench as gb
+    >>> import numpy as np
+    >>> u = np.random.default_rng(1).standard_normal(2000)
+    >>> record = gb.Record(np.column_stack([u, 2.0 * u + np.roll(u, 9)]), channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([record, record])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.save_monitor(monitor, f"{folder}/mine.json")
+    ...     again = gb.load_monitor(f"{folder}/mine.json")
+    >>> again.threshold == monitor.threshold
+    True
     """
     path = Path(path)
     try:

@@ -36,6 +36,16 @@ class FunctionDetector:
         That it needs; empty: it is asked to say so itself.
     memory_s : float
         How far before its time an alarm looks back.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def limit(record):
+    ...     return record.time_s[record["p"] > 4.0][:1]  # when p is first above 4 deg/s
+    >>> monitor = gb.FunctionDetector(limit, channels=("p",)).calibrate()
+    >>> record = gb.Record([1.0, 2.0, 5.0, 6.0], channels=["p"], sample_period_s=1.0)
+    >>> monitor.name, monitor.watch(record).alarm_s
+    ('limit', 2.0)
     """
 
     function: Function

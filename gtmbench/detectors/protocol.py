@@ -15,7 +15,8 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 
 from gtmbench.deprecation import renamed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, FloatArray, Record
 
@@ -25,7 +26,18 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 
 @runtime_checkable
 class Stream(Protocol):
-    """A monitor at work on samples as they come in; memory and time a sample don't grow."""
+    """A monitor at work on samples as they come in; memory and time a sample don't grow.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def limit(record):
+    ...     return record.time_s[record["p"] > 4.0][:1]  # when p is first above 4 deg/s
+    >>> stream = gb.FunctionDetector(limit, channels=("p",)).calibrate().stream()
+    >>> flight = gb.Record([1.0, 2.0, 5.0, 6.0], channels=["p"], sample_period_s=1.0)
+    >>> [alarm.time_s for half in (flight.between(0, 1), flight.between(2, 3)) for alarm in stream.push(half)]
+    [2.0]
+    """
 
     @property
     def armed(self) -> Mapping[str, bool]:
@@ -69,6 +81,13 @@ class Monitor(Protocol):
     Notes
     -----
     A method `trials(record)` may be there, too, where it is quicker than watching (`gtmbench.detectors.trials`).
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> monitor = gb.FunctionDetector(lambda record: [], name="never").calibrate()
+    >>> isinstance(monitor, gb.Monitor), monitor.name, monitor.suspects
+    (True, 'never', ())
     """
 
     @property
@@ -108,6 +127,12 @@ class Detector(Protocol):
     tied_to_excitation : bool
         Whether it learns what excites its records, as an operator from gyros to gyros does: a study then calibrates it
         on two healthy records of its own flight (other noise), not on flights that shake everything. May be left out.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> isinstance(gb.DissertationOperator(), gb.Detector), isinstance(gb.FunctionDetector(len), gb.Detector)
+    (True, True)
     """
 
     @property
@@ -172,6 +197,16 @@ class Score:
         alarm: there it can't tell.
     disarmed_s : float or None
         Since when a judgement keeps it from alarming, to the record's end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> level = gb.Score(
+    ...     name="p", values=np.array([0.5, 0.8, 2.0]), known_s=np.array([0.0, 1.0, 2.0]), armed=np.ones(3, dtype=bool)
+    ... )
+    >>> level.threshold, level.armed_s, level.peak(), level.peak(from_s=5.0)
+    (1.0, 0.0, 2.0, 0.0)
     """
 
     name: str
@@ -221,6 +256,16 @@ class Watch:
     widening : mapping of sensor to array of shape (samples,)
         By which what is normal of a residual is widened, where the motion is beyond what identification held; 1 where
         nothing is. Empty where that doesn't arise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def limit(record):
+    ...     return record.time_s[record["p"] > 4.0][:1]  # when p is first above 4 deg/s
+    >>> record = gb.Record([1.0, 2.0, 5.0, 6.0], channels=["p"], sample_period_s=1.0)
+    >>> said = gb.FunctionDetector(limit).calibrate().watch(record)
+    >>> said.alarm_s, [alarm.source for alarm in said.faults]
+    (2.0, ['limit'])
     """
 
     monitor: Monitor
@@ -230,6 +275,15 @@ class Watch:
     residuals: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     predictions: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
+
+    def _repr_html_(self) -> str:
+        record, faults = self.record, self.faults
+        facts = {
+            "record": f"{record.start_s:g} to {record.end_s:g} s, {len(record)} samples",
+            "watched": f"{3600.0 * self.armed_hours:.1f} s",
+            "alarms": f"{len(self.alarms)}" + (f", of {len(faults)} faults" if len(faults) < len(self.alarms) else ""),
+        }
+        return card(f"Watch by {self.monitor.name}", facts, columns=SAID, rows=said_of(faults))
 
     @property
     def faults(self) -> tuple[Alarm, ...]:
@@ -282,9 +336,24 @@ class Watch:
 def watch(monitor: Monitor, record: Record) -> Watch:
     """Watch a record with a monitor, as its own `watch` does.
 
+    Parameters
+    ----------
+    monitor : Monitor
+    record : Record
+        With the monitor's channels.
+
     Raises
     ------
     InputError
         Where the record lacks a channel of the monitor or has another sample period.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def limit(record):
+    ...     return record.time_s[record["p"] > 4.0][:1]  # when p is first above 4 deg/s
+    >>> record = gb.Record([1.0, 2.0, 5.0, 6.0], channels=["p"], sample_period_s=1.0)
+    >>> gb.watch(gb.FunctionDetector(limit).calibrate(), record).alarm_s
+    2.0
     """
     return monitor.watch(record)

@@ -45,9 +45,10 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
 
     Examples
     --------
-    >>> find_detector("C").channels
+    >>> import gtmbench as gb
+    >>> gb.find_detector("C").channels
     ('p', 'q', 'r', 'phi', 'psi', 'theta')
-    >>> find_detector("dissertation").outputs
+    >>> gb.find_detector("dissertation").outputs
     ('r',)
     """
     detector = _python(str(source)) if is_python(source) else for_data_file(source)

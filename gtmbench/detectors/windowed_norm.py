@@ -21,6 +21,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span, check_record
 
@@ -43,6 +44,21 @@ class DissertationOperator:
         Times the greatest E(k) of the healthy record.
     identify_s, threshold_s : (start, end), optional
         The parts of the two records that are used (k Ts of windows, for the threshold); all of them unless told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(2000)
+    >>> def sensed():
+    ...     values = np.column_stack([u, 2.0 * u]) + 0.01 * rng.standard_normal((2000, 2))
+    ...     return gb.Record(values, channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([sensed(), sensed()])
+    >>> broken = gb.inject(sensed(), gb.Bias(channel="r", onset_s=10.0, size=0.5))
+    >>> 10.0 < monitor.watch(broken).alarm_s < 10.1
+    True
     """
 
     inputs: tuple[str, ...] = ("p", "q", "beta")
@@ -129,9 +145,25 @@ class NormMonitor:
     ----------
     operator : Transmissibility
     window : int
-        w.
+        w of (4.12), in samples.
     threshold : float
         Of E(k), in the outputs' unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(2000)
+    >>> def sensed():
+    ...     values = np.column_stack([u, 2.0 * u]) + 0.01 * rng.standard_normal((2000, 2))
+    ...     return gb.Record(values, channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> monitor = recipe.calibrate([sensed(), sensed()])
+    >>> monitor.operator.name, monitor.look_ahead_s, monitor.window_s
+    ('[p] -> r', 0.02, 1.01)
+    >>> monitor.watch(sensed()).alarms
+    ()
     """
 
     name: str
@@ -142,6 +174,14 @@ class NormMonitor:
 
     def __post_init__(self) -> None:
         number("threshold", self.threshold, 0.0, above=True)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "operator": self.operator.name,
+            "threshold": f"{figure(self.threshold)} {unit_of(self.operator.outputs[0])}".rstrip(),
+            "window": f"{self.window_s:g} s, look-ahead {self.look_ahead_s:g} s",
+        }
+        return card(f"Monitor: {self.name}, {SCORE}", facts)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -160,7 +200,7 @@ class NormMonitor:
 
     @property
     def look_ahead_s(self) -> float:
-        """D Ts."""
+        """How long after a sample its residual exists: d Ts, in seconds."""
         return round(self.operator.look_ahead_s, 9)
 
     @property

@@ -20,7 +20,15 @@ from gtmbench.record import FloatArray
 class Bias(Formula):
     """A step: y + size.
 
-    >>> step = Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    size : float
+        What is added, in the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Bias(channel="p", onset_s=1.0, size=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 2.0])]
     [1.0, 1.5, 2.5]
     """
@@ -37,7 +45,15 @@ class Bias(Formula):
 class Drift(Formula):
     """A ramp is added: y + slope (t - onset). Section 4.4 takes 0.05 deg/s2 on a rate gyro.
 
-    >>> step = Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    slope : float
+        In the channel's unit per second.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Drift(channel="p", onset_s=1.0, slope=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 1.0, 1.0])]
     [1.0, 1.0, 1.5]
     """
@@ -54,7 +70,20 @@ class Drift(Formula):
 class Oscillation(Formula):
     """A sine is added: y + amplitude sin(2 pi frequency_hz (t - onset) + phase_deg); or it `replaces` the signal.
 
-    >>> step = Oscillation(channel="p", onset_s=0.0, amplitude=2.0, frequency_hz=0.25).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    amplitude : float
+        In the channel's unit.
+    frequency_hz : float
+    phase_deg : float, optional
+        At the onset.
+    replaces : bool, optional
+        Whether the sine takes the signal's place; left out, it is added.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Oscillation(channel="p", onset_s=0.0, amplitude=2.0, frequency_hz=0.25).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [1.0]), 9) for time_s in range(4)]
     [1.0, 3.0, 1.0, -1.0]
     """
@@ -78,7 +107,17 @@ class RandomWalk(Fault):
 
     After T seconds w has a standard deviation of gain sqrt(T).
 
-    >>> step = RandomWalk(channel="p", onset_s=1.0, gain=0.1).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    gain : float
+        In the channel's unit per sqrt(s).
+    seed : int, optional
+        Of what is drawn.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.RandomWalk(channel="p", onset_s=1.0, gain=0.1).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [0.0]), 3) for time_s in range(5)]
     [0.0, 0.0, 0.136, 0.164, 0.086]
     """
@@ -106,7 +145,17 @@ class RandomWalk(Fault):
 class Noise(Formula):
     """White noise is added: y + deviation n(k), n standard normal.
 
-    >>> step = Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation, in the channel's unit.
+    seed : int, optional
+        Of what is drawn.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Noise(channel="p", onset_s=1.0, deviation=0.5).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [1.0]), 3) for time_s in range(4)]
     [1.0, 0.865, 1.097, 1.415]
     """
@@ -124,7 +173,19 @@ class Noise(Formula):
 class Spikes(Formula):
     """Single samples are off by +size or -size, each sample with probability rate_hz Ts: rate_hz spikes a second.
 
-    >>> step = Spikes(channel="p", onset_s=0.0, size=9.0, rate_hz=0.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    size : float
+        In the channel's unit.
+    rate_hz : float
+        How many a second.
+    seed : int, optional
+        Of what is drawn.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Spikes(channel="p", onset_s=0.0, size=9.0, rate_hz=0.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [1.0]) for time_s in range(6)]
     [-8.0, 1.0, 10.0, 1.0, -8.0, 1.0]
     """
@@ -148,7 +209,17 @@ class GSensitivity(Formula):
 
     At rest that is 1 g along the vertical: the bias that it brings belongs to the fault.
 
-    >>> step = GSensitivity(channel="p", onset_s=0.0, axis="nz", coefficient=0.1).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    axis : str
+        The accelerometer: nx, ny or nz.
+    coefficient : float
+        In the channel's unit per g.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.GSensitivity(channel="p", onset_s=0.0, axis="nz", coefficient=0.1).stream(sample_period_s=1.0)
     >>> step(0.0, [1.0, 2.0])
     1.2
     """

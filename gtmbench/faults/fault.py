@@ -55,6 +55,17 @@ class Fault:
     intermittent : Intermittent or None
         When it is on in between; None: always. Each time, it begins anew from the last healthy sample; time since the
         onset and what is drawn run on in the pauses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> record = gb.Record(np.zeros(6), channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Bias(channel="p", onset_s=1.0, duration_s=3.0, ramp_s=2.0, size=4.0)  # it comes in over 2 s
+    >>> gb.inject(record, fault)["p"]
+    array([0., 0., 2., 4., 0., 0.])
+    >>> fault.kind, fault.severities, fault.changes
+    ('bias', {'size': 4.0}, ('p',))
     """
 
     kind: ClassVar[str]
@@ -260,6 +271,12 @@ def check_unit(what: str, channel: str, unit: str) -> None:
 def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     """Return the record with one or several faults, applied one after the other.
 
+    Parameters
+    ----------
+    record : Record
+    faults : Fault or sequence of Fault
+        Each acts on what those before it left.
+
     Raises
     ------
     InputError
@@ -267,9 +284,9 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import Jam
-    >>> record = Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
-    >>> inject(record, Jam(channel="p", onset_s=1.0))["p"]
+    >>> import gtmbench as gb
+    >>> record = gb.Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
+    >>> gb.inject(record, gb.Jam(channel="p", onset_s=1.0))["p"]
     array([3., 3., 3.])
     """
     for fault in [faults] if isinstance(faults, Fault) else faults:

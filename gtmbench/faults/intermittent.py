@@ -40,7 +40,8 @@ class Intermittent:
     Examples
     --------
     >>> import numpy as np
-    >>> Intermittent(period_s=2.0, duty=0.5).is_on(np.arange(5.0))
+    >>> import gtmbench as gb
+    >>> gb.Intermittent(period_s=2.0, duty=0.5).is_on(np.arange(5.0))
     array([ True, False,  True, False,  True])
     """
 

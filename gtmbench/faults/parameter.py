@@ -101,6 +101,17 @@ def severity(
         What it may be: low..high, with `above` more than low.
     default
         What it is when nothing is said; left out: it must be given.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Step(gb.Fault):
+    ...     kind = "step"
+    ...     size: float = gb.severity(low=0.0)
+    >>> Step(channel="p", onset_s=1.0, size=2.0).severities
+    {'size': 2.0}
     """
     limits = {"low": low, "high": high, "above": above}
     told = {"is_severity": True, "per": "s" if per_second else per, "unit": unit}
@@ -110,21 +121,78 @@ def severity(
 def setting(
     *, unit: str, low: float = -math.inf, high: float = math.inf, above: bool = False, default: Any = MISSING
 ) -> Any:
-    """Declare a number among a fault's fields that doesn't tell how bad it is: a frequency, a phase."""
+    """Declare a number among a fault's fields that doesn't tell how bad it is: a frequency, a phase.
+
+    Parameters
+    ----------
+    unit : str
+        Its own.
+    low, high, above
+        What it may be: low..high, with `above` more than low.
+    default
+        What it is when nothing is said; left out: it must be given.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Hum(gb.Fault):
+    ...     kind = "hum"
+    ...     frequency_hz: float = gb.setting(unit="Hz", low=0.0, default=50.0)
+    >>> Hum(channel="p", onset_s=1.0).frequency_hz
+    50.0
+    """
     metadata = {"is_severity": False, "unit": unit, "low": low, "high": high, "above": above}
     return field(default=default, metadata=metadata)
 
 
 def other_channel() -> Any:
-    """Declare a channel that the fault reads among its fields."""
+    """Declare a channel that the fault reads among its fields.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Crosstalk(gb.Fault):
+    ...     kind = "crosstalk"
+    ...     of: str = gb.other_channel()
+    >>> Crosstalk(channel="p", onset_s=1.0, of="q").reads
+    ('p', 'q')
+    """
     return field(metadata={"is_severity": False, "value_type": str})
 
 
 def flag() -> Any:
-    """Declare something that a fault does or doesn't among its fields; left out, it doesn't."""
+    """Declare something that a fault does or doesn't among its fields; left out, it doesn't.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Blank(gb.Fault):
+    ...     kind = "blank"
+    ...     is_loud: bool = gb.flag()
+    >>> Blank(channel="p", onset_s=1.0).is_loud
+    False
+    """
     return field(default=False, metadata={"is_severity": False, "value_type": bool})
 
 
 def random_seed() -> Any:
-    """Declare the seed of what a fault draws among its fields; left out: 0."""
+    """Declare the seed of what a fault draws among its fields; left out: 0.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import gtmbench as gb
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Crackle(gb.Fault):
+    ...     kind = "crackle"
+    ...     seed: int = gb.random_seed()
+    >>> Crackle(channel="p", onset_s=1.0).seed, Crackle(channel="p", onset_s=1.0, seed=7).seed
+    (0, 7)
+    """
     return field(default=0, metadata={"is_severity": False, "value_type": int})

@@ -36,15 +36,16 @@ def register_fault(cls: _Class) -> _Class:
     Examples
     --------
     >>> from dataclasses import dataclass
-    >>> from gtmbench.faults.fault import severity
-    >>> @register_fault
+    >>> import gtmbench as gb
+    >>> @gb.register_fault
     ... @dataclass(frozen=True, kw_only=True)
-    ... class Step(Fault):
+    ... class Step(gb.Fault):
     ...     kind = "step"
-    ...     size: float = severity(per_second=False)
+    ...     size: float = gb.severity(per_second=False)
     ...
     ...     def distort(self, readings, elapsed_s, sample_period_s, carried):
     ...         return readings[:, 0] + self.size, None
+    >>> from gtmbench.faults.registry import find_fault
     >>> find_fault("step") is Step
     True
     """

@@ -20,7 +20,10 @@ from gtmbench.record import FloatArray
 class Dropout(Formula):
     """Nothing arrives: NaN.
 
-    >>> Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.Dropout(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     nan
     """
 
@@ -35,7 +38,15 @@ class Dropout(Formula):
 class Stuck(Formula):
     """The sensor reads a value that never changes: y_b(k) = value; zero where none is given.
 
-    >>> Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    Parameters
+    ----------
+    value : float, optional
+        In the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.Stuck(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     0.0
     """
 
@@ -51,7 +62,10 @@ class Stuck(Formula):
 class Jam(Fault):
     """The sensor stays at its last healthy sample: y(k) = y(onset - Ts), or the first sample if it never was healthy.
 
-    >>> step = Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Jam(channel="p", onset_s=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([3.0, 1.0, 2.0])]
     [3.0, 3.0, 3.0]
     """
@@ -79,7 +93,17 @@ class Hardover(Fault):
 
     It starts from the last healthy sample; without a rate limit, it is at its stop at once.
 
-    >>> step = Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    limit : float
+        The stop, in the channel's unit.
+    rate_limit : float or None, optional
+        How fast it runs there, in the channel's unit per second; None: at once.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Hardover(channel="p", onset_s=1.0, limit=-5.0, rate_limit=4.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([1.0, 2.0, 1.0, 2.0])]
     [1.0, -3.0, -5.0, -5.0]
     """
@@ -111,7 +135,15 @@ class Stale(Fault):
 
     Where that is between samples the next one is taken; one that is missing (NaN) isn't: the one before is repeated on.
 
-    >>> step = Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    hold_s : float
+        From one fresh reading to the next, in seconds.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Stale(channel="p", onset_s=1.0, hold_s=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 3.0, 4.0])]
     [0.0, 1.0, 1.0, 3.0, 3.0]
     """
@@ -139,7 +171,15 @@ class Delay(Fault):
 
     What was read before the onset has been read on time: until the first late reading arrives, the last one stands.
 
-    >>> step = Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    delay_s : float
+        In seconds.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Delay(channel="p", onset_s=1.0, delay_s=1.5).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 2.0, 4.0, 8.0])]
     [0.0, 0.0, 0.5, 1.5, 3.0]
     """
@@ -178,7 +218,15 @@ class Delay(Fault):
 class Swap(Formula):
     """Two channels change places: each reads what the other should. The one kind that changes two channels.
 
-    >>> step = Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    other : str
+        The other channel.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Swap(channel="p", onset_s=0.0, other="q").stream(sample_period_s=1.0)
     >>> step(0.0, [2.0, 5.0])
     5.0
     """

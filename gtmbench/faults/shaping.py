@@ -18,7 +18,15 @@ from gtmbench.record import FloatArray
 class ScaleFactor(Formula):
     """The gain is wrong: factor y, about zero, not about the mean.
 
-    >>> step = ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    factor : float
+        1 is healthy.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.ScaleFactor(channel="p", onset_s=0.0, factor=1.5).stream(sample_period_s=1.0)
     >>> step(0.0, [2.0])
     3.0
     """
@@ -35,7 +43,10 @@ class ScaleFactor(Formula):
 class SignFlip(Formula):
     """The sign is wrong: -y.
 
-    >>> SignFlip(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.SignFlip(channel="p", onset_s=0.0).stream(sample_period_s=1.0)(0.0, [2.0])
     -2.0
     """
 
@@ -50,7 +61,17 @@ class SignFlip(Formula):
 class Misalignment(Formula):
     """The sensor is turned towards another axis, whose sensor stays as it is: cos(angle) y + sin(angle) y_axis.
 
-    >>> step = Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    axis : str
+        The sensor of the other axis.
+    angle_deg : float
+        How far it is turned.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Misalignment(channel="p", onset_s=0.0, axis="q", angle_deg=90.0).stream(sample_period_s=1.0)
     >>> round(step(0.0, [2.0, 5.0]), 9)
     5.0
     """
@@ -71,9 +92,17 @@ class Misalignment(Formula):
 
 @dataclass(frozen=True, kw_only=True)
 class Deadzone(Formula):
-    """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0).
+    """Signals within +-half_width vanish, larger ones lose the half-width: ``sign(y) max(|y| - half_width, 0)``.
 
-    >>> step = Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    half_width : float
+        In the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-2.0, 0.0, 2.0]
     """
@@ -90,7 +119,15 @@ class Deadzone(Formula):
 class Saturation(Formula):
     """The magnitude is held within +-limit.
 
-    >>> step = Saturation(channel="p", onset_s=0.0, limit=1.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    limit : float
+        In the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Saturation(channel="p", onset_s=0.0, limit=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
     [-1.0, 0.5, 1.0]
     """
@@ -109,7 +146,15 @@ class RateSaturation(Fault):
 
     It starts from the last healthy sample. A missing sample (NaN) stays missing and is passed over.
 
-    >>> step = RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    rate_limit : float
+        In the channel's unit per second.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.RateSaturation(channel="p", onset_s=1.0, rate_limit=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 3.0, 3.0])]
     [0.0, 2.0, 3.0]
     """
@@ -139,7 +184,15 @@ class Hysteresis(Fault):
 
     It starts from the last healthy sample, amid its play. A missing sample stays missing and is passed over.
 
-    >>> step = Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    width : float
+        The whole play, in the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Hysteresis(channel="p", onset_s=1.0, width=2.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 0.5, 3.0, 2.0, 0.0])]
     [0.0, 0.0, 2.0, 2.0, 1.0]
     """
@@ -166,7 +219,15 @@ class Hysteresis(Fault):
 class Quantisation(Formula):
     """Readings are whole multiples of quantum: quantum round(y/quantum).
 
-    >>> step = Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    quantum : float
+        In the channel's unit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Quantisation(channel="p", onset_s=0.0, quantum=0.5).stream(sample_period_s=1.0)
     >>> step(0.0, [0.7])
     0.5
     """
@@ -186,7 +247,15 @@ class Lag(Fault):
     Between samples y runs straight; so the solution is exact (`lagged`). A missing sample stays missing and is passed
     over.
 
-    >>> step = Lag(channel="p", onset_s=1.0, lag_s=2.0).stream(sample_period_s=1.0)
+    Parameters
+    ----------
+    lag_s : float
+        Time constant, in seconds.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.Lag(channel="p", onset_s=1.0, lag_s=2.0).stream(sample_period_s=1.0)
     >>> [round(step(time_s, [y]), 3) for time_s, y in enumerate([0.0, 1.0, 1.0, 1.0])]
     [0.0, 0.213, 0.523, 0.711]
     """

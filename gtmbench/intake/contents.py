@@ -44,6 +44,17 @@ class LogColumn:
     samples : int
     rate_hz, start_s, end_s : float
         Of its stamps; NaN where the time isn't known.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,GyrX (deg/s),note", "0,1.0,a", "1,2.0,b"]))
+    ...     columns = gb.log_columns(Path(folder, "flight.csv"))
+    >>> [(column.name, column.unit, column.channel) for column in columns]
+    [('time_s', 's', 'time'), ('GyrX (deg/s)', 'deg/s', 'p')]
     """
 
     name: str
@@ -237,10 +248,26 @@ def _imus(raw: RawLog) -> tuple[str, ...]:
 def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     """Return what a log's file holds: columns, their units and rates, and which channels they become.
 
+    Parameters
+    ----------
+    path : str or Path
+        CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP.
+
     Raises
     ------
     InputError
         Where the file can't be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_rad_s,flaps", "0,0.1,5", "1,0.2,5"]))
+    ...     columns = gb.log_columns(Path(folder, "flight.csv"))
+    >>> {column.name: column.channel for column in columns}
+    {'time_s': 'time', 'p_rad_s': 'p', 'flaps': ''}
     """
     raw = with_quaternions(read_raw(Path(path)))
     timed = raw

@@ -23,6 +23,12 @@ class EventKind(StrEnum):
     A reset is an estimator's, of attitude or heading, or another estimator's taking over: the attitude jumps, and
     nothing turned. Resets of position, velocity and height leave the attitude alone and aren't taken. A failure is what
     the autopilot itself has found of the flight; a complaint what it says of a sensor, or its estimator of the sensors.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> [kind.value for kind in gb.EventKind]
+    ['reset', 'takeoff', 'touchdown', 'arm', 'disarm', 'failure', 'complaint']
     """
 
     RESET = "reset"
@@ -54,6 +60,13 @@ class Event:
         What it is about, where the autopilot speaks of a part of its own: ``gyro``, ``accelerometer``, ``estimator``.
     number : int or None
         Which of these, from 1.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> jump = gb.Event(kind=gb.EventKind.RESET, time_s=31.2, text="attitude by 4 deg")
+    >>> jump.kind.value, jump.time_s
+    ('reset', 31.2)
     """
 
     kind: EventKind

@@ -10,6 +10,7 @@ from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
+from gtmbench.notebook import card
 from gtmbench.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -31,6 +32,18 @@ class Remark:
         When, on the log's clock.
     text : str
         In words, figures included.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
+    ...     log = gb.open_log(Path(folder, "flight.csv"))
+    >>> [(remark.kind, remark.start_s, remark.end_s) for remark in log.remarks]
+    [('gap', 3.9, 6.0)]
     """
 
     kind: str
@@ -79,6 +92,18 @@ class FlightLog:
         In time: the failures that the log says were put into its flight.
     imus : tuple of Imu
         The gyros of three axes that it holds, each with stamps that come often enough to be compared.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
+    ...     log = gb.open_log(Path(folder, "flight.csv"))
+    >>> log.channels, log.sample_period_s, [len(segment) for segment in log.segments]
+    (('p',), 0.1, [40, 40])
     """
 
     path: Path
@@ -89,6 +114,16 @@ class FlightLog:
     events: tuple[Event, ...] = ()
     injections: tuple[Injection, ...] = ()
     imus: tuple[Imu, ...] = ()
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "channels": ", ".join(self.channels),
+            "every": f"{self.sample_period_s:g} s",
+            "segments": ", ".join(f"{each.start_s:g} to {each.end_s:g} s" for each in self.segments[:_APART])
+            + (f" and {len(self.segments) - _APART} more" if len(self.segments) > _APART else ""),
+        }
+        rows = [(f"{each.start_s:.2f}", each.kind, each.channel or "all", each.text) for each in self.remarks]
+        return card(f"FlightLog {self.path.name}", facts, columns=("from (s)", "remark", "channel", "text"), rows=rows)
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -34,6 +34,15 @@ class Imu:
         Of p, q and r, as `open_log` maps them.
     unit : str
     rate_hz : float
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> second = gb.Imu(
+    ...     name="IMU2", number=2, columns=("IMU2.GyrX", "IMU2.GyrY", "IMU2.GyrZ"), unit="rad/s", rate_hz=50.0
+    ... )
+    >>> second.mapping[0]
+    'p=IMU2.GyrX:rad/s'
     """
 
     name: str

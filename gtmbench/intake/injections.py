@@ -31,6 +31,16 @@ class Injection:
         On the log's clock; the end is None where it lasts.
     text : str
         In the log's words.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> failure = gb.Injection(
+    ...     sensor="gyro", number=1, channels=("p", "q", "r"), kind="bias", size=0.1, unit="rad/s", onset_s=40.0,
+    ...     end_s=None, text="SIM_GYR1_BIAS_X 0.1",
+    ... )
+    >>> failure.channels, failure.end_s is None
+    (('p', 'q', 'r'), True)
     """
 
     sensor: str

@@ -71,10 +71,12 @@ def open_log(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "log.csv")
     ...     _ = path.write_text("t [ms],gyro_x (rad/s)\n" + "".join(f"{10 * k},0.5\n" for k in range(500)))
-    ...     log = open_log(path)
+    ...     log = gb.open_log(path)
     >>> log.segments
     (Record(500 samples, 0..4.99 s, every 0.01 s: p),)
     >>> log.remarks[0].text

@@ -43,8 +43,10 @@ def decimate(record: Record, factor: int) -> Record:
 
     Examples
     --------
-    >>> record = Record(np.ones(1001), channels=["p"], sample_period_s=0.01)
-    >>> decimate(record, 10)
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> record = gb.Record(np.ones(1001), channels=["p"], sample_period_s=0.01)
+    >>> gb.decimate(record, 10)
     Record(75 samples, 1.3..8.7 s, every 0.1 s: p)
     """
     check_record(record)

@@ -28,6 +28,17 @@ class Alarms:
         In the norm's unit.
     look_ahead_s, window_s : float
         d Ts and (w + 1) Ts: the spans of samples after k and from k on that an alarm at k has seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(
+    ...        values=np.array([0.1, 0.2, 3.0]), time_s=np.arange(3.0), window=0, look_ahead_s=0.5, sample_period_s=1.0
+    ... )
+    >>> found = gb.alarms(norm, threshold=1.0)
+    >>> found.time_s.tolist(), found.armed_s
+    ([2.5], 0.5)
     """
 
     time_s: FloatArray
@@ -40,6 +51,15 @@ class Alarms:
 def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float = 1.5) -> float:
     """Return a threshold from a healthy record: `factor` times the greatest E(k) with start_s <= k Ts <= end_s.
 
+    Parameters
+    ----------
+    norm : WindowedNorm
+        Of a healthy record.
+    start_s, end_s : float
+        The span of k Ts that is looked at, in seconds.
+    factor : float
+        Times the greatest E(k).
+
     Raises
     ------
     InputError
@@ -47,9 +67,11 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
 
     Examples
     --------
-    >>> norm = WindowedNorm(values=np.array([9.0, 1.0, 2.0]), time_s=np.arange(3.0), window=0,
-    ...                     look_ahead_s=0.0, sample_period_s=1.0)
-    >>> threshold(norm, start_s=1.0, end_s=2.0, factor=1.5)
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(values=np.array([9.0, 1.0, 2.0]), time_s=np.arange(3.0), window=0,
+    ...                        look_ahead_s=0.0, sample_period_s=1.0)
+    >>> gb.threshold(norm, start_s=1.0, end_s=2.0, factor=1.5)
     3.0
     """
     factor = number("factor", factor, 0.0, above=True)
@@ -99,6 +121,14 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     An alarm is a window above the threshold after one at or below it; a norm that is above from the start (a
     flight's transient) has to come down first. Windows with missing samples are passed over.
 
+    Parameters
+    ----------
+    norm : WindowedNorm
+    threshold : float
+        In the norm's unit.
+    start_s : float
+        k Ts of the first window that is watched, in seconds; all of them unless told.
+
     Raises
     ------
     InputError
@@ -106,9 +136,11 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
 
     Examples
     --------
-    >>> norm = WindowedNorm(values=np.array([0.0, 2.0, 2.0, 0.0, 2.0]), time_s=np.arange(5.0), window=0,
-    ...                     look_ahead_s=0.5, sample_period_s=1.0)
-    >>> alarms(norm, 1.0).time_s
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(values=np.array([0.0, 2.0, 2.0, 0.0, 2.0]), time_s=np.arange(5.0), window=0,
+    ...                        look_ahead_s=0.5, sample_period_s=1.0)
+    >>> gb.alarms(norm, 1.0).time_s
     array([1.5, 4.5])
     """
     threshold = number("threshold", threshold, 0.0, above=True)

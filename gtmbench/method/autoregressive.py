@@ -69,6 +69,20 @@ class NoiseModel:
         Whether the criterion (3.88) had settled before iterations ran out.
     criterion : shape (iterations, outputs)
         Mean square of the innovations after each iteration, in the outputs' units squared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u, w = rng.standard_normal(2000), np.cumsum(rng.standard_normal(2000))
+    >>> record = gb.Record(np.column_stack([u, u + w]), channels=["u", "y"], sample_period_s=0.01)
+    >>> walk = gb.PredictionError(noise_order=1)
+    >>> operator = gb.identify(
+    ...     record, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0, estimator=walk
+    ... )
+    >>> operator.noise_model.autoregressive.round(2).tolist(), operator.noise_model.converged
+    ([[1.0, -1.0]], True)
     """
 
     autoregressive: FloatArray

@@ -59,11 +59,13 @@ def identify(
 
     Examples
     --------
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> u = np.random.default_rng(1).standard_normal(500)
     >>> y = 2.0 * u + np.roll(u, -1)  # y(k) = 2 u(k) + u(k+1)
-    >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
-    >>> identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=1).markov[:, 0, 0].round(9) + 0.0
+    >>> record = gb.Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=1)
+    >>> operator.markov[:, 0, 0].round(9) + 0.0
     array([1., 2., 0.])
     """
     method = LeastSquares() if estimator is None else estimator

@@ -49,10 +49,12 @@ class RecursiveIdentification:
 
     Examples
     --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> u = rng.standard_normal(400)
-    >>> record = Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
-    >>> running = RecursiveIdentification(inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=0)
+    >>> record = gb.Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> running = gb.RecursiveIdentification(inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=0)
     >>> for start_s in (0.0, 1.0, 2.0, 3.0):
     ...     running.push(record.between(start_s, start_s + 0.99))
     >>> running.operator().markov[:, 0, 0].round(9) + 0.0

@@ -85,6 +85,13 @@ class PseudoInput:
         Where it comes from.
     reproduces : str or None
         The sensor that it reads as, but for lags and gains.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> yaw = gb.PSEUDO_INPUTS["r_att"]
+    >>> yaw.formula, yaw.unit, yaw.reproduces
+    ("psi' cos theta cos phi - theta' sin phi", 'deg/s', 'r')
     """
 
     name: str
@@ -238,8 +245,9 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
 
     Examples
     --------
-    >>> record = Record([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0]], channels=["phi", "theta"], sample_period_s=0.1)
-    >>> derive(record, ["phi_rate"])["phi_rate"]
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0]], channels=["phi", "theta"], sample_period_s=0.1)
+    >>> gb.derive(record, ["phi_rate"])["phi_rate"]
     array([nan,  3., nan])
     """
     check_record(record)
@@ -313,7 +321,15 @@ def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None =
 def derivable(channels: Iterable[str]) -> tuple[str, ...]:
     """Return the pseudo inputs that can be built from some channels.
 
-    >>> derivable(["phi", "theta", "psi"])[:3]
+    Parameters
+    ----------
+    channels : iterable of str
+        Those that are measured.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.derivable(["phi", "theta", "psi"])[:3]
     ('p_att', 'q_att', 'r_att')
     """
     return tuple(name for name in PSEUDO_INPUTS if raw_needs(name) <= set(channels))

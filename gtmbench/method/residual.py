@@ -25,6 +25,17 @@ class Residual:
     outputs : tuple of str
     look_ahead_s, sample_period_s : float
         d Ts and Ts, in seconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> healthy = gb.Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)
+    >>> left = gb.residual(operator, gb.inject(healthy, gb.Bias(channel="y", onset_s=2.0, size=0.5)))
+    >>> left.outputs, np.abs(left.values[[0, 300], 0]).round(6).tolist()
+    (('y',), [0.0, 0.5])
     """
 
     values: FloatArray = field(repr=False)
@@ -48,6 +59,19 @@ class WindowedNorm:
         w: a window holds w + 1 samples, k..k+w.
     look_ahead_s, sample_period_s : float
         d Ts and Ts, in seconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> time_s = np.arange(4.0)
+    >>> e = gb.Residual(
+    ...        values=np.array([[3.0], [4.0], [0.0], [0.0]]), time_s=time_s, outputs=("y",), look_ahead_s=0.5,
+    ...     sample_period_s=1.0,
+    ... )
+    >>> norm = gb.windowed_norm(e, window=1)
+    >>> norm.values.tolist(), norm.known_s.tolist()
+    ([5.0, 4.0, 0.0, nan], [1.5, 2.5, 3.5, 4.5])
     """
 
     values: FloatArray = field(repr=False)
@@ -67,6 +91,12 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
 
     A missing sample makes the residuals that need it NaN, and no others.
 
+    Parameters
+    ----------
+    operator : Transmissibility
+    record : Record
+        With the operator's inputs and outputs, of its sample period.
+
     Raises
     ------
     InputError
@@ -74,12 +104,13 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
 
     Examples
     --------
-    >>> from gtmbench.method.identify import identify
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> u = np.random.default_rng(1).standard_normal(500)
-    >>> healthy = Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
-    >>> operator = identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)
+    >>> healthy = gb.Record(np.column_stack([u, 2.0 * u]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(healthy, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=0)
     >>> broken = healthy.replace("y", 2.0 * u + 0.5)
-    >>> residual(operator, broken).values[:2].round(9)
+    >>> gb.residual(operator, broken).values[:2].round(9)
     array([[0.5],
            [0.5]])
     """
@@ -102,6 +133,13 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
 
     It is white where the residual e(k) is coloured, and can be watched likewise; k = r+n..l-d.
 
+    Parameters
+    ----------
+    operator : Transmissibility
+        With a noise model.
+    record : Record
+        As for `residual`.
+
     Raises
     ------
     InputError
@@ -109,14 +147,14 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
 
     Examples
     --------
-    >>> from gtmbench.method.estimators.prediction_error import PredictionError
-    >>> from gtmbench.method.identify import identify
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> u, w = rng.standard_normal(2000), np.cumsum(rng.standard_normal(2000))
-    >>> record = Record(np.column_stack([u, 2.0 * u + w]), channels=["u", "y"], sample_period_s=0.01)
+    >>> record = gb.Record(np.column_stack([u, 2.0 * u + w]), channels=["u", "y"], sample_period_s=0.01)
     >>> names = {"inputs": ["u"], "outputs": ["y"], "causal_order": 0, "noncausal_order": 0}
-    >>> operator = identify(record, **names, estimator=PredictionError(noise_order=1))
-    >>> [round(float(np.nanstd(each(operator, record).values)), 1) for each in (residual, innovations)]
+    >>> operator = gb.identify(record, **names, estimator=gb.PredictionError(noise_order=1))
+    >>> [round(float(np.nanstd(each(operator, record).values)), 1) for each in (gb.residual, gb.innovations)]
     [11.7, 1.0]
     """
     left = residual(operator, record)
@@ -144,9 +182,11 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
 
     Examples
     --------
-    >>> e = Residual(values=np.array([[3.0], [4.0], [0.0]]), time_s=np.arange(3.0), outputs=("y",), look_ahead_s=0.0,
-    ...              sample_period_s=1.0)
-    >>> windowed_norm(e, window=1).values
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> e = gb.Residual(values=np.array([[3.0], [4.0], [0.0]]), time_s=np.arange(3.0), outputs=("y",), look_ahead_s=0.0,
+    ...                 sample_period_s=1.0)
+    >>> gb.windowed_norm(e, window=1).values
     array([ 5.,  4., nan])
     """
     window = whole("window", window)

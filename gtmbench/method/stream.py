@@ -28,11 +28,12 @@ class ResidualStream:
 
     Examples
     --------
-    >>> from gtmbench.method.identify import identify
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> u = np.random.default_rng(1).standard_normal(500)
-    >>> record = Record(np.column_stack([u, np.roll(u, -1)]), channels=["u", "y"], sample_period_s=0.01)
-    >>> operator = identify(record, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=1)
-    >>> stream = ResidualStream(operator)
+    >>> record = gb.Record(np.column_stack([u, np.roll(u, -1)]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(record, inputs=["u"], outputs=["y"], causal_order=0, noncausal_order=1)
+    >>> stream = gb.ResidualStream(operator)
     >>> [stream.push(record.between(start, end)).time_s.tolist() for start, end in [(0.0, 0.02), (0.03, 0.03)]]
     [[0.0, 0.01], [0.02]]
     """
@@ -86,9 +87,12 @@ class NormStream:
 
     Examples
     --------
-    >>> e = Residual(values=np.array([[3.0], [4.0]]), time_s=np.arange(2.0), outputs=("y",), look_ahead_s=0.0,
-    ...              sample_period_s=1.0)
-    >>> stream = NormStream(window=1)
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> e = gb.Residual(values=np.array([[3.0], [4.0]]), time_s=np.arange(2.0), outputs=("y",), look_ahead_s=0.0,
+    ...                 sample_period_s=1.0)
+    >>> stream = gb.NormStream(window=1)
     >>> stream.push(e).values, stream.push(replace(e, time_s=np.arange(2.0, 4.0))).values
     (array([5.]), array([5., 5.]))
     """
@@ -157,9 +161,12 @@ class AlarmStream:
 
     Examples
     --------
-    >>> norm = WindowedNorm(values=np.array([0.0, 2.0]), time_s=np.arange(2.0), window=0, look_ahead_s=0.5,
-    ...                     sample_period_s=1.0)
-    >>> stream = AlarmStream(1.0)
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> norm = gb.WindowedNorm(values=np.array([0.0, 2.0]), time_s=np.arange(2.0), window=0, look_ahead_s=0.5,
+    ...                        sample_period_s=1.0)
+    >>> stream = gb.AlarmStream(1.0)
     >>> stream.push(norm).time_s, stream.push(replace(norm, time_s=np.arange(2.0, 4.0))).time_s
     (array([1.5]), array([3.5]))
     """

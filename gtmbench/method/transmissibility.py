@@ -8,9 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.channels import unit_of
 from gtmbench.errors import InputError
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.convolution import filtered
+from gtmbench.notebook import card, figure
 from gtmbench.record import FloatArray, Record
 
 
@@ -48,6 +50,21 @@ class Transmissibility:
         Of the prediction-error method.
     sensor_noise : shape (inputs + outputs,), optional
         Standard deviations that total least squares took, in the channels' units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(500)
+    >>> y = 2.0 * u + 0.5 * np.roll(u, 1)
+    >>> record = gb.Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> operator = gb.identify(record, inputs=["u"], outputs=["y"], causal_order=1, noncausal_order=0)
+    >>> operator.name, operator.lags.tolist()
+    ('[u] -> y', [0, 1])
+    >>> operator.markov[:, 0, 0].round(6).tolist()  # H_0 and H_1
+    [2.0, 0.5]
+    >>> np.allclose(operator.predict(record)[1:, 0], y[1:])
+    True
     """
 
     markov: FloatArray
@@ -79,6 +96,28 @@ class Transmissibility:
             f"Transmissibility({self.name}, lags {-self.noncausal_order}..{self.causal_order}, rank {self.rank} of "
             f"{len(self.lags) * len(self.inputs)}, condition {self.condition:.3g})"
         )
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "lags": f"-{self.noncausal_order} to {self.causal_order} samples of {self.sample_period_s:g} s",
+            "equations": f"{self.samples}, rank {self.rank} of {len(self.lags) * len(self.inputs)}",
+            "condition": figure(self.condition, ".3g"),
+            "found by": f"{self.estimator}, {self.solver}",
+            "residual's RMS": ", ".join(
+                f"{name} {figure(float(rms))} {unit_of(name)}".rstrip()
+                for name, rms in zip(self.outputs, self.rms_residual, strict=True)
+            ),
+        }
+        rows = [self._pair(o, i) for o in range(len(self.outputs)) for i in range(len(self.inputs))]
+        columns = ("from", "to", "greatest H_i", "at lag i", "sum of H_i")
+        return card(f"Transmissibility operator {self.name}", facts, columns=columns, rows=rows)
+
+    def _pair(self, output: int, i: int) -> tuple[object, ...]:
+        """Say how one input enters one output: the Markov parameter that is greatest, its lag, the sum of all."""
+        parameters = self.markov[:, output, i]
+        peak = int(np.argmax(np.abs(parameters)))
+        greatest, total = figure(float(parameters[peak])), figure(float(parameters.sum()))
+        return self.inputs[i], self.outputs[output], greatest, int(self.lags[peak]), total
 
     @property
     def lags(self) -> np.ndarray[tuple[int], np.dtype[np.int_]]:

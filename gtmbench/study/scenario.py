@@ -78,7 +78,15 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise."""
+    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> scenario = gb.load_scenario("jam")
+    >>> scenario.setup.duration_s, [fault.channel for fault in scenario.faults]
+    (500.0, ['p', 'q', 'r'])
+    """
 
     name: str
     title: str
@@ -90,6 +98,11 @@ class Scenario:
 def load_scenario(source: str | Path) -> Scenario:
     """Read a scenario from a file, or one of the package's by name (``drift``).
 
+    Parameters
+    ----------
+    source : str or Path
+        A name that ``gtmbench list`` shows, or a file.
+
     Raises
     ------
     InputError
@@ -97,7 +110,8 @@ def load_scenario(source: str | Path) -> Scenario:
 
     Examples
     --------
-    >>> scenario = load_scenario("drift")
+    >>> import gtmbench as gb
+    >>> scenario = gb.load_scenario("drift")
     >>> [(fault.kind, fault.channel, fault.onset_s) for fault in scenario.faults][0]
     ('drift', 'p', 300.0)
     """

@@ -36,6 +36,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
+from gtmbench.notebook import card, figure
 from gtmbench.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
@@ -154,6 +155,17 @@ class Verdict:
         When the fault had gone, and how much later than in truth.
     reason : str
         Why a fault was missed, or why no sensor is named where one could be; empty otherwise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> healthy = gb.Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Bias(channel="p", onset_s=2.0, size=9.0)
+    >>> broken = gb.inject(healthy, fault)
+    >>> monitor = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 4.0][:1], name="limit").calibrate()
+    >>> verdict = gb.score(monitor.watch(broken), fault=fault, healthy=healthy, broken=broken)
+    >>> verdict.detected, verdict.detection_delay_s, verdict.false_alarms
+    (True, 0.0, 0)
     """
 
     onset_s: float
@@ -181,6 +193,31 @@ class Verdict:
     end_error_s: float | None = None
     reason: str
 
+    @property
+    def in_short(self) -> str:
+        """Say whether it was detected, and what was said of it: ``detected after 1.46 s: q failed``, ``missed``."""
+        if self.detection_delay_s is None:
+            return f"missed: {self.reason}"
+        said = f": {self.verdict}" if self.verdict else ""
+        return f"detected after {self.detection_delay_s:.2f} s{said}"
+
+    def _repr_html_(self) -> str:
+        return card("Verdict", {"verdict": self.in_short, **self._facts()})
+
+    def _facts(self) -> dict[str, object]:
+        """Return what a notebook tells of it."""
+        facts: dict[str, object] = {
+            "onset": f"{self.onset_s:g} s",
+            "alarm": "none" if self.alarm_time_s is None else f"{self.alarm_time_s:.2f} s",
+            "peak over threshold": figure(self.peak_ratio, ".3g"),
+            "false alarms before": self.false_alarms,
+        }
+        if self.sensor is not None:
+            facts["sensor"] = f"{self.sensor}, {'right' if self.isolated else 'wrong'}"
+        if self.kind is not None and self.kind_right is not None:
+            facts["kind"] = f"{self.kind}, {'right' if self.kind_right else 'wrong'}"
+        return facts
+
 
 def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: Sequence[Fault] = ()) -> Verdict:
     """Hold what a detector said of a broken record against what was injected.
@@ -198,14 +235,12 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: 
 
     Examples
     --------
-    >>> from gtmbench.faults.fault import inject
-    >>> from gtmbench.faults.kinds import Drift
-    >>> from gtmbench.detectors.function import FunctionDetector
-    >>> healthy = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
-    >>> fault = Drift(channel="p", onset_s=1.0, slope=2.0)
-    >>> broken = inject(healthy, fault)
-    >>> limit = FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([healthy])
-    >>> verdict = score(limit.watch(broken), fault=fault, healthy=healthy, broken=broken)
+    >>> import gtmbench as gb
+    >>> healthy = gb.Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
+    >>> fault = gb.Drift(channel="p", onset_s=1.0, slope=2.0)
+    >>> broken = gb.inject(healthy, fault)
+    >>> limit = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([healthy])
+    >>> verdict = gb.score(limit.watch(broken), fault=fault, healthy=healthy, broken=broken)
     >>> verdict.detected, verdict.detection_delay_s, verdict.isolated
     (True, 2.0, None)
     """

@@ -15,6 +15,7 @@ from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
 from gtmbench.faults.fault import Fault
 from gtmbench.method.alarms import Alarms, alarms
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.notebook import card
 from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import Setup
@@ -41,6 +42,28 @@ class Baseline:
     healthy_hours : float
         False alarms on healthy records that calibration hasn't seen, and the hours watched, as `gtmbench.study.score`
         defines them.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> text = '''
+    ... duration_s = 40.0
+    ... severity_reference_s = [5.0, 20.0]
+    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
+    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
+    ... [[faults]]
+    ... kind = "jam"
+    ... channels = ["p"]
+    ... onset_s = 20.0
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "short.toml").write_text(text)
+    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> shared = trial.baseline
+    >>> shared.detector, shared.monitor.operator.name, shared.false_alarms, round(3600 * shared.healthy_hours)
+    ('dissertation', '[p q beta] -> r', 0, 185)
     """
 
     detector: str
@@ -120,12 +143,37 @@ class Trial(Injection, Verdict):
         Shared by the trials of this detector.
     expected : Expectation or None
         What the scenario expects of this detector, if anything.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> text = '''
+    ... duration_s = 40.0
+    ... severity_reference_s = [5.0, 20.0]
+    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
+    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
+    ... [[faults]]
+    ... kind = "jam"
+    ... channels = ["p"]
+    ... onset_s = 20.0
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "short.toml").write_text(text)
+    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial.channel, trial.detected, round(trial.detection_delay_s, 1), trial.watch.scores["E(k)"].unit
+    ('p', True, 2.1, 'deg/s')
     """
 
     detector: str
     watch: Watch = field(repr=False)
     baseline: Baseline = field(repr=False)
     expected: Expectation | None = None
+
+    def _repr_html_(self) -> str:
+        title = f"Trial: {self.fault} of {self.channel}, watched by {self.detector}"
+        return card(title, {"verdict": self.in_short, **self._facts()})
 
     @property
     def unexpected(self) -> tuple[str, ...]:
@@ -170,10 +218,44 @@ class Study:
         One a detector, in the order in which they were given.
     trials : tuple of Trial
         Detector by detector, each in the order of the scenarios.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> text = '''
+    ... duration_s = 40.0
+    ... severity_reference_s = [5.0, 20.0]
+    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
+    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
+    ... [[faults]]
+    ... kind = "jam"
+    ... channels = ["p", "q"]
+    ... onset_s = 20.0
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "short.toml").write_text(text)
+    ...     study = gb.run_study([gb.load_scenario(f"{folder}/short.toml")])
+    >>> [(trial.channel, trial.detected) for trial in study.trials]
+    [('p', True), ('q', True)]
+    >>> study.baseline.detector, study.baseline.false_alarms
+    ('dissertation', 0)
     """
 
     baselines: tuple[Baseline, ...]
     trials: tuple[Trial, ...]
+
+    def _repr_html_(self) -> str:
+        facts = {
+            each.detector: f"{sum(trial.detected for trial in self.trials_of(each.detector))} of "
+            f"{len(self.trials_of(each.detector))} detected, {each.false_alarms} false alarms in "
+            f"{each.healthy_hours:.2f} h of healthy flight"
+            for each in self.baselines
+        }
+        columns = ("detector", "fault", "channel", "onset (s)", "verdict")
+        rows = [(each.detector, each.fault, each.channel, f"{each.onset_s:g}", each.in_short) for each in self.trials]
+        return card("Study", facts, columns=columns, rows=rows)
 
     @property
     def baseline(self) -> Baseline:

@@ -74,6 +74,15 @@ class Bank:
     attitude_from_gyros : bool
         Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
         so that after an alarm no residual that uses it can be trusted, and no fault's kind fits for long.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> bank = gb.load_bank("C")
+    >>> [(spec.output, spec.inputs) for spec in bank.residuals][0]
+    ('p', ('p_att',))
+    >>> bank.suspects, bank.affects("phi")
+    (('p', 'q', 'r', 'phi', 'theta', 'psi'), ('p', 'q', 'r'))
     """
 
     name: str
@@ -131,6 +140,11 @@ def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) ->
 def load_bank(source: str | Path) -> Bank:
     """Read a bank from a TOML file, or one of the package's by name (``C``).
 
+    Parameters
+    ----------
+    source : str or Path
+        A name that ``gtmbench list`` shows, or a file.
+
     Raises
     ------
     InputError
@@ -138,7 +152,8 @@ def load_bank(source: str | Path) -> Bank:
 
     Examples
     --------
-    >>> bank = load_bank("C")
+    >>> import gtmbench as gb
+    >>> bank = gb.load_bank("C")
     >>> bank.channels
     ('p', 'q', 'r', 'phi', 'psi', 'theta')
     >>> bank.affects("psi")

@@ -45,6 +45,13 @@ class Signatures:
         over its RMS on the same rows without; 1 where it changes nothing.
     blind_spots : tuple of str
         What the bank can't tell or can't see, a sentence each.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> matrix = gb.signatures(gb.load_bank("C"))
+    >>> matrix.outputs, matrix.pattern["psi"]
+    (('p', 'q', 'r'), ('slope', 'slope', 'slope'))
     """
 
     bank: Bank
@@ -83,8 +90,8 @@ def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> S
 
     Examples
     --------
-    >>> from gtmbench.detectors.bank.bank import load_bank
-    >>> matrix = signatures(load_bank("C"))
+    >>> import gtmbench as gb
+    >>> matrix = gb.signatures(gb.load_bank("C"))
     >>> matrix.pattern["p"], matrix.pattern["phi"]
     (('level', '', ''), ('slope', 'level', 'level'))
     >>> matrix.table().loc["psi"].tolist()

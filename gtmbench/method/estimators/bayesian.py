@@ -55,15 +55,15 @@ class Bayesian:
     --------
     The gain of a sensor at rest, from noise alone:
 
-    >>> from gtmbench.method.identify import identify
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((750, 2))
-    >>> record = Record(0.1 * noise, channels=["p", "p_att"], sample_period_s=0.04)
+    >>> record = gb.Record(0.1 * noise, channels=["p", "p_att"], sample_period_s=0.04)
     >>> names = {"inputs": ["p_att"], "outputs": ["p"], "causal_order": 2, "noncausal_order": 2}
-    >>> operator = identify(record, estimator=Bayesian(), **names)
+    >>> operator = gb.identify(record, estimator=gb.Bayesian(), **names)
     >>> operator.markov.sum().round(2), np.sqrt(operator.covariance("p").sum()).round(3)  # and its deviation
     (np.float64(1.0), np.float64(0.015))
-    >>> bool(abs(identify(record, **names).markov.sum()) < 0.3)  # least squares
+    >>> bool(abs(gb.identify(record, **names).markov.sum()) < 0.3)  # least squares
     True
     """
 

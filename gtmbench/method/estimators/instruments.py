@@ -39,7 +39,8 @@ class InstrumentalVariables:
 
     Examples
     --------
-    >>> InstrumentalVariables(instruments=("c",), delay=3)
+    >>> import gtmbench as gb
+    >>> gb.InstrumentalVariables(instruments=("c",), delay=3)
     InstrumentalVariables(instruments=('c',), delay=3, past=0, future=0, prefilter=None)
     """
 

@@ -35,7 +35,8 @@ class LeastSquares:
 
     Examples
     --------
-    >>> LeastSquares(ridge={"p": 0.1, "q": 0.1, "beta": 0.05})
+    >>> import gtmbench as gb
+    >>> gb.LeastSquares(ridge={"p": 0.1, "q": 0.1, "beta": 0.05})
     LeastSquares(ridge={'p': 0.1, 'q': 0.1, 'beta': 0.05}, truncate=None)
     """
 

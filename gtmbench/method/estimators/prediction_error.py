@@ -42,7 +42,8 @@ class PredictionError:
 
     Examples
     --------
-    >>> PredictionError(noise_order=20)
+    >>> import gtmbench as gb
+    >>> gb.PredictionError(noise_order=20)
     PredictionError(noise_order=20, tolerance=1e-08, most_iterations=100)
     """
 

@@ -46,7 +46,8 @@ class TotalLeastSquares:
 
     Examples
     --------
-    >>> TotalLeastSquares(noise={"p": 0.1, "q": 0.1, "beta": 0.05, "r": 0.1}).rank is None
+    >>> import gtmbench as gb
+    >>> gb.TotalLeastSquares(noise={"p": 0.1, "q": 0.1, "beta": 0.05, "r": 0.1}).rank is None
     True
     """
 

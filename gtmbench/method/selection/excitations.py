@@ -36,6 +36,17 @@ class ExcitationCount:
     table : DataFrame
         One row for every choice of inputs and every output: m, inputs (a tuple), output, and relative_residual, the
         residual's RMS over the output's.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> values = rng.standard_normal((1000, 1)) @ [[1.0, 2.0, 3.0]] + 0.01 * rng.standard_normal((1000, 3))
+    >>> record = gb.Record(values, channels=["a", "b", "c"], sample_period_s=0.01)
+    >>> count = gb.count_excitations(record, channels=["a", "b", "c"], causal_order=1, noncausal_order=1)
+    >>> count.excitations, count.by_m.index.tolist()
+    (1, [1, 2])
     """
 
     excitations: int | None
@@ -95,12 +106,13 @@ def count_excitations(
 
     Examples
     --------
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> u, noise = rng.standard_normal((2000, 2)), 0.01 * rng.standard_normal((2000, 4))
     >>> values = u @ rng.standard_normal((2, 4)) + noise  # two excitations, four sensors
-    >>> record = Record(values, channels=["a", "b", "c", "d"], sample_period_s=0.01)
-    >>> count = count_excitations(record, channels=["a", "b", "c", "d"], causal_order=2, noncausal_order=2)
+    >>> record = gb.Record(values, channels=["a", "b", "c", "d"], sample_period_s=0.01)
+    >>> count = gb.count_excitations(record, channels=["a", "b", "c", "d"], causal_order=2, noncausal_order=2)
     >>> count.excitations
     2
     """

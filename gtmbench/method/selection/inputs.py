@@ -31,6 +31,18 @@ class InputChoice:
     table : DataFrame
         One row a step, those that weren't taken too: step, input (the one that is added), for every output
         ``rms_OUTPUT`` in its unit, gain (the factor by which the residual falls, geometric mean over the outputs), bic.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal((1000, 2))
+    >>> record = gb.Record(np.column_stack([u, u[:, 0]]), channels=["a", "b", "y"], sample_period_s=0.01)
+    >>> noisy = gb.Record(record.values + 0.01 * np.random.default_rng(2).standard_normal((1000, 3)),
+    ...                   channels=record.channels, sample_period_s=0.01)
+    >>> choice = gb.select_inputs(noisy, candidates=["a", "b"], outputs=["y"], causal_order=1, noncausal_order=1)
+    >>> choice.inputs
+    ('a',)
     """
 
     inputs: tuple[str, ...]
@@ -76,12 +88,13 @@ def select_inputs(
 
     Examples
     --------
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> values = rng.standard_normal((1000, 4))
     >>> values[:, 3] = values[:, 0] - 2.0 * np.roll(values[:, 2], 1) + 0.1 * values[:, 3]
-    >>> record = Record(values, channels=["a", "b", "c", "y"], sample_period_s=0.01)
-    >>> select_inputs(record, candidates=["a", "b", "c"], outputs=["y"], causal_order=2, noncausal_order=2).inputs
+    >>> record = gb.Record(values, channels=["a", "b", "c", "y"], sample_period_s=0.01)
+    >>> gb.select_inputs(record, candidates=["a", "b", "c"], outputs=["y"], causal_order=2, noncausal_order=2).inputs
     ('c', 'a')
     """
     u, y = operator_names(candidates, outputs)

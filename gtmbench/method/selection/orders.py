@@ -47,6 +47,18 @@ class OrderChoice:
         ``rms_OUTPUT`` and (with validation) ``heldout_OUTPUT`` in its unit, aic, bic, and (with validation) heldout,
         the root mean square over the outputs of the held-out residuals, each over its output's RMS in the
         identification records.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(1000)
+    >>> y = u + 0.5 * np.roll(u, 1) + 0.01 * rng.standard_normal(1000)
+    >>> record = gb.Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> choice = gb.select_orders(record, inputs=["u"], outputs=["y"], causal_orders=[0, 1, 2], noncausal_orders=[0, 1])
+    >>> choice.causal_order, choice.noncausal_order, choice.surface("bic").shape
+    (1, 0, (3, 2))
     """
 
     causal_order: int
@@ -112,12 +124,14 @@ def select_orders(
 
     Examples
     --------
-    >>> from gtmbench.record import Record
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> rng = np.random.default_rng(1)
     >>> u = rng.standard_normal(2000)
     >>> y = np.roll(u, 2) - 0.5 * np.roll(u, -1) + 0.1 * rng.standard_normal(2000)  # lags 2 and -1
-    >>> record = Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
-    >>> choice = select_orders(record, inputs=["u"], outputs=["y"], causal_orders=range(6), noncausal_orders=range(6))
+    >>> record = gb.Record(np.column_stack([u, y]), channels=["u", "y"], sample_period_s=0.01)
+    >>> orders = {"causal_orders": range(6), "noncausal_orders": range(6)}
+    >>> choice = gb.select_orders(record, inputs=["u"], outputs=["y"], **orders)
     >>> choice.causal_order, choice.noncausal_order
     (2, 1)
     >>> choice.surface("rms_y").loc[2, [0, 1]].round(1).tolist()

@@ -50,11 +50,16 @@ _LINE = 0.15  # inches, of the certificate
 
 
 def write_log_figure(watched: WatchedLog, path: Path) -> None:
-    """Draw one PNG: the whole log, and beside it the time about each of the first faults."""
+    """Draw one PNG, as `log_figure` does."""
+    log_figure(watched).savefig(path, dpi=_DPI)
+
+
+def log_figure(watched: WatchedLog) -> Figure:
+    """Draw the whole log, and beside it the time about each of the first faults."""
     import matplotlib as mpl
 
     with mpl.rc_context({"text.parse_math": False}):  # channels may be called anything
-        _figure(watched).savefig(path, dpi=_DPI)
+        return _figure(watched)
 
 
 def _figure(watched: WatchedLog) -> Figure:

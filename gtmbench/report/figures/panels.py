@@ -31,9 +31,9 @@ def panels(
     widths: Sequence[float] | None = None,
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
-    from matplotlib.figure import Figure  # a second to import; and no window system: figures are files
+    from gtmbench.report.figures.shown import ShownFigure  # a second to import; and no window system
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = ShownFigure(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
     for axis in np.ravel(grid):
         axis.grid(alpha=0.3)

@@ -14,6 +14,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
 from gtmbench.report.scores import LOWEST, around, level, norm_of, part, tints
@@ -73,7 +74,10 @@ def _figures(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Callable[
     figures: dict[str, Callable[[], Figure]] = {}
     monitor, watch = baseline.monitor, baseline.watch
     if isinstance(monitor, NormMonitor):
-        figures |= {"markov": partial(_markov, monitor), "prediction": partial(_prediction, monitor, baseline)}
+        figures |= {
+            "markov": partial(markov_figure, monitor.operator),
+            "prediction": partial(_prediction, monitor, baseline),
+        }
     kinds = ["levels"] if watch.scores and not norm_of(watch) else []
     if monitor.suspects:
         kinds.append("virtual")
@@ -88,8 +92,8 @@ def _figures(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Callable[
     return figures
 
 
-def _markov(monitor: NormMonitor) -> Figure:
-    operator = monitor.operator
+def markov_figure(operator: Transmissibility) -> Figure:
+    """Draw the Markov parameters of an operator over their lags, a panel for each input and output (Fig. 4.1)."""
     rows, columns = len(operator.outputs), len(operator.inputs)
     figure, axes = panels(rows, columns, (3.6 * columns, 1.0 + 2.4 * rows))
     for o, output in enumerate(operator.outputs):
@@ -99,10 +103,11 @@ def _markov(monitor: NormMonitor) -> Figure:
             band = parameters - 2.0 * error, parameters + 2.0 * error
             axis.fill_between(operator.lags, *band, color=colour(name, i), alpha=0.25, linewidth=0)
             axis.stem(operator.lags, parameters, linefmt=colour(name, i), markerfmt=".", basefmt="k-")
-            axis.set_title(f"{name} to {output}")
+            axis.set_title(as_it_is(f"{name} to {output}"))
             axis.set_xlabel("lag i (samples)")
             axis.set_ylabel(f"$H_i$ ({unit_of(output)} per {unit_of(name)})")
-    figure.suptitle(f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)")
+    title = f"Markov parameters of {operator.name} ± 2 standard errors, residual taken as white (Fig. 4.1)"
+    figure.suptitle(as_it_is(title))
     return figure
 
 

@@ -66,6 +66,13 @@ class Campaign:
         Wanted of those; None: as they do.
     searches : tuple of Search
         For the smallest faults that are detected, on every flight on which something breaks.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> campaign = gb.load_campaign("ci")
+    >>> campaign.flights, campaign.trials, campaign.detectors
+    (2, 20, ('C', 'paper', 'dissertation'))
     """
 
     name: str
@@ -218,7 +225,8 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
 
     Examples
     --------
-    >>> campaign = load_campaign("dissertation")
+    >>> import gtmbench as gb
+    >>> campaign = gb.load_campaign("dissertation")
     >>> campaign.flights, campaign.trials, campaign.detectors
     (1, 15, ('dissertation',))
     """

@@ -32,6 +32,18 @@ class ChangedColumn:
         When the first and the last of these are, on the log's clock; None where there is none.
     sample_period_s : float
         The nominal one, which faults that carry something on from sample to sample go by.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log, out = Path(folder, "log.csv"), Path(folder, "broken.csv")
+    ...     _ = log.write_text(chr(10).join(["time_s,p_deg_s", "0,1.0", "1,1.0", "2,1.0"]))
+    ...     changed = gb.inject_log(log, out, gb.Bias(channel="p", onset_s=1.0, size=0.5))
+    >>> [(each.column, each.samples, each.changed, each.first_s) for each in changed]
+    [('p_deg_s', 3, 2, 1.0)]
     """
 
     channel: str
@@ -69,11 +81,12 @@ def inject_log(
     Examples
     --------
     >>> import tempfile
-    >>> from gtmbench.faults.kinds import Drift
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     log, out = Path(folder, "log.csv"), Path(folder, "broken.csv")
     ...     _ = log.write_text("t [s],p [mrad/s],note\n0,1.0,a\n1,1.0,b\n2,1.0,c\n")
-    ...     _ = inject_log(log, out, Drift(channel="p", onset_s=1.0, slope=0.5))
+    ...     _ = gb.inject_log(log, out, gb.Drift(channel="p", onset_s=1.0, slope=0.5))
     ...     out.read_text().splitlines()
     ['t [s],p [mrad/s],note', '0,1.0,a', '1,1.0,b', '2,9.7,c']
     """

@@ -96,6 +96,26 @@ class ScoredLog:
         Ours that accuse a sensor outside of all windows.
     false_words : tuple of Event
         The autopilot's of a gyro or accelerometer, likewise.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> from gtmbench.study.log.truth import scored
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> broken = gb.inject(record, gb.Noise(channel="q", onset_s=45.0, deviation=3.0))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(broken, f"{folder}/flight.csv")
+    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> told = gb.Injection(
+    ...     sensor="gyro", number=None, channels=("q",), kind="noise", onset_s=45.0, end_s=None, text="noise of q"
+    ... )
+    >>> found = scored(replace(watched, log=replace(watched.log, injections=(told,))))  # as if the log had told of it
+    >>> len(found.trials), 0.0 < found.trials[0].delay_s < 2.0, found.false_alarms
+    (1, True, ())
     """
 
     watched: WatchedLog
@@ -135,12 +155,14 @@ def score_log(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     log = Path(folder, "flight.csv")
     ...     _ = log.write_text("t [s],gyro_x (rad/s)\n" + "".join(f"{k / 100},0.5\n" for k in range(500)))
     ...     try:
-    ...         score_log(log)
-    ...     except InputError as error:
+    ...         gb.score_log(log)
+    ...     except gb.InputError as error:
     ...         print("a table tells of none" if "says of no failure" in str(error) else error)
     a table tells of none
     """

@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.deprecation import renamed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
@@ -29,6 +29,7 @@ from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
+from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
@@ -62,6 +63,12 @@ class Outcome(IntEnum):
     """What a log comes to; the value is the command's exit code.
 
     Unknown: nothing could have alarmed, or a score couldn't, or the log isn't what the monitor expects.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> [(outcome.name, outcome.value) for outcome in gb.Outcome]  # the exit codes of `gtmbench monitor`
+    [('HEALTHY', 0), ('FAILED', 1), ('UNKNOWN', 3)]
     """
 
     HEALTHY = 0
@@ -94,6 +101,20 @@ class WatchedLog:
         What of the healthy spans, and of other logs, wasn't identified on.
     comparison : Comparison or None
         What several IMUs say of each other; None where the log has one, or they can't be compared.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> broken = gb.inject(record, gb.Noise(channel="q", onset_s=45.0, deviation=3.0))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(broken, f"{folder}/flight.csv")
+    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    >>> watched.outcome.name, watched.alarms[0].doubt  # an operator between gyros may not know this motion
+    ('UNKNOWN', 'motion or model')
     """
 
     log: FlightLog
@@ -106,6 +127,15 @@ class WatchedLog:
     asks_names: bool = field(default=False, repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "outcome": self.outcome.name.lower(),
+            "watched by": self.monitor.name,
+            "watched": f"{3600.0 * self.armed_hours:.1f} s",
+            **{f"reason {number}": reason for number, reason in enumerate(self.reasons, 1)},
+        }
+        return card(f"WatchedLog {self.log.path.name}", facts, columns=SAID, rows=said_of(self.alarms))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -165,7 +195,8 @@ def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float
 
     Examples
     --------
-    >>> bank = bank_between(["p", "q", "beta"], ["r"])
+    >>> import gtmbench as gb
+    >>> bank = gb.bank_between(["p", "q", "beta"], ["r"])
     >>> bank.name, bank.suspects
     ('[p q beta] -> r', ('r', 'p', 'q', 'beta'))
     """
@@ -224,13 +255,14 @@ def watch_log(
     Examples
     --------
     >>> import tempfile
-    >>> from gtmbench.logs import write_log
-    >>> from gtmbench.record import Record
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
-    >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_log(record, Path(folder, "flight.csv"))
-    ...     watched = watch_log(Path(folder, "flight.csv"), bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    ...     gb.write_log(record, Path(folder, "flight.csv"))
+    ...     watched = gb.watch_log(Path(folder, "flight.csv"), gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
     >>> watched.outcome, watched.identified_s
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
