@@ -121,7 +121,8 @@ def _delay_table(scores: Scores) -> Table:
     return Table(
         title="Delays",
         note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
-        "waited for samples to come; what the windows take is in the rest.",
+        "waited for samples to come. Windows: the part of the mean in which the window that alarmed fills with broken "
+        "samples; the rest has passed before it began.",
         columns=(
             "detector",
             "mean (s)",
@@ -129,7 +130,7 @@ def _delay_table(scores: Scores) -> Table:
             "95 % (s)",
             "worst (s)",
             "look-ahead (s)",
-            "median less look-ahead (s)",
+            "windows (s)",
             "median (samples)",
             "worst (samples)",
         ),
@@ -138,9 +139,9 @@ def _delay_table(scores: Scores) -> Table:
 
 
 def _samples(found: Delays) -> list[Cell]:
-    rest = max(found.median.value - found.look_ahead, 0.0)
     samples = [round(value / SAMPLE_PERIOD_S) for value in (found.median.value, found.worst)]
-    return [Cell(f"{rest:.2f}", rest), *[Cell(f"{value}", float(value)) for value in samples]]
+    windows = Cell("-") if found.windows is None else Cell(f"{found.windows:.2f}", found.windows)
+    return [windows, *[Cell(f"{value}", float(value)) for value in samples]]
 
 
 def _names_table(scores: Scores) -> Table:
