@@ -13,8 +13,9 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.parts import Shard, read_parts
 from gtmbench.shipped import shipped_campaigns
 from gtmbench.study.calibration import own_detector
+from gtmbench.study.campaign.axes import AXES
 from gtmbench.study.campaign.conduct import conduct, done
-from gtmbench.study.campaign.plan import AXES, load_campaign
+from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
 from gtmbench.study.campaign.watchers import named

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench import columns
 from gtmbench.columns import Column, Row
-from gtmbench.study.campaign import crossings
+from gtmbench.study import crossings
 
 if TYPE_CHECKING:
     import pyarrow as pa

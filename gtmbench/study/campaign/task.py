@@ -17,9 +17,9 @@ from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.progress import counted, silent
 from gtmbench.record import Record
-from gtmbench.study.campaign.crossings import crossings
 from gtmbench.study.campaign.rows import COLUMNS
 from gtmbench.study.campaign.searches import Search, search_row
+from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.study.campaign.crossings import LADDER
+from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.compare import Comparison, Rank, compared, ranks
 from gtmbench.study.scores.curves import Curve, Price, characteristic, price
 from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
