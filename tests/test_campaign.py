@@ -170,6 +170,14 @@ def test_rows_have_the_columns_of_the_schema_and_no_others(tmp_path):
     assert table_of(rows).schema.metadata[b"gtmbench.schema"] == b"1"
 
 
+def test_the_delay_at_the_own_threshold_is_the_delay(tmp_path):
+    (task, *_) = loaded(tmp_path, TINY.replace('"1:8"', "1")).tasks()
+    rows = [row for row in rows_of(task, {"dissertation": own_detector(task.setup)}) if "fault" in row]
+    told = {row["window_s"] for row in rows if row["detected"]}
+    assert told == {0.21}, "w + 1 samples"
+    assert [row["delay_at_100_percent_s"] for row in rows] == [row["detection_delay_s"] for row in rows]
+
+
 _OF_ISOLATION = {"isolated", "named_wrong", "axis_right", "sensor", "kind", "kind_right", "kind_right_20s"}
 
 
