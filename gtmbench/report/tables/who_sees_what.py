@@ -19,7 +19,7 @@ _COLUMNS = (
 def who_sees_what(scores: Scores) -> str:
     """Return the table, best first; what is missed is infinitely late, places that no test tells apart are shared.
 
-    Of more than fourteen detectors the last are named below it, those without a score with the reason.
+    Of more than fourteen detectors the last are named below it; so are those without a score, with the reason.
 
     Examples
     --------
@@ -43,21 +43,29 @@ def who_sees_what(scores: Scores) -> str:
         rows.append((first, *map(Cell, (one.name, *_cells(one, scores.delays_s[one.name])))))
     left = [one.name for one in best_first[MOST_ROWS:]]
     notes = [f"Behind these: {listed(left)}."] if left else []
-    notes += [f"No score: {one.name}, {one.no_score}." for one in scores.detectors if not one.is_quiet]
+    loud = [f"{one.name} ({_quiet(one)} at least)" for one in scores.detectors if not one.is_quiet]
+    target = f"{scores.target_per_hour:g} false alarms an hour are refuted for"
+    notes += [f"No score, since {target} {listed(loud)}."] if loud else []
     table = Table(title="", note="", columns=_COLUMNS, rows=tuple(rows))
     return "\n".join([table.markdown(), *["\n" + in_markdown(note) for note in notes]]) + "\n"
 
 
 def _cells(one: DetectorScores, delays_s: FloatArray) -> tuple[str, ...]:
-    found, quiet = one.merits, one.false_alarms
+    found = one.merits
     assert found is not None
     naming = found.naming
     return (
         f"{found.detected.hits} of {found.detected.of}",
         *(_within(delays_s, share) for share in (0.5, 0.95)),
         f"{naming.right.hits} / {naming.wrong.hits}" if naming else "-",
-        f"{quiet.events} in {quiet.hours:.2g} h: {quiet.high:.2g}",
+        _quiet(one),
     )
+
+
+def _quiet(one: DetectorScores) -> str:
+    """Say how many false alarms there were, and what rate that bounds: from above, where there is a score."""
+    found = one.false_alarms
+    return f"{found.events} in {found.hours:.2g} h: {found.high if one.is_quiet else found.low:.2g}"
 
 
 def _within(delays_s: FloatArray, share: float) -> str:
