@@ -419,3 +419,13 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
     assert (setup.aircraft, setup.excitation, setup.seed) == ("gtm", "doublets+turbulence", 5)
     assert setup.autopilot == gb.load_aircraft("gtm").autopilot
     assert (setup.trim_point, task.noise_seeds) == ({"altitude_ft": 9000.0, "tas_kt": 95.0}, (3,))
+
+
+def test_duckdb_reads_the_parts_as_the_page_says(tmp_path, monkeypatch):
+    duckdb = pytest.importorskip("duckdb", reason="no duckdb")
+    rows = table(tmp_path)
+    page = (Path(__file__).parent.parent / "docs/campaigns.md").read_text()
+    query = page.partition("```sql\n")[2].partition("```")[0].replace("fifteen/", "out/")
+    monkeypatch.chdir(tmp_path)
+    found = {fault: median for fault, median in duckdb.sql(query).fetchall() if median is not None}
+    assert found == pytest.approx(rows.groupby("fault")["detection_delay_s"].median().dropna().to_dict())
