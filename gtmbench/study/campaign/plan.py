@@ -250,7 +250,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         healthy=healthy,
         detectors=detectors,
         isolate=isolate,
-        calibration=calibration,
+        calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),
     )
@@ -298,6 +298,15 @@ def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
             replace(CALIBRATION, **stated),
             None if rate is None else number("false_alarms_per_hour", rate, 1e-9, 1e3),
         )
+
+
+def _lateness(scenarios: Sequence[Scenario]) -> float:
+    """Return how late the attitude is, on every flight as on those that detectors are calibrated on."""
+    late_s = sorted({scenario.setup.attitude_late_s for scenario in scenarios})
+    if len(late_s) > 1:
+        given = " and ".join(f"{value:g}" for value in late_s)
+        raise InputError(f"attitude_late_s is {given} in its scenarios; detectors are calibrated for one: split them")
+    return late_s[0]
 
 
 def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:
