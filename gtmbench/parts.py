@@ -11,9 +11,9 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -65,17 +65,20 @@ class Parts:
         Of how many tasks it consists; their numbers are 0, 1, ...
     facts : dict
         What the run is, as plain values: whatever changes a row has to change a fact.
+    items : tuple
+        Of a run that may grow, what each task is of, as plain values; the tasks of others are told by their number.
     """
 
     folder: Path
     what: str
     tasks: int
     facts: dict[str, Any] = field(default_factory=dict, repr=False)
+    items: tuple[Any, ...] = field(default=(), repr=False)
 
-    @property
-    def digest(self) -> str:
-        """Of all facts; every part holds it."""
-        return hashlib.sha256(dumps(self._manifest()).encode()).hexdigest()
+    def digest(self, task: int) -> str:
+        """Return a digest of all that a task's rows hang on, which its part holds: of items, its own."""
+        told = {**self._manifest(), "tasks": 1, "items": [self.items[task]]} if self.items else self._manifest()
+        return hashlib.sha256(dumps(told).encode()).hexdigest()
 
     def path(self, task: int) -> Path:
         """Return a task's part."""
@@ -123,7 +126,7 @@ class Parts:
         """
         import pyarrow.parquet as pq
 
-        marks = {_RUN: self.digest.encode(), _TASK: str(task).encode()}
+        marks = {_RUN: self.digest(task).encode(), _TASK: str(task).encode()}
         marked = rows.replace_schema_metadata({**(rows.schema.metadata or {}), **marks})
         try:
             with atomic_write(self.path(task)) as aside:
@@ -144,7 +147,8 @@ class Parts:
         except (OSError, pa.ArrowException) as error:
             why = one_line(str(error))
             raise InputError(f"{path} isn't whole ({why}); delete it, and --resume does its task anew") from error
-        if metadata.get(_RUN) != self.digest.encode() or metadata.get(_TASK) != str(task).encode():
+        known = task < self.tasks and metadata.get(_RUN) == self.digest(task).encode()
+        if not known or metadata.get(_TASK) != str(task).encode():
             raise InputError(
                 f"{path} is of another {self.what}, or of this one before something of it changed; rows that aren't "
                 "alike don't mix: delete it, and --resume does its task anew, or give another --out"
@@ -157,6 +161,7 @@ class Parts:
             "what": self.what,
             "tasks": self.tasks,
             "facts": self.facts,
+            **({"items": list(self.items)} if self.items else {}),
         }
 
     def _write_manifest(self) -> None:
@@ -186,7 +191,13 @@ def read_parts(folder: Path) -> Parts:
             raise InputError(
                 f"{path} is {shown(found['format'])}, version {shown(found['version'])}, no {FORMAT} {VERSION}"
             )
-        return Parts(folder=folder, what=str(found["what"]), tasks=int(found["tasks"]), facts=dict(found["facts"]))
+        return Parts(
+            folder=folder,
+            what=str(found["what"]),
+            tasks=int(found["tasks"]),
+            facts=dict(found["facts"]),
+            items=tuple(found.get("items", ())),
+        )
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
@@ -200,7 +211,14 @@ def holds_parts(folder: Path) -> bool:
 
 @contextmanager
 def parts_in(
-    folder: Path, *, what: str, tasks: int, facts: Mapping[str, Any], resume: bool = False, shard: Shard | None = None
+    folder: Path,
+    *,
+    what: str,
+    tasks: int,
+    facts: Mapping[str, Any],
+    items: Sequence[Any] = (),
+    resume: bool = False,
+    shard: Shard | None = None,
 ) -> Iterator[Parts]:
     """Give a folder's parts to go on with, for this run alone; the folder is made where there is none.
 
@@ -212,6 +230,9 @@ def parts_in(
     tasks : int
     facts : mapping
         As far as they are known; `hold` adds others.
+    items : sequence
+        Of a run that may grow, what each task is of: those that aren't in the folder yet follow those that are, so the
+        tasks are in the order of the parts' own `items`.
     resume : bool
         Whether parts may be there already.
     shard : Shard, optional
@@ -227,7 +248,8 @@ def parts_in(
     _make(folder)
     with _locked(folder, what, shard):
         with waiting_alone(folder):
-            parts = _begun(folder, what, tasks, dict(plain(facts)), resume=resume or shard is not None)
+            meant = Parts(folder=folder, what=what, tasks=tasks, facts=dict(plain(facts)), items=tuple(plain(items)))
+            parts = _begun(meant, resume=resume or shard is not None)
         yield parts
 
 
@@ -243,7 +265,7 @@ def hold(parts: Parts, **facts: Any) -> Parts:
         known = read_parts(parts.folder)
         new = dict(plain(facts))
         _compare(known, {key: value for key, value in new.items() if key in known.facts})
-        held = Parts(folder=parts.folder, what=parts.what, tasks=parts.tasks, facts={**known.facts, **new})
+        held = replace(known, facts={**known.facts, **new})
         if held.facts != known.facts:
             held._write_manifest()
     return held
@@ -258,11 +280,11 @@ def waiting_alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def _begun(folder: Path, what: str, tasks: int, facts: dict[str, Any], *, resume: bool) -> Parts:
+def _begun(meant: Parts, *, resume: bool) -> Parts:
+    folder, what, tasks = meant.folder, meant.what, meant.tasks
     if not is_file(folder / _MANIFEST):
-        parts = Parts(folder=folder, what=what, tasks=tasks, facts=facts)
-        parts._write_manifest()
-        return parts
+        meant._write_manifest()
+        return meant
     known = read_parts(folder)
     if known.what != what:
         raise InputError(f"{folder} holds a {known.what}, not a {what}; give another --out")
@@ -271,11 +293,29 @@ def _begun(folder: Path, what: str, tasks: int, facts: dict[str, Any], *, resume
         raise InputError(
             f"{folder} holds {done} of {known.tasks} tasks of a {what}; --resume goes on with it, or give another --out"
         )
-    _compare(known, facts)
+    _compare(known, meant.facts)
+    known = _grown(known, meant.items)
     if known.tasks != tasks:
         raise InputError(f"{folder} holds another {what}: of {known.tasks} tasks, not {tasks}; give another --out")
     known.done()  # parts of another run are refused before the work, not after it
     return known
+
+
+def _grown(known: Parts, items: Sequence[Any]) -> Parts:
+    """Return the parts with the items that are new, behind those that there are; none of these may be missing."""
+    given, there = ({dumps(item): item for item in each} for each in (items, known.items))
+    missing = next((item for key, item in there.items() if key not in given), None)
+    if missing is not None:
+        raise InputError(
+            f"{known.folder} holds another {known.what}: {shown(missing)} was there, and isn't (so) any more; put it "
+            "back, or give another --out"
+        )
+    new = [item for key, item in given.items() if key not in there]
+    if not known.items or not new:
+        return known
+    grown = replace(known, tasks=known.tasks + len(new), items=(*known.items, *new))
+    grown._write_manifest()
+    return grown
 
 
 def _compare(known: Parts, facts: Mapping[str, Any]) -> None:

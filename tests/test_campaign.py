@@ -11,13 +11,16 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.parts import Shard, read_parts
+from gtmbench.progress import counted, silent
 from gtmbench.shipped import shipped_campaigns
 from gtmbench.study.calibration import own_detector
+from gtmbench.study.campaign.axes import AXES
 from gtmbench.study.campaign.conduct import conduct, done
-from gtmbench.study.campaign.plan import AXES, load_campaign
+from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
 from gtmbench.study.campaign.watchers import named
+from gtmbench.study.flights import fly_setup
 from tests.campaigns import TINY, loaded, results, table, written
 from tests.hostile import refused
 from tests.watching import EXAMPLE, dissertation, monitor, spike
@@ -167,6 +170,14 @@ def test_rows_have_the_columns_of_the_schema_and_no_others(tmp_path):
         "smallest",
     } - _OF_ISOLATION
     assert table_of(rows).schema.metadata[b"gtmbench.schema"] == b"1"
+
+
+def test_the_delay_at_the_own_threshold_is_the_delay(tmp_path):
+    (task, *_) = loaded(tmp_path, TINY.replace('"1:8"', "1")).tasks()
+    rows = [row for row in rows_of(task, {"dissertation": own_detector(task.setup)}) if "fault" in row]
+    told = {row["window_s"] for row in rows if row["detected"]}
+    assert told == {0.21}, "w + 1 samples"
+    assert [row["delay_at_100_percent_s"] for row in rows] == [row["detection_delay_s"] for row in rows]
 
 
 _OF_ISOLATION = {"isolated", "named_wrong", "axis_right", "sensor", "kind", "kind_right", "kind_right_20s"}
@@ -410,3 +421,32 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
     assert (setup.aircraft, setup.excitation, setup.seed) == ("gtm", "doublets+turbulence", 5)
     assert setup.autopilot == gb.load_aircraft("gtm").autopilot
     assert (setup.trim_point, task.noise_seeds) == ({"altitude_ft": 9000.0, "tas_kt": 95.0}, (3,))
+
+
+def test_duckdb_reads_the_parts_as_the_page_says(tmp_path, monkeypatch):
+    duckdb = pytest.importorskip("duckdb", reason="no duckdb")
+    rows = table(tmp_path)
+    page = (Path(__file__).parent.parent / "docs/campaigns.md").read_text()
+    query = page.partition("```sql\n")[2].partition("```")[0].replace("fifteen/", "out/")
+    monkeypatch.chdir(tmp_path)
+    found = {fault: median for fault, median in duckdb.sql(query).fetchall() if median is not None}
+    assert found == pytest.approx(rows.groupby("fault")["detection_delay_s"].median().dropna().to_dict())
+
+
+def test_the_attitude_is_as_late_in_calibration_as_on_every_flight(tmp_path):
+    text = TINY.replace('excitation = "multisine"', 'excitation = "multisine"\nnoise = "t2"\nattitude_late_s = 0.02')
+    campaign = loaded(tmp_path, text)
+    assert campaign.calibration.attitude_late_s == 0.02
+    (setup, *_) = (task.setup for task in campaign.tasks())
+    late, on_time = (
+        fly_setup(each, False, counted(silent, 2)) for each in (setup, replace(setup, attitude_late_s=0.0))
+    )
+    assert late.sensed(2)["phi"][2:].tolist() == on_time.sensed(2)["phi"][:-2].tolist()
+    assert late.sensed(2)["p"].tolist() == on_time.sensed(2)["p"].tolist()
+    one, other = (written(tmp_path, text.replace("0.02", late_s), f"late_{late_s}") for late_s in ("0.02", "0.04"))
+    for path in (one, other):
+        path.write_text(path.read_text().partition("[axes]")[0] + "[[faults]]" + text.partition("[[faults]]")[2])
+    with pytest.raises(gb.InputError, match=r"attitude_late_s is 0.02 and 0.04 in its scenarios"):
+        loaded(tmp_path, f'scenarios = ["{one}", "{other}"]', "both")
+    with pytest.raises(gb.InputError, match="in the loop the autopilot flies on the attitude"):
+        loaded(tmp_path, text.replace("[operator]", "[autopilot]\n[operator]"), "looped")

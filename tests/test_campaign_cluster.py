@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,11 +27,12 @@ MORE = TINY.replace("1:8", "1:12")
 class Cluster:
     """A scheduler and its workers, a process each."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, *options, workers=2):
         self._file = folder / "scheduler.json"
+        self._options = options
         self._processes = []
         self.scheduler = self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-show", "--no-dashboard")
-        self.workers = [self._worker(), self._worker()]
+        self.workers = [self._worker() for _ in range(workers)]
 
     @property
     def address(self):
@@ -45,7 +47,7 @@ class Cluster:
 
     def _begin(self, what, *options):
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "dask", what, "--scheduler-file", self._file, *options]
+        command = [sys.executable, "-m", "dask", what, "--scheduler-file", self._file, *options, *self._options]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self._processes.append(process)
         return process
@@ -123,3 +125,41 @@ def test_certificates_that_arent_there_are_told(cli, tmp_path):
         "campaign", written(tmp_path), "--scheduler", "tls://127.0.0.1:1", "--tls", tmp_path, "--out", "o"
     )
     assert (code, "lacks ca.pem, cert.pem, key.pem" in err) == (2, True)
+
+
+@pytest.fixture
+def certificates(tmp_path):
+    """Return a function that makes an authority of its own, and one certificate that it has signed, in a folder."""
+    openssl = shutil.which("openssl") or pytest.skip("no openssl")
+
+    def make(name):
+        folder = tmp_path / name
+        folder.mkdir()
+        key = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"
+        (folder / "of.cnf").write_text("subjectAltName=IP:127.0.0.1")
+        for command in (
+            f"req -x509 {key} -subj /CN={name} -days 2 -keyout ca.key -out ca.pem",
+            f"req {key} -subj /CN=127.0.0.1 -keyout key.pem -out asked.pem",
+            "x509 -req -in asked.pem -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -extfile of.cnf -out cert.pem",
+        ):
+            subprocess.run([openssl, *command.split()], cwd=folder, check=True, capture_output=True)
+        return folder
+
+    return make
+
+
+def test_by_tls_only_who_has_the_authority_s_certificate_is_let_in(certificates, tmp_path, monkeypatch):
+    own, other = certificates("own"), certificates("other")
+    files = ["--tls-ca-file", own / "ca.pem", "--tls-cert", own / "cert.pem", "--tls-key", own / "key.pem"]
+    cluster = Cluster(tmp_path, "--protocol", "tls", *files, workers=1)
+    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 5)
+    try:
+        assert cluster.address.startswith("tls://")
+        campaign = loaded(tmp_path, TINY.replace("1:8", "1:2"))
+        assert conduct(campaign, tmp_path / "out", scheduler=cluster.address, tls=own).todo() == ()
+        plain = cluster.address.replace("tls://", "tcp://")
+        for address, tls in ((cluster.address, other), (cluster.address, None), (plain, None)):
+            with pytest.raises(gb.InputError, match="no scheduler answers at"):
+                conduct(campaign, tmp_path / "refused", scheduler=address, tls=tls)
+    finally:
+        cluster.end()

@@ -35,7 +35,11 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"\| replacing \| gyro +\| ",
         r"\| noise \| [0-9.]+ deg/s \|",  # the smallest that is found
     ),
-    "which_gyro": (r"# Which gyro failed\?", r"\*\*Quick: ", r"\| C +\| jam +\| strong +\| 1 of 1 +\| 1 +\| 1 +\|"),
+    "other_sensors": (
+        r"# Other sensors, other tests\n\n\*\*Quick: ",
+        r"\| 1 s +\| 100.0 % .* of 1 ",
+        r"\| cusum +\| 100.0 % .* of 1 ",
+    ),
     "in_the_loop": (
         r"# In the loop\n\n\*\*Quick: ",
         r"\| jam +\| q +\| [0-9.]+ ",  # detected, wherever it is put
@@ -43,7 +47,6 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
     ),
     "early_alarms": (r"# Alarms that don't wait\n\n\*\*Quick: ", r"\| as it is +\| C-early +\| 100.0 % .* of 1 +\|"),
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
-    "rivals": (r"# Rivals on equal flights\n\n\*\*Quick: ", r"\| kinematic-kalman +\| 100.0 % .* of 1 .* 0 in 0.0 h"),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
 SAID = {"aircraft_gyros": "0.36 and 9.1 deg/s", "choices": "r = 28, d = 50"}  # what the README says of them

@@ -131,7 +131,18 @@ def test_another_fleet_does_not_mix_with_it(fleet, capsys):
     with (fleet / "logs/flight_9.csv").open("a") as file:
         file.write("\n")
     assert ended("monitor", fleet / "logs", *HOW, *out, "--resume") == 2
-    assert "logs[0]" in capsys.readouterr().err
+    assert "flight_9.csv" in (said := capsys.readouterr().err)
+    assert "isn't (so) any more" in said
+
+
+def test_a_fleet_grows_by_the_logs_that_are_new(fleet, capsys):
+    before = {path.name: path.stat().st_mtime_ns for path in (fleet / "out").glob("part-*.parquet")}
+    (fleet / "logs/flight_1.csv").write_text("no log at all\n")  # the first by name
+    assert ended("monitor", fleet / "logs", *HOW, "--out", fleet / "out", "--resume", "--json") == 1
+    assert json.loads(capsys.readouterr().out)["counts"]["error"] == 2
+    after = {path.name: path.stat().st_mtime_ns for path in (fleet / "out").glob("part-*.parquet")}
+    assert after.items() > before.items(), "what was watched isn't watched anew"
+    assert rows_of(fleet)["flight_1.csv"]["outcome"] == "error"
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,7 @@ def test_the_command_writes_what_it_is_asked_for(cli, folder, tmp_path):
     for arguments, path in [
         (["--out", "x.md"], "x.md"),
         (["--out", "there", "--format", "json"], "there/report.json"),
+        (["--out", "there", "--format", "table"], "there/table.md"),
     ]:
         code, out, _ = cli("report", folder, *arguments, "--json")
         found = json.loads(out)

@@ -48,7 +48,7 @@ def test_a_part_is_a_parquet_file_of_one_row_group_that_says_whose_it_is(half):
     part = pq.ParquetFile(half / "part-000003.parquet")
     assert part.num_row_groups == 1
     assert part.schema_arrow.metadata[b"gtmbench.task"] == b"3"
-    assert part.schema_arrow.metadata[b"gtmbench.run"].decode() == read_parts(half).digest
+    assert part.schema_arrow.metadata[b"gtmbench.run"].decode() == read_parts(half).digest(0)
     assert {path.name for path in half.iterdir() if path.name[0] != "."} == {
         "manifest.json",
         *(f"part-00000{task}.parquet" for task in (0, 1, 3)),
@@ -240,3 +240,19 @@ def test_a_folder_that_was_left_behind_without_a_lock_is_cleared_too(tmp_path):
         aside.touch()
     assert {path.name for path in tmp_path.iterdir()} == {"other.txt", ".gtmbench-notes"}
     assert time.monotonic() - began < 1.0
+
+
+def test_a_run_of_items_grows_and_keeps_what_it_has(tmp_path):
+    with begun(tmp_path / "out", tasks=2, items=["b", "c"]) as parts:
+        for task in (0, 1):
+            parts.write(task, rows(task))
+    with begun(tmp_path / "out", tasks=3, items=["a", "b", "c"], resume=True) as parts:
+        assert (parts.items, parts.todo()) == (("b", "c", "a"), (2,))
+        parts.write(2, rows(2))
+    with begun(tmp_path / "out", tasks=3, items=["c", "a", "b"], resume=True) as parts:
+        assert parts.todo() == ()
+    with (
+        pytest.raises(gb.InputError, match=r"'b' was there, and isn't \(so\) any more"),
+        begun(tmp_path / "out", tasks=2, items=["a", "c"], resume=True),
+    ):
+        pass

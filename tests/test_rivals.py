@@ -28,6 +28,7 @@ from gtmbench.detectors.rivals.limits import LimitChecks
 from gtmbench.detectors.rivals.one_step import OneStepPrediction
 from gtmbench.detectors.rivals.pca import PrincipalComponents
 from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares
+from gtmbench.detectors.rivals.rival import JUDGES
 from gtmbench.detectors.rivals.signals import Scale, body_increments, with_turns
 from gtmbench.detectors.rivals.stream import named
 from gtmbench.detectors.statistics.statistic import Tolerance
@@ -73,6 +74,15 @@ def test_every_rival_names_its_source_and_stands_in_the_page(rival):
 
 
 # --- judged alike
+
+
+def test_an_alarm_tells_how_far_back_the_test_looks_that_raised_it():
+    rival = KinematicKalmanFilter()
+    monitor = rival.calibrate([record(3000, seed=seed) for seed in (1, 2, 3)])
+    broken = gb.inject(record(3000, seed=4), gb.Bias(channel="p", onset_s=20.0, size=50.0))
+    alarm = next(alarm for alarm in monitor.watch(broken).faults if alarm.time_s >= 20.0)
+    looked_back = round((alarm.time_s - alarm.onset_s) / broken.sample_period_s)
+    assert looked_back in JUDGES[rival.judge].rows(broken.sample_period_s)
 
 
 def test_a_lower_rate_never_lowers_a_threshold():

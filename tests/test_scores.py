@@ -5,7 +5,9 @@ import pytest
 from scipy.stats import beta, binomtest, chi2
 
 from gtmbench.errors import InputError
+from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.study.campaign.rows import table_of
+from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.compare import compared, holm, ranks
 from gtmbench.study.scores.curves import characteristic
 from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
@@ -313,6 +315,40 @@ def test_a_curve_tells_the_rate_of_alarms_that_come_at_random():
     curve = characteristic(peaks, 0.25, np.array([2.0, 1.2]))
     at_one = curve.per_hour[curve.factors == 1.2]
     assert at_one == pytest.approx(2.0, rel=0.1)
+
+
+def test_what_a_sooner_alarm_costs_is_told_at_every_factor_and_a_miss_is_infinitely_late():
+    rows = [healthy("A", flight, peak_ratio=0.55 if flight < 2 else 0.2) for flight in range(10)]
+    for flight in range(10):
+        at = {name: 1.0 + factor for factor, name in LADDER.items() if factor < 1.4 or flight < 3}
+        rows.append(trial("A", flight, 2.0, **at))
+    price = only(rows).price
+    assert price.factors.tolist() == sorted(LADDER)
+    expected = [1.0 + factor if factor < 1.4 else np.inf for factor in sorted(LADDER)]
+    assert price.delays_s == pytest.approx(expected)
+    rates = dict(zip(price.factors.tolist(), price.per_hour.tolist(), strict=True))
+    assert rates[0.5] == pytest.approx(-np.log(0.8) / 0.1), "2 of 10 records of 0.1 h alarm"
+    assert rates[0.6] == 0.0
+    assert only([row for row in rows if row.get("fault") is None] + [trial("A", 0, 2.0)]).price is None
+
+
+def test_look_ahead_windows_and_the_rest_are_the_delay():
+    rows = [trial("A", 0, delay_s, window_s=window_s) for delay_s, window_s in ((0.1, 2.0), (0.6, 2.0), (5.1, 2.0))]
+    assert only(rows).merits.delays.windows == pytest.approx((0.0 + 0.5 + 2.0) / 3)  # the rest: 0, 0, 3 s
+    assert only([*rows, trial("A", 0, 1.0)]).merits.delays.windows is None, "one doesn't say"
+
+
+def test_the_short_table_has_fourteen_rows_and_names_the_others():
+    rows = []
+    for number in range(16):
+        rows += [
+            row for flight in range(12) for row in (healthy(f"D{number}", flight), trial(f"D{number}", flight, 1.0))
+        ]
+    rows += [healthy("loud", flight, false_alarms=9) for flight in range(12)]
+    told = who_sees_what(scores_of(rows)).splitlines()
+    assert [line.split(" | ")[0] for line in told if line.startswith("| ")][2:] == ["| 1-16"] * 14, "a tie is a tie"
+    assert told[-3] == "Behind these: D14 and D15."
+    assert told[-1] == "No score, since 1 false alarms an hour are refuted for loud (108 in 1.2 h: 74 at least)."
 
 
 def search(flight, smallest, mildest=0.01, severest=100.0, **cells):

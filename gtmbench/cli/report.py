@@ -11,14 +11,17 @@ from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file
 
-_FORMATS = ("html", "md", "json")
+_FORMATS = {"html": "report.html", "md": "report.md", "json": "report.json", "table": "table.md"}  # default names
 
 
 @click.command("report")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="File, or folder for it.  [default: report.html in DIR]")
 @click.option(
-    "--format", "form", type=click.Choice(_FORMATS), help="What it is written as.  [default: as --out ends, or html]"
+    "--format",
+    "form",
+    type=click.Choice(list(_FORMATS)),
+    help="What it is written as.  [default: as --out ends, or html]",
 )
 @click.option(
     "--false-alarms-per-hour",
@@ -73,5 +76,5 @@ def report_command(
 
 def _path(folder: Path, out: Path | None, form: str) -> Path:
     if out is None:
-        return folder / f"report.{form}"
-    return out / f"report.{form}" if out.is_dir() else out
+        return folder / _FORMATS[form]
+    return out / _FORMATS[form] if out.is_dir() else out

@@ -34,10 +34,12 @@ def strokes(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
     >>> strokes(["C", "B"])["B"]
     {'color': '#d55e00', 'linestyle': '--', 'marker': 's'}
+    >>> len({(each["color"], each["linestyle"]) for each in strokes(map(str, range(28))).values()})
+    28
     """
     found: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(dict.fromkeys(names)):
-        style = (i + i // len(_HUES)) % len(_DASHES)
+        style = (i % len(_HUES) + i // len(_HUES)) % len(_DASHES)
         marker = _MARKERS[i % len(_MARKERS)]
         found[name] = {"color": _HUES[i % len(_HUES)], "linestyle": _DASHES[style], "marker": marker}
     return found

@@ -13,8 +13,10 @@ from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import trim
 from gtmbench.channels import COMMANDS, SENSORS, unit_of
+from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
+from gtmbench.faults.kinds import Delay
 from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec
@@ -42,12 +44,13 @@ class Flown:
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
         if number not in self._last:  # the trials of a record ask for it one after the other
-            setup, seed = self.setup, _noise_seed(self.setup, number)
             self._last.clear()
-            self._last[number] = measure(
-                self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands
-            )
+            self._last[number] = with_late_attitude(self._measured(number), self.setup.attitude_late_s)
         return self._last[number]
+
+    def _measured(self, number: int) -> Record:
+        setup, seed = self.setup, _noise_seed(self.setup, number)
+        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands)
 
     @cached_property
     def _last(self) -> dict[int, Record]:
@@ -60,10 +63,11 @@ class Flown:
         another flight.
         """
         truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
-        readings = self.sensed(number)
+        readings = self._measured(number)
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
-        return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
+        sensed = Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
+        return with_late_attitude(sensed, self.setup.attitude_late_s)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
@@ -107,6 +111,17 @@ class FlownInLoop(Flown):
         injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
         return injection, unbroken
+
+
+def with_late_attitude(record: Record, late_s: float) -> Record:
+    """Return a record whose attitude comes later than its other channels, as an estimator's may.
+
+    >>> record = Record([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], channels=["p", "phi"], sample_period_s=0.01)
+    >>> with_late_attitude(record, 0.01).values.tolist()
+    [[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]
+    """
+    late = [Delay(channel=name, onset_s=record.start_s, delay_s=late_s) for name in ANGLES if name in record]
+    return inject(record, late) if late_s and late else record
 
 
 def _noise_seed(setup: Setup, number: int) -> int:

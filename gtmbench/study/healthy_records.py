@@ -26,7 +26,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.processes import spread
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record
-from gtmbench.study.flights import check_flown
+from gtmbench.study.flights import check_flown, with_late_attitude
 from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for, outside
 from gtmbench.study.log.regime import Regime
@@ -54,6 +54,8 @@ class CalibrationFlights:
         Of the first flight; the others follow.
     imperfections : Imperfections
         Of the healthy gyros, to be tolerated.
+    attitude_late_s : float
+        How much later than the other sensors' the attitude's samples are.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class CalibrationFlights:
     noise: str = "t2"
     seed: int = 1
     imperfections: Imperfections = field(default_factory=Imperfections)
+    attitude_late_s: float = 0.0
 
     def __post_init__(self) -> None:
         whole("flights", self.flights, 1, _MOST_FLIGHTS)
@@ -114,6 +117,7 @@ class CalibrationFlights:
             "duration_s": float(self.duration_s),
             "noise": self.noise,
             "seeds": [self.seed, self.seed + self.flights - 1],
+            **({"attitude_late_s": self.attitude_late_s} if self.attitude_late_s else {}),
             **_common(self.imperfections),
         }
 
@@ -197,6 +201,7 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
     flights, channels, seed = task
     flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
     measured = measure(flight, noise=flights.noise, seed=seed, commands=True)
+    measured = with_late_attitude(measured, flights.attitude_late_s)
     return _with(measured.select(channels), flights.imperfections, seed)
 
 

@@ -64,6 +64,7 @@ class Setup:
     seed: int = 1
     altitude_ft: float | None = None  # None: the aircraft's own trim
     tas_kt: float | None = None
+    attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
     operator: OperatorSetup = field(default_factory=OperatorSetup)
@@ -256,6 +257,11 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
             f"snr is {setup.snr:g}, but in the loop sensors are noisy before there is a flight to be a ratio of; "
             'give noise = "t2"'
         )
+    if setup.attitude_late_s:
+        raise InputError(
+            f"attitude_late_s is {setup.attitude_late_s:g}, but in the loop the autopilot flies on the attitude, "
+            "and comes in time; leave it out"
+        )
     return replace(setup, autopilot=autopilot, snr=None, noise="t2")
 
 
@@ -304,6 +310,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "seed": whole,
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
+    "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "severity_reference_s": _times,
     "autopilot": table_of,
     "operator": _table(OperatorSetup),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
 from gtmbench.detectors.rivals.level import Level
@@ -17,6 +18,7 @@ from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.detectors.tables import keys
 from gtmbench.record import FloatArray
 
+IntArray = NDArray[np.int_]
 _WHITENING_S = 0.3  # the banks'
 _AS_IT_IS = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
 
@@ -106,21 +108,27 @@ class Judge:
         self._samples = np.zeros(0)
         self._carried: Carried = {}
 
-    def push(self, raw: FloatArray) -> FloatArray:
-        """Return the scores of the next rows of the residual, NaN where there are none; an alarm above 1."""
+    def push(self, raw: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return the scores of the next rows of the residual, NaN where there are none; an alarm above 1.
+
+        Beside them, where they are above 1, how many rows back the greatest test looks; elsewhere 0.
+        """
         order, before = len(self._raw), len(self._samples)
         joined = np.concatenate([self._raw, raw])
         self._raw = joined[len(joined) - order :]
         there, new = self._statistic.given(raw, self._judging.whitener.whiten(joined)[order:])
         samples = np.concatenate([self._samples, new.values])
         given = Given(values=samples, plain=samples, means={}, uncertain=np.broadcast_to(0.0, len(samples)))
-        greatest = np.full(len(there), -math.inf)
+        greatest, looks_back = np.full(len(there), -math.inf), np.zeros(len(raw), dtype=int)
         at = range(before, len(samples))
         tests = self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried)
         for test in tests if len(there) else ():
-            np.fmax(greatest, over(test.values, self._judging.thresholds[test.label]), out=greatest)
+            own = over(test.values, self._judging.thresholds[test.label])
+            higher = np.flatnonzero((own > 1.0) & (own > greatest))
+            looks_back[there[higher]] = test.reach if isinstance(test.reach, int) else test.reach[higher]
+            np.fmax(greatest, own, out=greatest)
         greatest[greatest == -math.inf] = np.nan
         self._samples = samples[max(len(samples) - self._statistic.looks_back(self._period_s), 0) :]
         scores = np.full(len(raw), np.nan)
         scores[there] = greatest
-        return scores
+        return scores, looks_back

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtmbench.clock import ChunkClock, advanced
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.rivals.judging import Judge
+from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.method.alarms import came_down, rising
 from gtmbench.record import BoolArray, FloatArray, Record, check_record
@@ -119,21 +119,23 @@ class RivalStream:
             nothing = {name: np.zeros(0) for name in self._judges}
             return Said(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
         rows = range(clock.count - len(new), clock.count)
-        scores = self._scores(new.values, rows.start)
+        scores, looks_back = self._scores(new.values, rows.start)
         armed = {name: self._came_down(name, values) for name, values in scores.items()}
         before = dict(self._alarms)
         known_s = np.round(clock.times_s(rows), 9)
-        self._alarm(scores, armed, known_s, rows)
+        self._alarm(scores, armed, looks_back, known_s, rows)
         self._clock = clock
         told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
         return Said(known_s, scores, armed, told)
 
-    def _scores(self, values: FloatArray, first: int) -> dict[str, FloatArray]:
+    def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
         residuals = self._generator.push(values)
         residuals[: max(self._settled_row - first, 0)] = np.nan
         residuals[~np.isfinite(values).all(axis=1)] = np.nan  # a sensor that is missing isn't this alarm's business
-        return {
-            name: judge.push(column) for (name, judge), column in zip(self._judges.items(), residuals.T, strict=True)
+        columns = zip(self._judges.items(), residuals.T, strict=True)
+        judged = {name: judge.push(column) for (name, judge), column in columns}
+        return {name: scores for name, (scores, _) in judged.items()}, {
+            name: back for name, (_, back) in judged.items()
         }
 
     def _came_down(self, name: str, values: FloatArray) -> BoolArray:
@@ -143,7 +145,12 @@ class RivalStream:
         return armed
 
     def _alarm(
-        self, scores: Mapping[str, FloatArray], armed: Mapping[str, BoolArray], known_s: FloatArray, rows: range
+        self,
+        scores: Mapping[str, FloatArray],
+        armed: Mapping[str, BoolArray],
+        looks_back: Mapping[str, IntArray],
+        known_s: FloatArray,
+        rows: range,
     ) -> None:
         """Raise the alarms of some rows, in time, and judge them when that is due."""
         events = sorted((row, name) for name, values in scores.items() for row in self._rises(name, values))
@@ -159,7 +166,8 @@ class RivalStream:
             time_s, since = float(known_s[row]), rows.start + row - last[row]
             is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
             fault = self._alarms[number - 1].fault if is_same else number
-            self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=time_s, source=name, fault=fault)
+            onset_s = round(time_s - min(int(looks_back[name][row]), rows.start + row) * self._period_s, 9)
+            self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=onset_s, source=name, fault=fault)
             if not is_same and self._monitor.suspects:
                 due_row = rows.start + row + round(_LOOKS_S / self._period_s)
                 self._looking = _Looking(number=number, due_row=due_row)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.record import FloatArray
-from gtmbench.report.figures.panels import SMALL, Styles, in_decades, label_ends, panels
+from gtmbench.report.figures.panels import Styles, beside_labels, in_decades, label_ends, panels
 from gtmbench.report.style import COLOURS, strokes
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def delay_figure(
         Of every detector, the same in all figures.
     """
     styles = strokes(delays_s) if styles is None else styles
-    figure, axes = panels(1, 1, SMALL)
+    figure, axes = panels(1, 1, beside_labels(len(delays_s)))
     axis = axes[0][0]
     arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
     there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])

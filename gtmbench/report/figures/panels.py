@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 Styles = Mapping[str, Mapping[str, Any]]  # of lines, by name: `gtmbench.report.style.strokes`
 SMALL = (5.8, 3.6)  # inches of a figure whose letters are to be large on a phone
-_APART = 0.065  # of the axis: what labels need
+_LABEL = 0.235  # inches that a label needs
+_MOST_LABELS = 14  # that find room beside a small figure
 _LONGEST_LABEL = 24
 _LEAST_TOP = 10.0  # of an axis of levels
 
@@ -38,6 +39,12 @@ def panels(
     for axis in np.ravel(grid):
         axis.grid(alpha=0.3)
     return figure, [list(row) for row in grid]
+
+
+def beside_labels(count: int) -> tuple[float, float]:
+    """Return the size of a small figure, taller where so many lines are named beside it."""
+    width, height = SMALL
+    return width, height * max(count / _MOST_LABELS, 1.0)
 
 
 def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int) -> None:
@@ -90,14 +97,18 @@ def thinned(time_s: FloatArray, values: FloatArray, *, every: int) -> tuple[Floa
 
 def label_ends(axis: Axes, ends: Mapping[str, float], styles: Styles) -> None:
     """Write each line's name beside its end, one above the other where they end together."""
-    low, high = axis.get_ylim()
+    on_axis = np.log10 if axis.get_yscale() == "log" else float
+    low, high = map(on_axis, axis.get_ylim())
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    apart = _LABEL / figure.get_size_inches()[1]
     names = sorted(ends, key=lambda name: ends[name])
-    places = [(ends[name] - low) / (high - low) for name in names]
+    places = [(on_axis(ends[name]) - low) / (high - low) for name in names]
     for i in range(1, len(places)):
-        places[i] = max(places[i], places[i - 1] + _APART)
+        places[i] = max(places[i], places[i - 1] + apart)
     over = max([0.0, *[place - 1.0 for place in places]])
     for i in reversed(range(len(places))):  # back below the top, those beneath make room
-        ceiling = 1.0 if i == len(places) - 1 else places[i + 1] - _APART
+        ceiling = 1.0 if i == len(places) - 1 else places[i + 1] - apart
         places[i] = min(places[i], ceiling) if over else places[i]
     for name, place in zip(names, places, strict=True):
         axis.annotate(

@@ -11,6 +11,7 @@ from gtmbench.report.figures.panels import (
     SMALL,
     Styles,
     as_it_is,
+    beside_labels,
     in_decades,
     label_ends,
     one_legend,
@@ -33,7 +34,7 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
 
     Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
     """
-    figure, axes = panels(1, 1, SMALL)
+    figure, axes = panels(1, 1, beside_labels(len(detectors)))
     axis = axes[0][0]
     ends = {}
     for one in detectors:
@@ -46,20 +47,59 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
         silent = one.curve.detected[one.curve.alarmed == 0.0]
         ends[one.name] = float(shares[-1]) if len(shares) else float(silent[-1])
         at_own = float(one.curve.detected[one.curve.factors >= 1.0][-1]) if (one.curve.factors >= 1.0).any() else 0.0
-        rate = one.false_alarms.value or 0.0
-        place = rate if rate > 0.0 else _left(detectors)
-        marker: dict[str, Any] = {"marker": own["marker"] if rate > 0.0 else "<", "color": own["color"], "ms": 8}
-        axis.plot([place], [at_own], linestyle="none", clip_on=False, zorder=5, **marker)
-    axis.axvline(target_per_hour, color=COLOURS["healthy"], lw=1.0)
-    axis.annotate(
-        f" target {target_per_hour:g}", (target_per_hour, 0.01), fontsize="small", color=COLOURS["healthy"], ha="left"
-    )
-    in_decades(axis)
+        _mark(axis, one.false_alarms.value or 0.0, at_own, _left(detectors), own)
+    _draw_target(axis, target_per_hour)
     axis.set_ylim(0.0, 1.03)
-    axis.set_xlabel("false alarms an hour (◁: none was seen)")
     axis.set_ylabel("share of faults detected")
     label_ends(axis, ends, styles)
     return figure
+
+
+def delay_curves(detectors: Sequence[DetectorScores], target_per_hour: float, styles: Styles) -> Figure:
+    """Draw the delay by which half of all faults are detected against false alarms, at some factors on the thresholds.
+
+    A marker stands at each detector's own thresholds. What no healthy record showed, a rate too small to be seen, is
+    drawn at the left edge; a line ends where fewer than half are detected.
+    """
+    figure, axes = panels(1, 1, beside_labels(len(detectors)))
+    axis = axes[0][0]
+    ends, left = {}, _left(detectors)
+    axis.set_yscale("log")
+    for one in detectors:
+        if one.price is None:
+            continue
+        shown = np.isfinite(one.price.delays_s) & np.isfinite(one.price.per_hour)
+        if not shown.any():
+            continue
+        own = styles[one.name]
+        rates, delays_s = np.maximum(one.price.per_hour, left)[shown], one.price.delays_s[shown]
+        axis.plot(rates, delays_s, lw=1.8, color=own["color"], linestyle=own["linestyle"])
+        ends[one.name] = float(delays_s[0])
+        as_is = np.flatnonzero(shown & (one.price.factors == 1.0))
+        for point in as_is.tolist():
+            _mark(axis, float(one.price.per_hour[point]), float(one.price.delays_s[point]), left, own)
+    _draw_target(axis, target_per_hour)
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.set_ylabel("delay by which half of all\nfaults are detected (s)")
+    label_ends(axis, ends, styles)
+    return figure
+
+
+def _mark(axis: Axes, rate: float, value: float, left: float, style: Mapping[str, Any]) -> None:
+    """Draw where a detector is at its own thresholds."""
+    marker: dict[str, Any] = {"marker": style["marker"] if rate > 0.0 else "<", "color": style["color"], "ms": 8}
+    axis.plot([max(rate, left)], [value], linestyle="none", clip_on=False, zorder=5, **marker)
+
+
+def _draw_target(axis: Axes, target_per_hour: float) -> None:
+    """Draw the rate of false alarms that is wanted, on an axis of such rates."""
+    grey = COLOURS["healthy"]
+    axis.axvline(target_per_hour, color=grey, lw=1.0)
+    place = (target_per_hour, 0.01)
+    words = f" target {target_per_hour:g}"
+    axis.annotate(words, place, xycoords=("data", "axes fraction"), fontsize="small", color=grey)
+    in_decades(axis)
+    axis.set_xlabel("false alarms an hour (◁: none was seen)")
 
 
 def _left(detectors: Sequence[DetectorScores]) -> float:

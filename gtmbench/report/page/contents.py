@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gtmbench.errors import InputError
 from gtmbench.parts import Parts
 from gtmbench.report.figures.delays import delay_figure
-from gtmbench.report.figures.scores import price_curves, smallest_figure
+from gtmbench.report.figures.scores import delay_curves, price_curves, smallest_figure
 from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import Table, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
@@ -97,6 +97,13 @@ class Contents:
                 "markers: as they are"
             )
             found.setdefault(first, []).append((words, price_curves(with_curve, scores.target_per_hour, styles)))
+        with_price = [one for one in with_curve if one.price]
+        if with_price:
+            words = (
+                "Delay against false alarms, had all thresholds of a detector been multiplied by a factor from 0.4 to "
+                "5; what is missed is infinitely late; markers: as they are"
+            )
+            found.setdefault(first, []).append((words, delay_curves(with_price, scores.target_per_hour, styles)))
         with_smallest = [one for one in scores.detectors if one.smallest]
         if with_smallest:
             words = (

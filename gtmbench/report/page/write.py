@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gtmbench.plain import dumps, plain
 from gtmbench.report.page.contents import Contents
 from gtmbench.report.tables.scores import Table, in_markdown, scores_results
+from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.version import __version__
 
 if TYPE_CHECKING:
@@ -111,4 +112,9 @@ def data(contents: Contents) -> str:
     return dumps(plain(scores_results(contents.scores, about)), indent=2) + "\n"
 
 
-FORMATS: Mapping[str, Callable[[Contents], str]] = {"html": page, "md": markdown, "json": data}
+def table(contents: Contents) -> str:
+    """Return one table, as Markdown, for a page of somebody's own."""
+    return who_sees_what(contents.scores)
+
+
+FORMATS: Mapping[str, Callable[[Contents], str]] = {"html": page, "md": markdown, "json": data, "table": table}

@@ -79,10 +79,10 @@ def tables(scores: Scores) -> list[Table]:
 def _detectors(scores: Scores) -> Table:
     places = {rank.detector: rank for rank in scores.ranks}
     rows = []
-    for one in _ordered(scores):
+    for one in ordered(scores):
         found, place = one.merits, places.get(one.name)
         row = (
-            _place(place.best, place.worst) if place else Cell("-"),
+            place_cell(place.best, place.worst) if place else Cell("-"),
             Cell(one.name, one.name),
             _rate(one.false_alarms),
             *_shares([found.detected, found.in_time] if found else [None, None]),
@@ -115,13 +115,14 @@ def _detectors(scores: Scores) -> Table:
 def _delay_table(scores: Scores) -> Table:
     rows = [
         (Cell(one.name, one.name), *_delays(one.merits.delays), *_samples(one.merits.delays))
-        for one in _ordered(scores)
+        for one in ordered(scores)
         if one.merits and one.merits.delays
     ]
     return Table(
         title="Delays",
         note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
-        "waited for samples to come; what the windows take is in the rest.",
+        "waited for samples to come. Windows: the part of the mean in which the window that alarmed fills with broken "
+        "samples; the rest has passed before it began.",
         columns=(
             "detector",
             "mean (s)",
@@ -129,7 +130,7 @@ def _delay_table(scores: Scores) -> Table:
             "95 % (s)",
             "worst (s)",
             "look-ahead (s)",
-            "median less look-ahead (s)",
+            "windows (s)",
             "median (samples)",
             "worst (samples)",
         ),
@@ -138,9 +139,9 @@ def _delay_table(scores: Scores) -> Table:
 
 
 def _samples(found: Delays) -> list[Cell]:
-    rest = max(found.median.value - found.look_ahead, 0.0)
     samples = [round(value / SAMPLE_PERIOD_S) for value in (found.median.value, found.worst)]
-    return [Cell(f"{rest:.2f}", rest), *[Cell(f"{value}", float(value)) for value in samples]]
+    windows = Cell("-") if found.windows is None else Cell(f"{found.windows:.2f}", found.windows)
+    return [windows, *[Cell(f"{value}", float(value)) for value in samples]]
 
 
 def _names_table(scores: Scores) -> Table:
@@ -149,7 +150,7 @@ def _names_table(scores: Scores) -> Table:
             Cell(one.name, one.name),
             *_shares([own.right, own.wrong, own.undecided, own.missed, own.axis_right, own.kind_right]),
         )
-        for one in _ordered(scores)
+        for one in ordered(scores)
         if one.merits and (own := one.merits.naming)
     ]
     return Table(
@@ -161,7 +162,8 @@ def _names_table(scores: Scores) -> Table:
     )
 
 
-def _ordered(scores: Scores) -> list[DetectorScores]:
+def ordered(scores: Scores) -> list[DetectorScores]:
+    """Return the detectors by their places; those without one last."""
     places = {rank.detector: rank for rank in scores.ranks}
     return sorted(scores.detectors, key=lambda one: _order(one, places))
 
@@ -173,7 +175,8 @@ def _order(one: DetectorScores, places: Mapping[str, Rank]) -> tuple[float, floa
     return (place.best, place.worst, -(in_time or 0.0)) if place else (float("inf"), 0.0, -(in_time or 0.0))
 
 
-def _place(best: int, worst: int) -> Cell:
+def place_cell(best: int, worst: int) -> Cell:
+    """Return a place, or those that are shared."""
     return Cell(f"{best}" if best == worst else f"{best}-{worst}", best + worst / 1000.0)
 
 

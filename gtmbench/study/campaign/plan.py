@@ -9,38 +9,33 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.bench.excitation import parts_of
-from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
+from gtmbench.checks import keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.plain import plain
 from gtmbench.shipped import shipped_campaigns
 from gtmbench.study.calibration import OWN
+from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
 from gtmbench.study.campaign.searches import Search, searches_of
 from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import with_noise
-from gtmbench.study.scenario import Scenario, Setup, flown_by, load_scenario, scenario_of, setting
+from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
 from gtmbench.study.trial import fault_row
 
 MANY = 10_000_000  # trials: nobody means more without saying so
-_RANGE = re.compile(r"\s*(\d{1,10})\s*:\s*(\d{1,10})\s*")
 _OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration", "smallest")
 CALIBRATION = CalibrationFlights(flights=12, duration_s=300.0, seed=1_000_000_001)  # those of `gtmbench run`
 
 _ANY_FAULT = {"kind": "dropout", "channels": ["p"], "onset_s": 0.0}  # a scenario has one
-
-Axes = Mapping[str, Sequence[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,12 +97,12 @@ class Campaign:
         numbers = itertools.count()
         for setup, faults in self._setups():
             for breaking, axes in self._blocks():
-                for flown in _flights(setup, axes):
+                for flown in flights(setup, axes):
                     yield Task(
                         number=next(numbers),
                         setup=flown,
                         faults=tuple(faults) if breaking else (),
-                        noise_seeds=tuple(_noise_seeds(axes)),
+                        noise_seeds=tuple(noise_seeds(axes)),
                         isolate=self.isolate,
                         searches=self.searches if breaking else (),
                     )
@@ -131,7 +126,7 @@ class Campaign:
     @property
     def flights(self) -> int:
         """How many flights there are, which is how many tasks."""
-        return sum(_count(axes) for _, axes in self._blocks()) * len(self._setups())
+        return sum(count(axes) for _, axes in self._blocks()) * len(self._setups())
 
     @property
     def trials(self) -> int:
@@ -150,13 +145,13 @@ class Campaign:
 
     def _broken_records(self) -> int:
         """Return how many records are broken, of each setup."""
-        return sum(_count(axes) * len(_noise_seeds(axes)) for breaks, axes in self._blocks() if breaks)
+        return sum(count(axes) * len(noise_seeds(axes)) for breaks, axes in self._blocks() if breaks)
 
     @property
     def records(self) -> int:
         """How many healthy records every detector watches."""
         return sum(
-            _count(axes) * len(healthy_seeds(setup, _noise_seeds(axes)))
+            count(axes) * len(healthy_seeds(setup, noise_seeds(axes)))
             for setup, _ in self._setups()
             for _, axes in self._blocks()
         )
@@ -177,8 +172,8 @@ class Campaign:
                 scenario.name: {"setup": asdict(scenario.setup), "faults": [_fact(spec) for spec in scenario.faults]}
                 for scenario in self.scenarios
             },
-            "axes": {name: _fact_of_axis(values) for name, values in self.axes.items()},
-            "healthy": None if self.healthy is None else {n: _fact_of_axis(v) for n, v in self.healthy.items()},
+            "axes": {name: fact_of_axis(values) for name, values in self.axes.items()},
+            "healthy": None if self.healthy is None else {n: fact_of_axis(v) for n, v in self.healthy.items()},
             "detectors": list(self.detectors),
             "isolate": self.isolate,
             "searches": [[search.text, _fact(search.mildest), _fact(search.severest)] for search in self.searches],
@@ -197,7 +192,7 @@ class Campaign:
         known = range(self.calibration.seed, self.calibration.seed + self.calibration.flights)
         for setup, _ in self._setups():
             for _, axes in self._blocks():
-                records = [0, 1, *map(record_number, healthy_seeds(setup, _noise_seeds(axes)))]
+                records = [0, 1, *map(record_number, healthy_seeds(setup, noise_seeds(axes)))]
                 seeds = axes.get("seed", (setup.seed,))
                 spans = [seeds] if isinstance(seeds, range) else [range(seed, seed + 1) for seed in seeds]
                 for span, record in itertools.product(spans, records):  # record 0's noise has the flight's own seed
@@ -244,8 +239,8 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
     keys(table, [*_OWN_KEYS, *(item.name for item in fields(Setup)), "faults"])
     own = {key: table.pop(key) for key in _OWN_KEYS if key in table}
     title = text("title", own.get("title", name))
-    axes = _axes("axes", own.get("axes", {}))
-    healthy = _axes("healthy", own["healthy"]) if "healthy" in own else None
+    axes = axes_of("axes", own.get("axes", {}))
+    healthy = axes_of("healthy", own["healthy"]) if "healthy" in own else None
     nothing_breaks = healthy is not None or "smallest" in own
     scenarios = _scenarios(name, title, own.get("scenarios", []), table, only_healthy=nothing_breaks)
     detectors = _names("detectors", own.get("detectors", [OWN]))
@@ -263,7 +258,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         healthy=healthy,
         detectors=detectors,
         isolate=isolate,
-        calibration=calibration,
+        calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),
     )
@@ -313,6 +308,15 @@ def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
         )
 
 
+def _lateness(scenarios: Sequence[Scenario]) -> float:
+    """Return how late the attitude is, on every flight as on those that detectors are calibrated on."""
+    late_s = sorted({scenario.setup.attitude_late_s for scenario in scenarios})
+    if len(late_s) > 1:
+        given = " and ".join(f"{value:g}" for value in late_s)
+        raise InputError(f"attitude_late_s is {given} in its scenarios; detectors are calibrated for one: split them")
+    return late_s[0]
+
+
 def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:
     if not isinstance(given, list) or len(given) < least or not all(isinstance(name, str) for name in given):
         raise InputError(f"{key} is {shown(given)}; it must be a list of names or files")
@@ -322,109 +326,6 @@ def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:
     return tuple(given)
 
 
-# ---- axes ----
-
-
-def _axes(section: str, given: Any) -> dict[str, Sequence[Any]]:
-    table = keys(table_of(section, given), AXES, section=section)
-    return {name: AXES[name](f"{section}.{name}", value) for name, value in table.items()}
-
-
-def _listed(key: str, given: Any, check: Callable[[Any], Any]) -> tuple[Any, ...]:
-    values = given if isinstance(given, list) else [given]
-    if not values:
-        raise InputError(f"{key} is an empty list: nothing would be flown; give a value, or leave it out")
-    with naming(key):
-        checked = tuple(check(value) for value in values)
-    twice = [value for i, value in enumerate(checked) if value in checked[:i]]
-    if twice:
-        raise InputError(f"{key} holds {shown(twice[0])} twice; what is flown twice is the same flight")
-    return checked
-
-
-def _settings(name: str) -> Callable[[str, Any], Sequence[Any]]:
-    return lambda key, given: _listed(key, given, lambda value: setting(name, value))
-
-
-def _flags(key: str, given: Any) -> Sequence[bool]:
-    def check(value: Any) -> bool:
-        if isinstance(value, bool):
-            return value
-        raise InputError(f"it holds {shown(value)}; it must be true or false, or both: [false, true]")
-
-    return _listed(key, given, check)
-
-
-def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
-    """Return a check of seeds: one, a list, or the first and the last: ``"1:20"``."""
-
-    def check(key: str, given: Any) -> Sequence[int]:
-        if not isinstance(given, str):
-            return _listed(key, given, lambda value: whole("a seed", value, least))
-        match = _RANGE.fullmatch(given)
-        seeds = range(int(match[1]), int(match[2]) + 1) if match else range(0)
-        if not seeds or not least <= seeds[0] <= seeds[-1] < 2**31 or len(seeds) > most:
-            raise InputError(
-                f"{key} is {shown(given)}: no seed; give whole numbers from {least} on, or the first and the last of "
-                f'at most {most}, such as "1:20"'
-            )
-        return seeds
-
-    return check
-
-
-AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
-    "aircraft": _settings("aircraft"),
-    "excitation": _settings("excitation"),
-    "turbulence": _flags,
-    "closed_loop": _flags,
-    "altitude_ft": _settings("altitude_ft"),
-    "tas_kt": _settings("tas_kt"),
-    "seed": _seeds(0, 10_000_000),
-    "noise_seed": _seeds(1, 10_000),
-}
-_OF_A_FLIGHT = tuple(name for name in AXES if name != "noise_seed")  # a flight is measured many times
-
-
-def _count(axes: Axes) -> int:
-    return math.prod(len(axes[name]) for name in _OF_A_FLIGHT if name in axes)
-
-
-def _noise_seeds(axes: Axes) -> Sequence[int]:
-    return axes.get("noise_seed", (1,))
-
-
-def _flights(setup: Setup, axes: Axes) -> Iterator[Setup]:
-    """Give a setup with every combination of the axes' values."""
-    named = [name for name in axes if name in _OF_A_FLIGHT]
-    for values in itertools.product(*(axes[name] for name in named)):
-        changed = dict(zip(named, values, strict=True))
-        turbulent, closed = changed.pop("turbulence", None), changed.pop("closed_loop", None)
-        flown = _in_loop(replace(setup, **changed), setup, closed)
-        yield flown if turbulent is None else replace(flown, excitation=_in_air(flown.excitation, turbulent))
-
-
-def _in_loop(setup: Setup, stated: Setup, closed: bool | None) -> Setup:
-    """Return a flight with its loop closed, open, or as the scenario states it; gains are the aircraft's that flies."""
-    if closed is False or (closed is None and stated.autopilot is None):
-        return replace(setup, autopilot=None)
-    own = stated.autopilot if setup.aircraft == stated.aircraft else None
-    return flown_by(setup, own, setup.noise is None)
-
-
-def _in_air(excitation: str, turbulent: bool) -> str:
-    """Return an excitation in turbulent air, or in calm.
-
-    >>> _in_air("doublets", True), _in_air("multisine+turbulence", False)
-    ('doublets+turbulence', 'multisine')
-    """
-    moved = [part for part in parts_of(excitation) if part != "turbulence"]
-    parts = moved + ["turbulence"] * turbulent
-    if not parts:
-        raise InputError("excitation 'turbulence' with turbulence = false: nothing would move; give another excitation")
-    return "+".join(parts)
-
-
 # ---- facts ----
 
 
@@ -432,10 +333,6 @@ def _fact(spec: FaultSpec) -> dict[str, Any]:
     """Say of a trial to come all that its rows hang on."""
     given = {name: str(severity) for name, severity in spec.severities.items()}
     return {**plain(fault_row(spec.fault)), "given": given, "also": [_fact(other) for other in spec.also]}
-
-
-def _fact_of_axis(values: Sequence[Any]) -> Any:
-    return f"{values[0]}:{values[-1]}" if isinstance(values, range) else list(values)
 
 
 def _digest(folder: Path) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench import columns
 from gtmbench.columns import Column, Row
+from gtmbench.study import crossings
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -39,6 +40,7 @@ COLUMNS: Mapping[str, Column] = {
     "alarm_time_s": Column("double", "when the first such could be"),
     "detection_delay_s": Column("double", "since the onset, look-ahead and windows counted"),
     "look_ahead_s": Column("double", "the part of every delay that the detector waits for samples"),
+    **crossings.COLUMNS,
     "peak_ratio": Column("double", "greatest score over its threshold: since the onset, or of a healthy record"),
     "altered_share": Column("double", "of the samples of the fault that it changed"),
     "departure_time_s": Column("double", "when the aircraft departed, in the loop; null: it didn't"),

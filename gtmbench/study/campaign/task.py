@@ -19,6 +19,7 @@ from gtmbench.progress import counted, silent
 from gtmbench.record import Record
 from gtmbench.study.campaign.rows import COLUMNS
 from gtmbench.study.campaign.searches import Search, search_row
+from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
@@ -194,7 +195,8 @@ def _judged(monitor: Monitor, setup: Setup, broken: _Broken) -> Row:
     watch = watched(monitor, injection.record, setup)
     verdict = score(watch, fault=injection.injected, also=injection.also, healthy=healthy, broken=injection.record)
     row = {name: value for name, value in vars(verdict).items() if name in COLUMNS}
-    return {**row, "candidates": " ".join(verdict.candidates), "departure_time_s": departed_s(injection.events)}
+    said = {"candidates": " ".join(verdict.candidates), "departure_time_s": departed_s(injection.events)}
+    return {**row, **said, **crossings(watch, verdict.onset_s)}
 
 
 def _detected(detection: Detection, fault: Fault, quiet: Watch) -> Row:

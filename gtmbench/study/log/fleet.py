@@ -183,7 +183,7 @@ def conduct(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Parts:
-    """Watch every log that isn't in the folder yet, and return its parts.
+    """Watch every log that isn't in the folder yet, and return its parts; logs that are new follow those it has.
 
     Parameters
     ----------
@@ -212,13 +212,10 @@ def conduct(
     """
     watching.check()
     whole("jobs", jobs, 1, 1000)
-    facts = {
-        "logs": [_file_fact(path) for path in logs],
-        "watching": watching.facts(),
-        "versions": code_facts(_LIBRARIES),
-    }
-    with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, resume=resume) as parts:
-        todo = parts.todo()
+    facts = {"watching": watching.facts(), "versions": code_facts(_LIBRARIES)}
+    of = {tuple(_file_fact(path)): path for path in logs}
+    with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, items=list(of), resume=resume) as parts:
+        todo, logs = parts.todo(), [of[tuple(item)] for item in parts.items]
         work = partial(_row_of, watching=watching, row=row)
         begin = partial(load_files, watching.files())
         progress("logs", 0, len(todo))

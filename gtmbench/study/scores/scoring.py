@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.compare import Comparison, Rank, compared, ranks
-from gtmbench.study.scores.curves import Curve, characteristic
+from gtmbench.study.scores.curves import Curve, Price, characteristic, price
 from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
 from gtmbench.study.scores.smallest import Smallest, smallest
 
@@ -34,6 +35,7 @@ READ = (
     *("task", *FLIGHT, "noise_seed", "detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
     *("detected", "detection_delay_s", "look_ahead_s", "peak_ratio", "isolated", "named_wrong", "axis_right"),
     *("sensor", "kind", "kind_right", "severity_name", "severity_of", "mildest", "severest", "smallest"),
+    *("window_s", *LADDER.values()),
 )
 
 
@@ -48,6 +50,9 @@ class Delays:
     worst : float
     look_ahead : float
         The part of every delay that the detector waits for samples to come.
+    windows : float or None
+        The part, in the mean, in which windows fill: from the onset or a window's beginning, whichever is later, to the
+        alarm, less the look-ahead. None of a detector that doesn't say how far it looks back.
     """
 
     mean: Estimate
@@ -55,6 +60,7 @@ class Delays:
     most: Estimate
     worst: float
     look_ahead: float
+    windows: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +146,8 @@ class DetectorScores:
     sensors, kinds : Confusion or None
     curve : Curve or None
         None of a detector that shows no scores.
+    price : Price or None
+        None of a detector that shows no scores, or where it was only asked whether and when it alarms.
     smallest : tuple of Smallest
     """
 
@@ -153,6 +161,7 @@ class DetectorScores:
     sensors: Confusion | None = None
     kinds: Confusion | None = None
     curve: Curve | None = None
+    price: Price | None = None
     smallest: tuple[Smallest, ...] = ()
 
     @property
@@ -284,6 +293,8 @@ def _detector(name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s:
         return DetectorScores(**{**vars(known), "smallest": _smallest(rows)})
     peaks = healthy["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
     broken = trials["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
+    hours_each = float(np.mean(hours)) if len(hours) else 0.0
+    at_factors = {factor: trials[name].to_numpy(dtype=float, na_value=np.nan) for factor, name in LADDER.items()}
     return DetectorScores(
         name=name,
         false_alarms=alarms,
@@ -293,7 +304,8 @@ def _detector(name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s:
         channels={str(channel): merits(own, deadline_s) for channel, own in trials.groupby("channel", sort=False)},
         sensors=_sensors(trials),
         kinds=_kinds(trials),
-        curve=characteristic(peaks, float(np.mean(hours)) if len(hours) else 0.0, broken),
+        curve=characteristic(peaks, hours_each, broken),
+        price=price(peaks, hours_each, at_factors),
         smallest=_smallest(rows),
     )
 
@@ -313,18 +325,23 @@ def merits(trials: pd.DataFrame, deadline_s: float) -> Merits:
         failed=int(trials["failed"].sum()),
         detected=share(detected, flights),
         in_time=share(detected & (np.nan_to_num(delay_s, nan=np.inf) <= deadline_s + 1e-9), flights),
-        delays=_delays(delay_s[detected], flights[detected], trials["look_ahead_s"]) if detected.any() else None,
+        delays=_delays(trials[detected], flights[detected]) if detected.any() else None,
         naming=_naming(trials, detected, flights) if _names(trials) else None,
     )
 
 
-def _delays(delay_s: np.ndarray, flights: np.ndarray, look_ahead_s: pd.Series) -> Delays:
+def _delays(found: pd.DataFrame, flights: np.ndarray) -> Delays:
+    delay_s, look_ahead_s, window_s = (
+        found[name].to_numpy(dtype=float, na_value=np.nan) for name in ("detection_delay_s", "look_ahead_s", "window_s")
+    )
+    filling_s = np.minimum(np.maximum(delay_s - look_ahead_s, 0.0), window_s)
     return Delays(
         mean=mean(delay_s, flights),
         median=quantile(delay_s, 0.5, flights),
         most=quantile(delay_s, 0.95, flights),
         worst=float(delay_s.max()),
         look_ahead=float(look_ahead_s.max()),
+        windows=None if np.isnan(window_s).any() else float(filling_s.mean()),
     )
 
 
