@@ -17,14 +17,20 @@ from gtmbench.clock import FloatArray
 ROWS = 1 << 17  # of a piece: 22 minutes at 100 Hz, 1 MB a column
 
 
-def pieces(rows: int, of: int = ROWS) -> Iterator[slice]:
+def rows_of_piece() -> int:
+    """Return how many rows a piece has."""
+    return ROWS
+
+
+def pieces(rows: int, of: int | None = None) -> Iterator[slice]:
     """Give the rows of a column, so many at a time.
 
     >>> list(pieces(5, 2))
     [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
     """
-    for first in range(0, rows, of):
-        yield slice(first, min(first + of, rows))
+    most = rows_of_piece() if of is None else of
+    for first in range(0, rows, most):
+        yield slice(first, min(first + most, rows))
 
 
 def joined(parts: Sequence[NDArray[Any]], empty: DTypeLike) -> NDArray[Any]:

@@ -118,7 +118,7 @@ class BankMonitor(CalibratedBank):
         memory = Memory.of(self, record, residuals.spread)
         for output, rows in out:
             memory.blot(output, rows)
-        excursions = Excursions(self, record, residuals.raw, residuals.spread, outside)
+        excursions = Excursions(self, record, residuals.as_told, outside)
         logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
         values = {output: np.full(len(record), np.nan) for output in tracks}
         reach, columns = reach_of(self), record.columns(self.bank.channels)

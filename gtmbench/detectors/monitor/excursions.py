@@ -13,10 +13,9 @@ import numpy as np
 
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.scores import residual_scores
-from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
@@ -85,8 +84,8 @@ class Excursions:
     ----------
     monitor : CalibratedBank
     record : Record
-    raw, spread : mapping of output to array, to Spread
-        The residuals as they are, and how far they may be off.
+    residuals : BankResiduals
+        As they are.
     excursions : sequence of Excursion
     """
 
@@ -94,12 +93,11 @@ class Excursions:
         self,
         monitor: CalibratedBank,
         record: Record,
-        raw: Mapping[str, FloatArray],
-        spread: Mapping[str, Spread],
+        residuals: BankResiduals,
         excursions: Sequence[Excursion],
     ) -> None:
         silent = [excursion for excursion in excursions if not excursion.is_judged]
-        scores = residual_scores(monitor, record, raw, spread) if silent else {}
+        scores = residual_scores(monitor, record, residuals) if silent else {}
         rises = [
             (row, output, score.origins.of(row)[1])
             for output, score in scores.items()

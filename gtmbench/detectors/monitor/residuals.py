@@ -14,7 +14,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of
 from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.detectors.statistics.statistic import Spread
-from gtmbench.pieces import ROWS, pieces
+from gtmbench.pieces import pieces, rows_of_piece
 from gtmbench.record import FloatArray, Record, check_record, sealed
 
 
@@ -36,7 +36,7 @@ class RecordResiduals:
         record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
         monitor.bank.check_channels(record.channels)
         self.monitor, self.record = monitor, record
-        self._of = max(len(record), 1) if at_once else ROWS
+        self._of = max(len(record), 1) if at_once else rows_of_piece()
         self._whole = bank_residuals(monitor, record) if len(record) <= self._of else None
         self._reach = reach_of(monitor)
 
@@ -49,6 +49,11 @@ class RecordResiduals:
         if self._whole is not None and len(rows) == len(self.record):
             return self._whole
         return bank_residuals(self.monitor, self.record.part(rows))
+
+    @property
+    def as_told(self) -> BankResiduals:
+        """All of them, by output; of a long record each is worked out when it is asked for."""
+        return BankResiduals(raw=self.raw, predicted=self.predicted, spread=self.spread)
 
     @property
     def spread(self) -> Mapping[str, Spread]:

@@ -302,14 +302,12 @@ def extend(
             yield output, own.start + first, residuals.raw[output][own], spread
 
 
-def residual_scores(
-    monitor: CalibratedBank, record: Record, raw: Mapping[str, FloatArray], spread: Mapping[str, Spread]
-) -> dict[str, ResidualScore]:
-    """Return the score of every residual of a record, as it is there as a whole."""
+def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ResidualScore]:
+    """Return every residual's score on a record."""
     scores = {}
-    for output, values in raw.items():
+    for output, raw in residuals.raw.items():
         track = Track(monitor, output)
-        track.extend(values, spread.get(output))
+        track.extend(raw, residuals.spread.get(output))
         track.known(0, len(record) + track.ahead)
         scores[output] = score_of(track, record)
     return scores
@@ -338,8 +336,7 @@ def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
 
 def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
     """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
-    residuals = bank_residuals(monitor, record)
-    return crossings(residual_scores(monitor, record, residuals.raw, residuals.spread))
+    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))
 
 
 def _matrix(given: Given) -> FloatArray:

@@ -70,7 +70,7 @@ class BankTrials:
         self._bank, self._watched = bank, WatchedTrials(monitor, record)
         self._record, self._time_s = record, record.time_s
         residuals = bank_residuals(bank, record)
-        scores = residual_scores(bank, record, residuals.raw, residuals.spread)
+        scores = residual_scores(bank, record, residuals)
         self._scores = {output: score.values for output, score in scores.items()}
         self._alarms = crossings(scores)
         self._residuals = {

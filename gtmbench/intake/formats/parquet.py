@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
-from gtmbench.pieces import ROWS
+from gtmbench.pieces import rows_of_piece
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -48,7 +48,9 @@ def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     with reading(path, "Parquet table"), pq.ParquetFile(path) as table:
         values: NDArray[Any] | None = None
         first = 0
-        for batch in table.iter_batches(columns=[name], batch_size=ROWS):  # a table of all of it would stand beside it
+        for batch in table.iter_batches(
+            columns=[name], batch_size=rows_of_piece()
+        ):  # a table of all of it would stand beside it
             part = _numbers(batch.column(name), dtype)
             if values is None:
                 values = np.empty(table.metadata.num_rows, dtype=part.dtype)

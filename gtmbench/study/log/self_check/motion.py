@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.method.regression.slow import HALF, interpolated, slow
-from gtmbench.pieces import ROWS, pieces
+from gtmbench.pieces import pieces, rows_of_piece
 from gtmbench.record import BoolArray, FloatArray, Record
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
@@ -153,7 +153,7 @@ def slow_pieces(columns: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, Boo
     """
     count, begin = len(columns[0]), 0
     while begin < count:
-        stop = _joint(columns, begin + ROWS)
+        stop = _joint(columns, begin + rows_of_piece())
         first, last = max(begin - HALF, 0), min(stop + HALF, count)
         values = np.column_stack([column[first:last] for column in columns])
         there = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
@@ -164,9 +164,9 @@ def slow_pieces(columns: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, Boo
 
 def _joint(columns: Sequence[FloatArray], row: int) -> int:
     """Return the first row from one on about which all that the filter sees is whole, or one past the last."""
-    count, width = len(columns[0]), 2 * HALF
-    for first in range(row - HALF, count - width, ROWS):
-        whole = np.logical_and.reduce([np.isfinite(column[first : first + ROWS + width]) for column in columns])
+    count, width, step = len(columns[0]), 2 * HALF, rows_of_piece()
+    for first in range(row - HALF, count - width, step):
+        whole = np.logical_and.reduce([np.isfinite(column[first : first + step + width]) for column in columns])
         counts = np.cumsum(np.concatenate([[0], whole]))
         fits = np.flatnonzero(counts[width:] - counts[:-width] == width)
         if len(fits):
