@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,8 +32,28 @@ def check_record(given: object) -> None:
 
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
-    """Return a read-only copy as float64; with order F, its columns lie together in memory."""
+    """Return a read-only copy as float64; with order F, its columns lie together in memory.
+
+    What is that already, and nobody can write to, is its own copy.
+    """
+    if order == "F" and isinstance(values, np.ndarray) and _is_frozen(values):
+        return values
     return sealed(np.array(values, dtype=np.float64, order=order))
+
+
+def _is_frozen(values: NDArray[Any]) -> bool:
+    """Tell whether nobody can write to an array, whose columns lie together in memory."""
+    base = values if values.base is None else values.base
+    return (
+        values.dtype == np.float64
+        and values.ndim == 2
+        and not values.flags.writeable
+        and isinstance(base, np.ndarray)
+        and base.base is None
+        and not base.flags.writeable
+        and len(values) > 1
+        and values.strides[0] == values.itemsize
+    )
 
 
 def sealed(array: FloatArray) -> FloatArray:
@@ -150,6 +170,10 @@ class Record:
         """Time of every sample in seconds, rounded to the nanosecond."""
         return even_times_s(self.start_s, self.sample_period_s, range(len(self)))
 
+    def time_at(self, row: int) -> float:
+        """Return the time of one sample in seconds, as `time_s` has it."""
+        return float(even_times_s(self.start_s, self.sample_period_s, range(row, row + 1))[0])
+
     @property
     def end_s(self) -> float:
         """Time of the last sample in seconds."""
@@ -180,6 +204,8 @@ class Record:
     def select(self, channels: Sequence[str]) -> Record:
         """Return a record of the named channels only, in that order."""
         columns = self.columns(channels)
+        if len(columns) == len(self.channels) and columns == list(range(len(columns))):
+            return self
         there = None if self._there is None else self._there[:, columns]
         return self._with(self.values[:, columns], tuple(channels), self.start_s, there)
 
@@ -224,9 +250,13 @@ class Record:
         (17501, np.float64(2500.0), np.float64(20000.0))
         """
         span = self.sample_range(start_s, end_s)
-        start = self.start_s + round(span.start * self.sample_period_s, 9)
-        there = None if self._there is None else self._there[span.start : span.stop]
-        return self._with(self.values[span.start : span.stop], self.channels, start, there)
+        return self.part(span)
+
+    def part(self, rows: range) -> Record:
+        """Return some rows, one after the other; without copying them."""
+        start = self.start_s + round(rows.start * self.sample_period_s, 9)
+        there = None if self._there is None else self._there[rows.start : rows.stop]
+        return self._with(self.values[rows.start : rows.stop], self.channels, start, there)
 
     def frame(self) -> pd.DataFrame:
         """Return a DataFrame: one column a channel, the index ``time_s``."""
@@ -289,13 +319,12 @@ def _summary(channel: FloatArray) -> tuple[str, ...]:
 
 def _mask(there: ArrayLike, values: FloatArray) -> BoolArray | None:
     """Return where samples are there; None where that are those that are finite."""
-    mask = np.array(there, dtype=bool)
-    if mask.shape != values.shape:
-        raise InputError(f"what is there has shape {mask.shape}, values have {values.shape}; give one for each")
-    finite = np.isfinite(values)
-    if not np.any(mask & ~finite):
+    given = np.asarray(there, dtype=bool)
+    if given.shape != values.shape:
+        raise InputError(f"what is there has shape {given.shape}, values have {values.shape}; give one for each")
+    if not any(np.any(told & ~np.isfinite(column)) for told, column in zip(given.T, values.T, strict=True)):
         return None
-    mask |= finite
+    mask = given | np.isfinite(values)
     mask.setflags(write=False)
     return mask
 

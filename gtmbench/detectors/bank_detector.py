@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from gtmbench.channels import unit_of
+from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
 from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted
 from gtmbench.detectors.monitor.memory import Memory
-from gtmbench.detectors.monitor.scores import score_of, tracks_of
+from gtmbench.detectors.monitor.residuals import RecordResiduals
+from gtmbench.detectors.monitor.scores import Track, extend, reach_of
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.trials import BankTrials
 from gtmbench.detectors.protocol import Score, Watch
@@ -26,7 +28,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
-from gtmbench.record import BoolArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record, sealed
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
 
@@ -110,7 +112,14 @@ class BankMonitor(CalibratedBank):
         """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
         return BankTrials(self, self, record)
 
-    def watch(self, record: Record, *, without: Iterable[str] = (), outside: Sequence[Excursion] = ()) -> BankWatch:
+    def watch(
+        self,
+        record: Record,
+        *,
+        without: Iterable[str] = (),
+        outside: Sequence[Excursion] = (),
+        progress: Progress = silent,
+    ) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
 
         A stream does the same with rows as they come in; here they are all there.
@@ -123,32 +132,45 @@ class BankMonitor(CalibratedBank):
             that nobody wrote a hypothesis for.
         outside : sequence of Excursion
             Stretches that say nothing: an alarm in one can't be told.
+        progress : callable
+            Told ``watch``, how many rows are done, and of how many.
 
         Raises
         ------
         InputError
             Where the record lacks a channel of the bank or has another sample period.
         """
-        residuals = bank_residuals(self, record)
+        residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
-        told = replace(residuals, raw=blotted(residuals.raw, out)) if out else residuals
-        tracks, memory = tracks_of(self, told), Memory.of(self, record, told)
+        tracks = {output: Track(self, output) for output in self.operators}
+        memory = Memory.of(self, record, residuals.spread)
         for output, rows in out:
             memory.blot(output, rows)
-        excursions = Excursions(self, record, residuals, outside)
+        excursions = Excursions(self, record, residuals.as_told, outside)
         logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
-        logic.missing.take(record.there[:, record.columns(self.bank.channels)])
-        logic.run(len(record))
-        arming = {each.output: each for each in logic.arming}
+        values = {output: np.full(len(record), np.nan) for output in tracks}
+        reach, columns = reach_of(self), record.columns(self.bank.channels)
+        for piece in residuals.pieces():
+            progress("watch", piece.start, len(record))
+            first = max(piece.start - reach, 0)
+            told = residuals.part(range(first, piece.stop))
+            told = replace(told, raw=blotted(told.raw, out)) if out else told
+            _ = list(extend(tracks, told, first, range(piece.start, piece.stop)))
+            logic.missing.take(record.part(range(piece.start, piece.stop)).there[:, columns])
+            logic.run(piece.stop)
+            for output, track in tracks.items():
+                values[output][track.first : track.stop] = track.values
+                if piece.stop < len(record):
+                    track.forget()
         return BankWatch(
             monitor=self,
             record=record,
-            scores=MappingProxyType({output: _score(self, record, arming[output]) for output in tracks}),
+            scores=MappingProxyType(
+                {each.output: _score(self, record, each, values[each.output]) for each in logic.arming}
+            ),
             alarms=tuple(logic.alarms),
             residuals=residuals.raw,
-            predictions=MappingProxyType(
-                {spec.output: residuals.predicted[spec.output] for spec in self.bank.diagnostic}
-            ),
+            predictions=residuals.predicted,
             spread=residuals.spread,
             outside=tuple(outside),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
@@ -159,15 +181,34 @@ class BankMonitor(CalibratedBank):
         return bank_figures(self)
 
 
-def _score(monitor: CalibratedBank, record: Record, arming: Arming) -> Score:
-    score, since = score_of(arming.track, record), arming.disarmed_row
-    return Score(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BankScore(Score):
+    """A residual's score, known so many rows after its own: when that is, is worked out for who asks."""
+
+    known_s: FloatArray = field(init=False, repr=False)
+    start_s: float
+    sample_period_s: float
+    ahead: int
+
+    def __getattr__(self, name: str) -> FloatArray:
+        if name != "known_s":
+            raise AttributeError(name)
+        known_s = even_times_s(self.start_s, self.sample_period_s, range(len(self.values)))
+        known_s += self.ahead * self.sample_period_s
+        return sealed(np.round(known_s, 9, out=known_s))
+
+
+def _score(monitor: CalibratedBank, record: Record, arming: Arming, values: FloatArray) -> Score:
+    since = arming.disarmed_row
+    return BankScore(
         name=arming.output,
-        values=score.values,
-        known_s=score.known_s,
+        values=sealed(values),
+        start_s=record.start_s,
+        sample_period_s=record.sample_period_s,
+        ahead=arming.track.ahead,
         channels=tuple(name for name in monitor.bank.channels if arming.source in monitor.bank.affects(name)),
-        armed=np.isfinite(score.values) & _armed(arming, len(record)),
-        disarmed_s=None if since is None else float(record.time_s[since]),
+        armed=np.isfinite(values) & _armed(arming, len(record)),
+        disarmed_s=None if since is None else record.time_at(since),
     )
 
 

@@ -18,6 +18,7 @@ from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.mapping import Chosen
 from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import ANGLES, GYROS, Track
+from gtmbench.record import sealed
 
 SENSORS = (GYROS, ANGLES, ("nx", "ny", "nz"), ("alpha", "beta"))  # axes measured at once
 _FEWEST = 20  # readings: of fewer nothing is regular
@@ -30,29 +31,38 @@ def tracks_of(
     chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float]
 ) -> tuple[list[Track], list[Remark]]:
     """Return the channels by their stamps, every sample once and none that only repeats another; and remarks."""
-    groups: dict[tuple[bytes | str, float], list[tuple[str, FloatArray, FloatArray]]] = {}
+    groups: dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray]]] = {}
     for choice in chosen:
         clock = clocks[choice.series.clock]
         values = choice.values()[clock.rows]
         own = own_rows(clock.time_s, np.isfinite(values))
         key = choice.series.clock if own is None else own.tobytes()
-        kept = slice(None) if own is None else own
-        at_s = clock.time_s[kept] - choice.late_s if choice.late_s else clock.time_s[kept]
-        groups.setdefault((key, choice.late_s), []).append((choice.channel, at_s, values[kept]))
+        at_s = clock.time_s if own is None else clock.time_s[own]
+        at_s = at_s - choice.late_s if choice.late_s else at_s
+        groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
     tracks, remarks = [], []
-    for (key, late_s), group in groups.items():
-        channels = tuple(channel for channel, _, _ in group)
+    for (key, late_s), (at_s, columns) in groups.items():
+        channels = tuple(columns)
         label = f"{key}: " if isinstance(key, str) and key else "" if isinstance(key, str) else f"{channels[0]}: "
         _, time_s, values, told = single(
             label,
-            group[0][1],
-            np.column_stack([values for _, _, values in group]),
+            at_s,
+            _as_matrix(columns),
             [break_s - late_s for break_s in breaks_s],
         )
         tracks.append(Track(channels=channels, time_s=time_s, values=values))
         remarks += told
     tracks, held = fresh(tracks)
     return tracks, remarks + held
+
+
+def _as_matrix(columns: dict[str, FloatArray]) -> FloatArray:
+    """Return columns beside each other, each in one stretch of memory; those given are let go one by one."""
+    names = tuple(columns)
+    matrix = np.empty((len(columns[names[0]]), len(names)), order="F")
+    for place, name in enumerate(names):
+        matrix[:, place] = columns.pop(name)
+    return sealed(matrix)
 
 
 def fresh(tracks: Iterable[Track]) -> tuple[list[Track], list[Remark]]:
@@ -95,10 +105,13 @@ def fresh_rows(values: FloatArray) -> NDArray[np.int64] | None:
     >>> fresh_rows(np.repeat(angles, 8, axis=0))[:4], fresh_rows(angles) is None
     (array([ 0,  8, 16, 24]), True)
     """
-    changes = np.any(values[1:] != values[:-1], axis=1)
-    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
-    if len(starts) < _FEWEST or 2 * len(starts) > len(values):
+    changes = np.zeros(max(len(values) - 1, 0), dtype=bool)
+    for column in values.T:
+        changes |= column[1:] != column[:-1]
+    count = np.count_nonzero(changes) + 1
+    if count < _FEWEST or 2 * count > len(values):
         return None
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
     lengths = np.diff(np.append(starts, len(values)))
     whole = lengths[1:-1]  # the first and the last may be cut
     usual = float(np.mean(whole[whole <= _USUAL * np.median(whole)]))

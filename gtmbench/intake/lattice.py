@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
+from gtmbench.pieces import joined, pieces
 
 JITTER = 0.02  # of a period, either way: an interpolation's error would be greater
 _EXACT_S = 2e-9  # stamps of an exact clock are rounded to the nanosecond
@@ -41,16 +42,10 @@ def find_lattice(spans: Sequence[FloatArray]) -> Lattice | None:
     >>> round(1 / find_lattice([stamps]).period_s, 9)
     60.0
     """
-    steps = np.concatenate([np.diff(span) for span in spans])
-    if not len(steps):
+    period_s = _typical(joined([np.diff(span) for span in spans], np.float64))
+    if period_s is None:
         return None
-    typical = float(np.median(steps))
-    few = np.rint(steps / typical)
-    near = (few >= 1) & (few <= 2)
-    if not near.any():
-        return None
-    period_s = float(steps[near].sum() / few[near].sum())
-    places = [np.concatenate([[0.0], np.cumsum(np.rint(np.diff(span) / period_s))]) for span in spans]
+    places = [_places(span, period_s) for span in spans]
     if any(np.any(np.diff(place) < 1) for place in places):
         return None
     period_s = _fitted(spans, places, period_s)
@@ -71,6 +66,26 @@ def find_lattice(spans: Sequence[FloatArray]) -> Lattice | None:
         for span, place in zip(spans, places, strict=True)
     )
     return Lattice(period_s=period_s, times=times, jitter_s=0.0 if exact else jitter_s)
+
+
+def _typical(steps: FloatArray) -> float | None:
+    """Return the mean of the steps that are one or two of the median; None where there are none."""
+    if not len(steps):
+        return None
+    few = np.rint(steps / float(np.median(steps)))
+    near = (few >= 1) & (few <= 2)
+    return float(steps[near].sum() / few[near].sum()) if near.any() else None
+
+
+def _places(span: FloatArray, period_s: float) -> FloatArray:
+    """Return how many periods after the first each stamp is."""
+    places = np.empty_like(span)
+    places[0] = 0.0
+    steps = np.subtract(span[1:], span[:-1], out=places[1:])
+    steps /= period_s
+    np.rint(steps, out=steps)
+    np.cumsum(steps, out=steps)
+    return places
 
 
 def rounded_coarsely(time_s: FloatArray) -> FloatArray | None:
@@ -110,7 +125,11 @@ def _fitted(spans: Sequence[FloatArray], places: Sequence[FloatArray], guess_s: 
 
 
 def _jitter(spans: Sequence[FloatArray], places: Sequence[FloatArray], period_s: float) -> float:
-    return max(float(np.ptp(span - place * period_s)) / 2 for span, place in zip(spans, places, strict=True))
+    worst = 0.0
+    for span, place in zip(spans, places, strict=True):
+        parts = [span[rows] - place[rows] * period_s for rows in pieces(len(span))]
+        worst = max(worst, (max(float(part.max()) for part in parts) - min(float(part.min()) for part in parts)) / 2)
+    return worst
 
 
 def _middle(values: NDArray[np.float64]) -> float:
@@ -120,11 +139,19 @@ def _middle(values: NDArray[np.float64]) -> float:
 def _tolerance(spans: Sequence[FloatArray], period_s: float) -> float:
     """Return how far stamps may be from an even clock: rounding, where all are rounded, and a little jitter."""
     for grain_s in _GRAINS_S:
-        scaled = [span / grain_s for span in spans]
-        if grain_s <= 0.4 * period_s and all(np.all(np.abs(stamps - np.rint(stamps)) < 1e-3) for stamps in scaled):
+        if grain_s <= 0.4 * period_s and all(
+            _is_rounded(span[rows], grain_s) for span in spans for rows in pieces(len(span))
+        ):
             return max(0.51 * grain_s, JITTER * period_s)
     return JITTER * period_s
 
 
+def _is_rounded(time_s: FloatArray, grain_s: float) -> bool:
+    stamps = time_s / grain_s
+    return bool(np.all(np.abs(stamps - np.rint(stamps)) < 1e-3))
+
+
 def _grain_of_doubles(spans: Sequence[FloatArray]) -> float:
-    return 2.0 * float(np.spacing(max(np.abs(span).max() for span in spans)))
+    return 2.0 * float(
+        np.spacing(max(abs(span.max()) if abs(span.max()) > abs(span.min()) else abs(span.min()) for span in spans))
+    )

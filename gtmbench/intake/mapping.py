@@ -14,6 +14,7 @@ from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
+from gtmbench.pieces import pieces
 
 AS_IT_IS = "as it is"
 _MOST_NAMED = 40  # columns in a message
@@ -47,9 +48,20 @@ class Chosen:
         if self.factor != 1.0:
             values *= self.factor
         if self.channel == "psi":
-            there = np.isfinite(values)
-            values[there] = np.unwrap(values[there], period=360.0)
+            _unwrap(values)
         return values
+
+
+def _unwrap(angles: FloatArray) -> None:
+    """Let angles in deg run on where they jump by a turn, in place; those that are missing are passed over."""
+    turns, last = 0.0, np.zeros(0)
+    for rows in pieces(len(angles)):
+        there = np.flatnonzero(np.isfinite(angles[rows])) + rows.start
+        if len(there):
+            read = angles[there]
+            run = turns + np.cumsum(np.rint(np.diff(read, prepend=last if len(last) else read[:1]) / 360.0))
+            turns, last = run[-1], read[-1:]
+            angles[there] = read - 360.0 * run
 
 
 def split_mapping(mapping: Sequence[str]) -> dict[str, str]:

@@ -113,7 +113,7 @@ def _opened(
         raise InputError("; ".join(f"{name}: {why}" for name, why in left_out.items()))
     used = dict.fromkeys(choice.series.clock for choice in chosen)
     clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in used})
-    check_values(sum(len(clocks[choice.series.clock].rows) for choice in chosen), "its channels")
+    check_values(sum(len(clocks[choice.series.clock].time_s) for choice in chosen), "its channels")
     tracks, told = tracks_of(chosen, clocks, breaks_s)
     remarks += told
     suspects = [
@@ -192,7 +192,7 @@ def _laid(
             if breaks_s or own_breaks_s:  # which stretches belong together?
                 return []
             clocks = own
-        check_values(len(clocks[name].rows), "a witness")
+        check_values(len(clocks[name].time_s), "a witness")
         (track,), _ = tracks_of([choice], clocks, breaks_s)
         return [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered)[:, 0] for record in made.records]
     return []

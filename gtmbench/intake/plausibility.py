@@ -46,15 +46,18 @@ def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remar
 
 
 def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequence[Track]) -> list[Remark]:
-    there = np.flatnonzero(np.isfinite(values))
-    if len(there) < _FEWEST:
+    there = np.isfinite(values)
+    if np.count_nonzero(there) < _FEWEST:
         return []
-    time_s, values = time_s[there], values[there]
+    if not there.all():
+        time_s, values = time_s[there], values[there]
     if np.all(values == values[0]):
         text = f"{channel} is {values[0]:.6g} from start to end: constant"
         return [remark("constant", time_s[0], time_s[-1], text, channel)]
-    bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    bounds = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1, [len(values)]])
     lengths = np.diff(bounds)
+    if lengths.max() < _FEWEST:
+        return []
     used_to = float(np.sort(lengths)[-min(len(lengths), 2 + len(lengths) // 1000)])
     remarks = []
     stays = np.flatnonzero((lengths >= _FEWEST) & (lengths > _USED_TO * used_to))
@@ -89,13 +92,11 @@ def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Rem
         limit = float(extreme(values))
         at_limit = values == limit
         starts, ends = runs(at_limit)
+        if len(starts) < 3 or np.count_nonzero(at_limit) <= _FEWEST:
+            continue
         levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
         beside = counts[-4:-1] if side == "greatest" else counts[1:4]
-        if (
-            len(levels) > 4
-            and len(starts) >= 3
-            and np.count_nonzero(at_limit) > max(_FEWEST, _PILED * int(beside.max()))
-        ):
+        if len(levels) > 4 and np.count_nonzero(at_limit) > _PILED * int(beside.max()):
             count = int(np.count_nonzero(at_limit))
             share = f"{count} samples ({100 * count / len(values):.3g} %)"
             text = f"{channel}: {share} are exactly its {side} value, {limit:.6g}, in {len(starts)} places: at a limit?"

@@ -79,14 +79,16 @@ def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()
 
 
 def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples:
-    values = chosen.values()[clock.rows]
+    values = chosen.values()
+    rows = np.arange(len(values))[clock.rows]
+    values = values[rows]
     there = np.flatnonzero(np.isfinite(values))
     if len(there) < 2:
         raise InputError(f"column '{chosen.series.name}' holds {len(there)} numbers; a channel has more")
     kept, time_s, _, _ = single("", clock.time_s[there], values[there, np.newaxis], breaks_s)
     return Samples(
         chosen=chosen,
-        rows=clock.rows[there[kept]],
+        rows=rows[there[kept]],
         time_s=time_s - chosen.late_s,
         values=values[there[kept]],
         span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),

@@ -14,8 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
@@ -26,6 +28,7 @@ from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
+from gtmbench.pieces import joined
 from gtmbench.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
@@ -98,8 +101,8 @@ class _Parts:
         met[0] = met[0].part(max(first - _BESIDE, 0), len(met[0].time_s))
         return replace(
             self.track,
-            time_s=np.concatenate([part.time_s for part in met]),
-            values=np.concatenate([part.values for part in met]),
+            time_s=joined([part.time_s for part in met], np.float64),
+            values=joined([part.values for part in met], np.float64),
         )
 
     def first_from(self, start_s: float, period_s: float) -> float:
@@ -184,7 +187,8 @@ def _check_long(track: Track) -> None:
 def _between_pauses(track: Track, common_s: float, breaks_s: Sequence[float]) -> _Parts:
     limit_s = PAUSE * max(track.period_s, common_s)
     steps = np.diff(track.time_s)
-    apart = steps > limit_s
+    apart, slow = steps > limit_s, np.flatnonzero(_slow(steps, limit_s))
+    del steps
     for place in _places(track, breaks_s):
         apart[place] = True
     bounds = [0, *(np.flatnonzero(apart) + 1).tolist(), len(track.time_s)]
@@ -192,7 +196,6 @@ def _between_pauses(track: Track, common_s: float, breaks_s: Sequence[float]) ->
     lattice = find_lattice([part.time_s for part in parts])
     if lattice is not None:
         parts = [replace(part, time_s=time_s) for part, time_s in zip(parts, lattice.times, strict=True)]
-    slow = np.flatnonzero(_slow(steps, limit_s))
     return _Parts(
         track=track,
         parts=tuple(parts),
@@ -325,13 +328,18 @@ def _add_record(made: Cut, parts: Sequence[_Parts], span: Span, reference: _Part
         return
     values, there = zip(*(_laid(made, part, span, first_s, period_s, count) for part in parts), strict=True)
     record = Record(
-        np.hstack(values),
+        _beside(values),
         channels=[channel for part in parts for channel in part.track.channels],
         sample_period_s=period_s,
         start_s=first_s,
-        there=np.hstack(there),
+        there=_beside(there),
     )
     made.records.append(record)
+
+
+def _beside(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return columns of several tracks beside each other; those of one as they are."""
+    return columns[0] if len(columns) == 1 else np.hstack(columns)
 
 
 def _laid(

@@ -14,6 +14,7 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.lattice import rounded_coarsely
+from gtmbench.pieces import joined, pieces
 from gtmbench.record import BoolArray
 
 IntArray = NDArray[np.int64]
@@ -32,13 +33,13 @@ class Clock:
 
     Attributes
     ----------
-    rows : IntArray
-        Which of the log's rows are kept, in order of time.
+    rows : IntArray or slice
+        Which of the log's rows are kept, in order of time; a slice of all of them where nothing was to be done.
     time_s : FloatArray
         When they are; several may be at one time.
     """
 
-    rows: IntArray
+    rows: IntArray | slice
     time_s: FloatArray
 
 
@@ -61,6 +62,8 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     InputError
         Where stamps are in no order, or some clocks were set back and others weren't.
     """
+    if all(_is_in_order(time_s) for time_s in clocks.values()):
+        return {name: Clock(rows=slice(None), time_s=time_s) for name, time_s in clocks.items()}, (), []
     by_clock = {name: _stretches(name, time_s) for name, time_s in clocks.items()}
     remarks = [remark for stretches in by_clock.values() for remark in stretches.remarks]
     counts = {len(stretches.rows) for stretches in by_clock.values()}
@@ -78,6 +81,18 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
         ]
         ordered[name] = Clock(rows=np.concatenate(stretches.rows), time_s=np.concatenate(times))
     return ordered, tuple(breaks_s), remarks
+
+
+def _is_in_order(time_s: FloatArray) -> bool:
+    """Tell whether stamps are all there and never step back or far: then there is nothing to clean."""
+    if len(time_s) < 2 or not time_s[0] < time_s[-1]:
+        return False
+    for rows in pieces(len(time_s) - 1):
+        part = time_s[rows.start : rows.stop + 1]
+        steps = np.diff(part)
+        if not np.all((np.abs(part[1:]) < _LATEST_S) & (steps >= 0.0) & (steps <= FAR_S)):
+            return False
+    return bool(abs(time_s[0]) < _LATEST_S)
 
 
 def _stretches(name: str, time_s: FloatArray) -> _Stretches:
@@ -188,8 +203,10 @@ def own_rows(time_s: FloatArray, is_filled: BoolArray) -> IntArray | None:
     >>> own_rows(np.array([0.0, 0.1, 1.0, 1.1, 2.0, 2.1]), np.array([True, False] * 3))
     array([0, 2, 4])
     """
+    if is_filled.all():
+        return None
     rows = np.flatnonzero(is_filled)
-    if len(rows) < 3 or len(rows) == len(time_s):
+    if len(rows) < 3:
         return None
     is_sparse = np.median(np.diff(rows)) >= 2
     return rows if is_sparse or _unevenness(time_s[rows]) < _MORE_EVEN * _unevenness(time_s) else None
@@ -229,19 +246,24 @@ def single(
             kept.append(rows + first)
             times.append(own_s)
             merged.append(own)
-    return np.concatenate(kept), np.concatenate(times), np.concatenate(merged), remarks
+    return joined(kept, np.int64), joined(times, np.float64), joined(merged, np.float64), remarks
 
 
 def _single(
     label: str, time_s: FloatArray, values: FloatArray, remarks: list[Remark]
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     steps = np.diff(time_s)
-    rows = np.arange(len(time_s))
-    if np.any(steps == 0) and (spread := rounded_coarsely(time_s)) is not None:
+    least_s = float(steps.min(initial=np.inf))
+    if least_s == 0.0 and (spread := rounded_coarsely(time_s)) is not None:
         text = f"{label}stamps are rounded to {steps[steps > 0].min():.4g} s: samples are spread evenly over them"
         remarks.append(remark("duplicate", float(time_s[0]), float(time_s[-1]), text))
-        return rows, spread, values
-    period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+        return np.arange(len(time_s)), spread, values
+    forwards = steps if least_s > 0.0 else steps[steps > 0]
+    period_s = float(np.median(forwards, overwrite_input=True)) if len(forwards) else 0.0
+    del steps, forwards
+    rows = np.arange(len(time_s))
+    if least_s >= _NEAR * period_s:
+        return rows, time_s, values
     slipped_s = _in_their_places(time_s, values, period_s)
     moved = np.flatnonzero(slipped_s != time_s)
     if len(moved):

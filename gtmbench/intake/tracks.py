@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Track:
     values: FloatArray
     logged_s: float = 0.0
 
-    @property
+    @cached_property
     def period_s(self) -> float:
         """The median step."""
         return float(np.median(np.diff(self.time_s)))
@@ -53,7 +54,9 @@ class Track:
     def only(self, channels: Sequence[str]) -> Track:
         """Return some of its channels."""
         columns = [self.channels.index(name) for name in channels]
-        return replace(self, channels=tuple(channels), values=self.values[:, columns])
+        together = slice(columns[0], columns[-1] + 1) if columns else slice(0)
+        are_together = columns == list(range(together.start or 0, together.stop))
+        return replace(self, channels=tuple(channels), values=self.values[:, together if are_together else columns])
 
     def split(self, channels: Sequence[str]) -> list[Track]:
         """Return it with some channels apart from the others; itself where it has only one or the other."""

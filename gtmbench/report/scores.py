@@ -37,7 +37,7 @@ def tints(watch: Watch) -> dict[str, str]:
 def part(time_s: FloatArray, values: FloatArray, span: Span) -> tuple[FloatArray, FloatArray]:
     """Return the times and values within a span."""
     shown = (time_s >= span[0] - 1e-9) & (time_s <= span[1] + 1e-9)
-    return time_s[shown], values[shown]
+    return (time_s, values) if shown.all() else (time_s[shown], values[shown])
 
 
 def around(trial: Trial, *, before_s: float, after_s: float, longest_s: float = np.inf) -> Span:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -15,7 +14,7 @@ from gtmbench.detectors.bank_detector import BankWatch
 from gtmbench.detectors.monitor.excursions import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
-from gtmbench.record import FloatArray, Record, Span
+from gtmbench.record import Record, Span
 from gtmbench.report.style import colours
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import WatchedLog
@@ -93,18 +92,6 @@ def passed_alarms(watched: WatchedLog) -> int:
 def alarm_bound(watched: WatchedLog) -> float | None:
     """Return the upper 95 % bound of false alarms an hour that the log shows; None where nothing was watched."""
     return rate_bound(passed_alarms(watched), watched.armed_hours)
-
-
-def rms(parts: Sequence[FloatArray]) -> float:
-    """Return the root mean square of what is there; NaN where nothing is."""
-    values = np.concatenate([part[np.isfinite(part)] for part in parts])
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else float("nan")
-
-
-def deviation(parts: Sequence[FloatArray]) -> float:
-    """Return the RMS of what is there about its mean; NaN where nothing is."""
-    values = np.concatenate([part[np.isfinite(part)] for part in parts])
-    return float(np.std(values)) if len(values) else float("nan")
 
 
 class State(StrEnum):

@@ -6,13 +6,13 @@ import click
 
 from gtmbench.cli.output import print_table
 
-from . import diagnosis, faults, flight, fresh, growth, identification, peers, residual, stream
+from . import day, diagnosis, faults, flight, fresh, growth, identification, peers, residual, stream
 from .machine import machine
 from .results import rounded, write
 from .table import tables
 
 SECTIONS = ("identification", "fresh", "peers", "residual", "norm", "flight", "growth")
-ALONE = ("stream", "faults", "diagnosis")  # that are only measured when asked for
+ALONE = ("stream", "faults", "diagnosis", "day")  # that are only measured when asked for
 ROUNDS, QUICK_ROUNDS = 7, 3
 
 
@@ -36,6 +36,7 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
         "stream": lambda: stream.measure(rounds),
         "faults": lambda: faults.measure(rounds),
         "diagnosis": lambda: diagnosis.measure(rounds),
+        "day": lambda: day.measure(rounds),
         "flight": lambda: flight.measure(rounds),
         "growth": lambda: growth.measure(1 if quick else 3, 10**5 if quick else growth.SAMPLES[-1]),
     }

@@ -6,6 +6,7 @@ for fits and decisions turn on the last bit now and then.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -48,27 +49,35 @@ class Memory:
         beside += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
         self._columns = {name: len(self.taken) + i for i, name in enumerate(beside)}
         self._capacity = capacity
-        self._whole: dict[int, FloatArray] = {}  # columns that are there from the start
+        self._whole: dict[int, FloatArray] | None = None  # columns of a record that is there as a whole
         self._blots: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
 
     @classmethod
-    def of(cls, monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> Memory:
-        """Return one that holds a whole record; nothing is copied until it is asked for."""
+    def of(cls, monitor: CalibratedBank, record: Record, spread: Mapping[str, Spread]) -> Memory:
+        """Return one that holds a whole record, and how far its residuals may be off: no more is copied than asked."""
         memory = cls(monitor, record.start_s, len(record))
         memory.stop = len(record)
         memory._whole = {i: record[name] for i, name in enumerate(memory.taken) if name in record.channels}
-        for output in memory.outputs:
-            columns = _beside(output, residuals.raw[output], residuals.spread.get(output))
-            memory._whole |= {memory._columns[name]: values for name, values in columns.items()}
+        for output, off in spread.items():
+            memory._whole[memory._columns["spread", output]] = off.raw
+            memory._whole[memory._columns["white", output]] = off.white
         return memory
 
     @cached_property
     def _table(self) -> FloatArray:
-        """What is taken, then what stands beside it; watching a healthy record never needs it."""
-        table = np.full((self._capacity, len(self.taken) + len(self._columns)), np.nan)
-        for column, values in self._whole.items():
-            table[:, column] = values
+        """What is taken, then what stands beside it; a record that is there as a whole has none."""
+        return np.full((self._capacity, len(self.taken) + len(self._columns)), np.nan)
+
+    def _read(self, rows: range, columns: slice) -> FloatArray:
+        """Return some columns at some rows, shape (rows, columns)."""
+        if self._whole is None:
+            return self._table[rows.start - self.first : rows.stop - self.first, columns]
+        wanted = range(*columns.indices(len(self.taken) + len(self._columns)))
+        table = np.full((len(rows), len(wanted)), np.nan)
+        for place, column in enumerate(wanted):
+            if column in self._whole:
+                table[:, place] = self._whole[column][rows.start : rows.stop]
         return table
 
     def take(self, values: FloatArray) -> None:
@@ -153,14 +162,16 @@ class Memory:
     def _there(self, rows: range) -> tuple[str, ...]:
         """Return the channels, and the witnesses that read anything in some rows."""
         first = len(self.channels)
-        values = self._table[rows.start - self.first : rows.stop - self.first, first : len(self.taken)]
+        values = self._read(rows, slice(first, len(self.taken)))
         beside = zip(self.taken[first:], values.T, strict=True)
         return self.channels + tuple(name for name, readings in beside if np.isfinite(readings).any())
 
     def _record(self, rows: range, names: tuple[str, ...]) -> Record:
-        columns = slice(len(names)) if names == self.taken[: len(names)] else [self.taken.index(name) for name in names]
+        values = self._read(rows, slice(len(self.taken)))
+        if names != self.taken[: len(names)]:
+            values = values[:, [self.taken.index(name) for name in names]]
         return Record(
-            self._table[rows.start - self.first : rows.stop - self.first, columns],
+            values[:, : len(names)],
             channels=names,
             sample_period_s=self.period_s,
             start_s=self.start_s + round(rows.start * self.period_s, 9),
@@ -171,7 +182,8 @@ class Memory:
         return float(even_times_s(self.start_s, self.period_s, range(row, row + 1))[0])
 
     def _column(self, name: tuple[str, str], rows: range) -> FloatArray:
-        return self._table[rows.start - self.first : rows.stop - self.first, self._columns[name]]
+        place = self._columns[name]
+        return self._read(rows, slice(place, place + 1))[:, 0]
 
     def _make_room(self, rows: int) -> None:
         held, capacity = self.stop - self.first, len(self._table)

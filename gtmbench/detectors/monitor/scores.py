@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -110,6 +110,7 @@ class Track:
         self._test, self._period_s = monitor.bank.statistic, monitor.sample_period_s
         self._tolerance, self._whitener = monitor.tolerances[output], monitor.whiteners[output]
         self._thresholds = monitor.thresholds[output]
+        self.order = self._whitener.order
         self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
         self._history = round(monitor.history_of(output) / self._period_s)
         self._looks_back = self._test.looks_back(self._period_s)
@@ -266,22 +267,50 @@ class Track:
         self.values[rows[told:] - self.first] = greatest[told:]
 
 
+def reach_of(monitor: CalibratedBank) -> int:
+    """Return how many rows before a piece its residuals look back at, whitened, and with what uncertainty looks at."""
+    most = 0
+    for output, operator in monitor.operators.items():
+        ahead = round(monitor.look_ahead_of(output) / monitor.sample_period_s)
+        rows = ahead + operator.causal_order + monitor.whiteners[output].order + 2
+        if output in monitor.uncertainties:
+            rows += monitor.bank.statistic.looks_back(monitor.sample_period_s) + operator.noncausal_order
+        most = max(most, rows)
+    return most
+
+
+def extend(
+    tracks: Mapping[str, Track], residuals: BankResiduals, first: int, rows: range
+) -> Iterator[tuple[str, int, FloatArray, Spread | None]]:
+    """Let tracks take what some rows of the record make known; give what each took, and from which row on.
+
+    Parameters
+    ----------
+    tracks : mapping of output to Track
+    residuals : BankResiduals
+        Of rows from `first` on, `reach_of` before these, up to their last.
+    first : int
+    rows : range
+        They follow those that were taken.
+    """
+    for output, track in tracks.items():
+        own = slice(max(rows.start - track.ahead, 0) - first, max(rows.stop - track.ahead, 0) - first)
+        if own.stop > max(own.start, 0):
+            spread = residuals.spread[output].between(own) if output in residuals.spread else None
+            before = min(track.order, own.start)
+            track.extend(residuals.raw[output][own.start - before : own.stop], spread, before=before)
+            yield output, own.start + first, residuals.raw[output][own], spread
+
+
 def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ResidualScore]:
     """Return every residual's score on a record."""
     scores = {}
-    for output, track in tracks_of(monitor, residuals).items():
+    for output, raw in residuals.raw.items():
+        track = Track(monitor, output)
+        track.extend(raw, residuals.spread.get(output))
         track.known(0, len(record) + track.ahead)
         scores[output] = score_of(track, record)
     return scores
-
-
-def tracks_of(monitor: CalibratedBank, residuals: BankResiduals) -> dict[str, Track]:
-    """Return the tracks of residuals that are there as a whole."""
-    tracks = {}
-    for output, raw in residuals.raw.items():
-        tracks[output] = Track(monitor, output)
-        tracks[output].extend(raw, residuals.spread.get(output))
-    return tracks
 
 
 def score_of(track: Track, record: Record) -> ResidualScore:

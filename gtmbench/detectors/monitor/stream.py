@@ -24,7 +24,7 @@ from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.rows import RowByRow
-from gtmbench.detectors.monitor.scores import Track
+from gtmbench.detectors.monitor.scores import Track, extend, reach_of
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
 
@@ -48,7 +48,7 @@ class BankStream:
         self._monitor = monitor
         self._period_s = monitor.sample_period_s
         self._tracks = {output: Track(monitor, output) for output in monitor.operators}
-        self._reach = _reach(monitor)
+        self._reach = reach_of(monitor)
         self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
         self._logic = AlarmLogic(monitor, self._memory, self._tracks)
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
@@ -112,13 +112,8 @@ class BankStream:
         stop = self._memory.stop
         first = max(begin - self._reach, 0)
         residuals = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
-        for output, track in self._tracks.items():
-            rows = slice(max(begin - track.ahead, 0) - first, max(stop - track.ahead, 0) - first)
-            if rows.stop > max(rows.start, 0):
-                spread = residuals.spread[output].between(rows) if output in residuals.spread else None
-                self._memory.put(output, rows.start + first, residuals.raw[output][rows], spread)
-                before = min(self._monitor.whiteners[output].order, rows.start)
-                track.extend(residuals.raw[output][rows.start - before : rows.stop], spread, before=before)
+        for output, row, raw, spread in extend(self._tracks, residuals, first, range(begin, stop)):
+            self._memory.put(output, row, raw, spread)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
@@ -151,15 +146,3 @@ class BankStream:
                 )
         self._known = known
         return known[1]
-
-
-def _reach(monitor: CalibratedBank) -> int:
-    """Return how many rows before a chunk its residuals look back at, whitened and with what uncertainty looks at."""
-    most = 0
-    for output, operator in monitor.operators.items():
-        ahead = round(monitor.look_ahead_of(output) / monitor.sample_period_s)
-        rows = ahead + operator.causal_order + monitor.whiteners[output].order + 2
-        if output in monitor.uncertainties:
-            rows += monitor.bank.statistic.looks_back(monitor.sample_period_s) + operator.noncausal_order
-        most = max(most, rows)
-    return most

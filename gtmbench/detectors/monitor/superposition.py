@@ -70,19 +70,39 @@ class ChangedResidual:
 
     def _samples(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, Given, range]:
         """Return the rows asked for that have a sample, and what the statistic takes: samples, and which are meant."""
-        first = self._looked_back_from(begin)
+        first, before = self._before(begin)
         raw = np.concatenate([self.raw[first:begin], changed])
         seen = max(begin - self._whitener.order, first)  # by the whitening filter
-        white = np.concatenate([self._white[first:begin], self._whitener.whiten(raw[seen - first :])[begin - seen :]])
+        white = np.concatenate([before, self._whitener.whiten(raw[seen - first :])[begin - seen :]])
         spread = None if self.spread is None else self.spread.between(slice(first, begin + len(changed)))
         there, given = self._test.given(raw, white, spread)
         at = range(int(np.searchsorted(there, rows.start - first)), len(there))
         return there[at.start :] + first, given, at
 
-    def _looked_back_from(self, row: int) -> int:
-        """Return the first row that the statistics look at from one on: missing samples are passed over."""
-        before = int(np.searchsorted(self._there, row)) - self._test.looks_back(self._period_s)
-        return int(self._there[before]) if before > 0 else 0
+    def _before(self, row: int) -> tuple[int, FloatArray]:
+        """Return the first row that the statistics look at from one on, and what is whitened from it up to that one.
+
+        Missing samples are passed over, so it is looked for farther and farther back.
+        """
+        if row not in self._latest:
+            self._latest.clear()
+            self._latest[row] = self._looked_back_at(row)
+        return self._latest[row]
+
+    def _looked_back_at(self, row: int) -> tuple[int, FloatArray]:
+        wanted = self._test.looks_back(self._period_s)
+        rows = wanted
+        while True:
+            first = max(row - rows, 0)
+            seen = max(first - self._whitener.order, 0)
+            white = self._whitener.whiten(self.raw[seen:row])[first - seen :]
+            there = np.flatnonzero(np.isfinite(white))
+            if len(there) > wanted or (len(there) == wanted and first > 0):
+                first, white = first + int(there[-wanted]), white[there[-wanted] :]
+                return first, white
+            if first == 0:
+                return 0, white
+            rows *= 2
 
     @property
     def _test(self) -> Statistic:
@@ -105,12 +125,9 @@ class ChangedResidual:
         return self.monitor.whiteners[self.output]
 
     @cached_property
-    def _white(self) -> FloatArray:
-        return self._whitener.whiten(self.raw)
-
-    @cached_property
-    def _there(self) -> IntArray:
-        return np.flatnonzero(np.isfinite(self._white))
+    def _latest(self) -> dict[int, tuple[int, FloatArray]]:
+        """What `_before` returned last: faults of many sizes are put on one row."""
+        return {}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -143,6 +143,6 @@ def rate_bound(events: int, hours: float, *, confidence: float = 0.95) -> float 
     >>> round(rate_bound(0, 1.0), 2)
     3.0
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv  # chi2.ppf of scipy.stats is twice that; importing it takes half a second
 
-    return float(chi2.ppf(confidence, 2 * events + 2)) / (2.0 * hours) if hours > 0 else None
+    return float(gammaincinv(events + 1, confidence)) / hours if hours > 0 else None

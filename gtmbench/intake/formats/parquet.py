@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
+from gtmbench.pieces import rows_of_piece
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -42,16 +43,37 @@ def read_parquet(path: Path) -> RawLog:
 
 def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     import pyarrow as pa
-    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
-    with reading(path, "Parquet table"):
-        column = pq.read_table(path, columns=[name]).column(0)
-        if dtype is not None:
-            return np.asarray(pc.cast(column, pa.timestamp("ns"), safe=False).to_numpy(), dtype=dtype)
-        if column.null_count or not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-            column = pc.cast(column, pa.float64(), safe=False)
-        return np.asarray(column.to_numpy())
+    with reading(path, "Parquet table"), pq.ParquetFile(path) as table:
+        values: NDArray[Any] | None = None
+        first = 0
+        for batch in table.iter_batches(
+            columns=[name], batch_size=rows_of_piece()
+        ):  # a table of all of it would stand beside it
+            part = _numbers(batch.column(name), dtype)
+            if values is None:
+                values = np.empty(table.metadata.num_rows, dtype=part.dtype)
+            elif part.dtype.kind != values.dtype.kind:  # whole numbers, of which some are missing
+                values = values.astype(np.float64)
+            values[first : first + len(part)] = part
+            first += len(part)
+            del part, batch
+        pa.default_memory_pool().release_unused()
+        return np.zeros(0) if values is None else values
+
+
+def _numbers(column: pa.Array, dtype: str | None) -> NDArray[Any]:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if dtype is not None:
+        dates = pc.cast(column, pa.timestamp("ns"), safe=False)
+        return np.asarray(dates.to_numpy(zero_copy_only=False), dtype=dtype)
+    if column.null_count or not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
+        column = pc.cast(column, pa.float64(), safe=False)
+    # Arrow's own way to numpy imports pandas
+    return np.asarray(column.to_numpy(zero_copy_only=False) if column.null_count else np.from_dlpack(column))
 
 
 def _is_date(kind: pa.DataType) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
+from gtmbench.pieces import pieces
 
 IntArray = NDArray[np.int64]
 
@@ -65,7 +66,9 @@ class RawSeries:
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
         values = self.load().astype(np.float64)
-        values[~(np.abs(values) < _GREATEST)] = np.nan
+        for rows in pieces(len(values)):
+            part = values[rows]
+            part[~(np.abs(part) < _GREATEST)] = np.nan
         return values
 
 

@@ -149,13 +149,15 @@ def _marked(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
 
 def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     """Draw every score over its threshold."""
-    tints, levels = tints_of(watched), []
+    tints, tops = tints_of(watched), [np.zeros(0)]
     for watch in watched.watches:
         for name, score in watch.scores.items():
-            levels.append(level(score))
+            levels = level(score)
+            np.maximum(levels, LOWEST, out=levels)
+            tops.append(np.nanmax(levels, initial=LOWEST, keepdims=True))
             of = f"residual of {name}" if name in watch.residuals else name
-            _line(axis, score.known_s, np.maximum(levels[-1], LOWEST), span, tints[name], f"level, {of}")
-    draw_threshold(axis, levels)
+            _line(axis, score.known_s, levels, span, tints[name], f"level, {of}")
+    draw_threshold(axis, tops)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.set_ylabel("level\n(alarm above 1)")
 

@@ -14,10 +14,11 @@ from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.pieces import deviation, rms
 from gtmbench.plain import plain
 from gtmbench.report.scores import level
 from gtmbench.report.tables.results import SCHEMA, versions
-from gtmbench.report.watched import alarm_bound, began_s, deviation, disarmed_by, passed_alarms, rms, stretches
+from gtmbench.report.watched import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.log import outcome_text

@@ -16,16 +16,15 @@ from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.faults.additive import Bias
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.pieces import deviation, rms
 from gtmbench.record import Span
 from gtmbench.report.watched import (
     State,
     alarm_bound,
     began_s,
-    deviation,
     disarmed_by,
     faults_of,
     passed_alarms,
-    rms,
     stretches,
 )
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
@@ -255,7 +254,7 @@ def _sizes_text(output: str, identified: float, unit: str, watches: Sequence[Wat
     said = "residual " + f"{identified:.3g} {unit}".rstrip() + " RMS where identified"
     if not watches:
         return said
-    residual = rms([watch.residuals[output] for watch in watches])
+    residual = rms(watch.residuals[output] for watch in watches)
     said += f", {residual:.3g} here"
     if output not in watches[0].record:  # no sensor's
         return said

@@ -6,7 +6,7 @@ own residual alone (`Superposition`); whether it is named, by watching the log a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heappush, heappushpop
@@ -21,11 +21,13 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
+from gtmbench.pieces import deviation, pieces
 from gtmbench.study.log.self_check.motion import GYROS
 
 SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
 _FINE = 1.15  # sizes this near are one
+_SAME = 1.0 + 1e-9  # two sizes are equal but for rounding
 _STEP = 4.0  # from a size that isn't seen to the next
 _LEAST = 1e-3  # of the largest: no smaller one is looked for
 _RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
@@ -151,7 +153,7 @@ class _Place:
         if row is None or not isinstance(monitor, BankMonitor):
             return False
         before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
-        until_s = float(record.time_s[row]) + monitor.look_ahead_of(sensor) + _JUDGED_S
+        until_s = record.time_at(row) + monitor.look_ahead_of(sensor) + _JUDGED_S
         about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
         said = monitor.watch(inject(about, fault), outside=self.outside).faults
         return {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s} == {sensor}
@@ -227,20 +229,35 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     onsets = {of: _onsets(told, of) for of in within_s.values()}
     rows = []
     for sensor in sensors:
-        on = [superposition(watch, sensor) for watch in told]
-        places = {
-            of: [_Place(on=on[i], onset_s=onset_s, within_s=of, outside=told[i].outside) for i, onset_s in pairs]
-            for of, pairs in onsets.items()
-        }
-        for kind, of in within_s.items():
-            most = _most(kind, on, of)
-            trials = [
-                _Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(places[of])
-            ]
-            if trials:
-                rows.append(_smallest(trials, named=named))
+        rows += _of_sensor(sensor, told, within_s, onsets, named=named)
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+
+
+def _of_sensor(
+    sensor: str,
+    watches: Sequence[BankWatch],
+    within_s: Mapping[Kind, float],
+    onsets: Mapping[float, Sequence[tuple[int, float]]],
+    *,
+    named: bool,
+) -> list[Smallest]:
+    """Return a sensor's rows; its residual is kept as long as that takes."""
+    on = [superposition(watch, sensor) for watch in watches]
+    large = _RANGE * (deviation(each.record[sensor] for each in on) + deviation(each.residual.raw for each in on))
+    places = {
+        of: [_Place(on=on[i], onset_s=onset_s, within_s=of, outside=watches[i].outside) for i, onset_s in pairs]
+        for of, pairs in onsets.items()
+    }
+    rows = []
+    for kind, of in within_s.items():
+        most = _most(kind, on, large / of if kind.fault is Drift else large)
+        trials = [
+            _Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(places[of])
+        ]
+        if trials:
+            rows.append(_smallest(trials, named=named))
+    return rows
 
 
 def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
@@ -260,7 +277,7 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
     names = []
     for row in certificate.rows:
         if row.kind == Bias.kind and row.sensor in asked:
-            motion = float(np.nanstd(np.concatenate([watch.record[row.sensor] for watch in watches])))
+            motion = deviation(watch.record[row.sensor] for watch in watches)
             if row.size is None or row.size > max(_BEYOND_MOTION * motion, _SMALL_DEG_S):
                 names.append(row.sensor)
     return tuple(names)
@@ -268,21 +285,27 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
 
 def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:
     """Return times spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
-    rows = [
-        np.flatnonzero(watch.armed[: max(len(watch.record) - round(within_s / watch.record.sample_period_s), 0)])
-        for watch in watches
+    able = [
+        watch.armed[: max(len(watch.record) - round(within_s / watch.record.sample_period_s), 0)] for watch in watches
     ]
-    of = np.repeat(np.arange(len(rows)), [len(each) for each in rows])
-    row = np.concatenate(rows)
-    count = min(_ONSETS, len(row))
-    chosen = [(2 * i + 1) * len(row) // (2 * count) for i in range(count)]
-    return [(int(of[at]), float(watches[of[at]].record.time_s[row[at]])) for at in chosen]
+    parts = [(i, rows) for i, each in enumerate(able) for rows in pieces(len(each))]
+    ends = np.cumsum([np.count_nonzero(able[i][rows]) for i, rows in parts]) if parts else np.zeros(1, dtype=int)
+    count = min(_ONSETS, int(ends[-1]))
+    onsets = []
+    for chosen in ((2 * k + 1) * int(ends[-1]) // (2 * count) for k in range(count)):
+        place = int(np.searchsorted(ends, chosen, side="right"))
+        i, rows = parts[place]
+        there = np.flatnonzero(able[i][rows])
+        row = rows.start + int(there[chosen - int(ends[place])])  # counted from the end
+        onsets.append((i, watches[i].record.time_at(row)))
+    return onsets
 
 
 def superposition(watch: BankWatch, sensor: str) -> Superposition:
     """Return a sensor's own residual on a record that a bank watched."""
     assert isinstance(watch.monitor, BankMonitor)
-    raw = blotted(watch.residuals, blots(watch.monitor, watch.record, watch.outside))[sensor]
+    out = [each for each in blots(watch.monitor, watch.record, watch.outside) if each[0] == sensor]
+    raw = blotted({sensor: watch.residuals[sensor]}, out)[sensor]
     spread = watch.spread.get(sensor)
     return Superposition(
         sensor=sensor,
@@ -292,15 +315,14 @@ def superposition(watch: BankWatch, sensor: str) -> Superposition:
     )
 
 
-def _most(kind: Kind, on: Sequence[Superposition], within_s: float) -> float:
+def _most(kind: Kind, on: Sequence[Superposition], large: float) -> float:
     """Return the largest size that is tried."""
-    readings = np.concatenate([each.record[each.sensor] for each in on])
     if kind.fault is ScaleFactor:
         return _TURNED
     if kind.fault is Deadzone:
-        return float(np.nanmax(np.abs(readings), initial=0.0))  # nothing is left
-    large = _RANGE * float(np.nanstd(readings) + np.nanstd(np.concatenate([each.residual.raw for each in on])))
-    return large / within_s if kind.fault is Drift else large
+        readings = [each.record[each.sensor] for each in on]
+        return max(float(max(np.nanmax(x, initial=0.0), -np.nanmin(x, initial=0.0))) for x in readings)  # nothing left
+    return large
 
 
 def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
@@ -320,7 +342,7 @@ def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
         if np.isfinite(hardest[0][0]):
             low = max(hardest[0][0] / _STEP**2, _LEAST * most)
     size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
-    harder = {i for each, i in hardest if size is not None and each > size}
+    harder = {i for each, i in hardest if size is not None and each > _SAME * size}
     seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
     return Smallest(
         sensor=trials[0].place.on.sensor,

@@ -74,13 +74,15 @@ class Regime:
 
     def excursions(self, record: Record, events: Iterable[Event] = ()) -> tuple[Excursion, ...]:
         """Return the stretches of a record that are beyond it, and those about what the log tells of, in time."""
+        told = [excursion for event in events if (excursion := _told(event, record)) is not None]
+        if not self.limits:
+            return _joined(told)
         sizes = _sizes(record)
         never = np.zeros(len(record), dtype=bool)
         beyond = {key: sizes[key] > _BEYOND * limit for key, limit in self.limits.items() if key in sizes}
         near = {key: _widened(rows, record.sample_period_s, _APART_S, _APART_S) for key, rows in beyond.items()}
         turning = np.logical_or.reduce([near.get(gyros, never) & near.get(angles, never) for gyros, angles in _TURNING])
         force = beyond.get("force_g", never)
-        told = [excursion for event in events if (excursion := _told(event, record)) is not None]
         return _joined([*_stretches(record, turning, force), *told])
 
 

@@ -409,19 +409,22 @@ def _watched(
     if check.stops:
         parts = []
     excursions = _excursions(monitor, rest)
-    for done, part in enumerate(parts):
-        progress("watch", done, len(parts))
+    done_s, total_s = 0.0, sum(len(part) for part in parts) * log.sample_period_s
+    for part in parts:
+        tell = _seconds(progress, done_s, total_s, part.sample_period_s)
+        tell("watch", 0, len(part))
         if isinstance(monitor, BankMonitor):
-            watches.append(steady(monitor, monitor.watch(part, outside=excursions)))
+            watches.append(steady(monitor, monitor.watch(part, outside=excursions, progress=tell)))
         else:
             watches.append(monitor.watch(part))
+        done_s += len(part) * part.sample_period_s
     comparison = None
     if not check.stops and watches and len(log.imus) > 1:
-        progress("compare", len(parts), len(parts))
+        progress("compare", round(total_s), round(total_s))
         healthy = identified_s or (first_part(log),)
         comparison = compare(log, healthy=healthy, excursions=excursions, mapping=mapping)
         watches = beside(watches, comparison)
-    progress("watched", len(parts), len(parts))
+    progress("watched", round(total_s), round(total_s))
     if not check.stops:
         check = check_watched(check, monitor, watches, log, left)
     return WatchedLog(
@@ -434,6 +437,15 @@ def _watched(
         check=check,
         comparison=comparison,
     )
+
+
+def _seconds(progress: Progress, before_s: float, total_s: float, period_s: float) -> Progress:
+    """Return a function to be told rows of a part of a log; `progress` hears seconds of all that is watched."""
+
+    def tell(step: str, rows: int, _of: int) -> None:
+        progress(step, round(before_s + rows * period_s), round(total_s))
+
+    return tell
 
 
 def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:

@@ -16,7 +16,8 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
-from gtmbench.record import Record, Span
+from gtmbench.pieces import pieces
+from gtmbench.record import FloatArray, Record, Span
 from gtmbench.study.log.self_check.causes import (
     Change,
     Guess,
@@ -218,11 +219,23 @@ def _dead(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float
     """Return the channels that never move, with what they read."""
     dead = {}
     for channel in channels if records else ():
-        values = np.concatenate([record[channel] for record in records])
-        values = values[np.isfinite(values)]
-        if len(values) and np.ptp(values) <= _STILL * max(1.0, abs(float(values[0]))):
-            dead[channel] = float(values[0])
+        value = _held_at([record[channel] for record in records])
+        if value is not None:
+            dead[channel] = value
     return dead
+
+
+def _held_at(columns: Sequence[FloatArray]) -> float | None:
+    """Return the first value of columns that never move from it; None where they do, or have none."""
+    value, low, high = None, np.inf, -np.inf
+    for part in (column[rows] for column in columns for rows in pieces(len(column))):
+        there = part[np.isfinite(part)]
+        if len(there):
+            value = float(there[0]) if value is None else value
+            low, high = min(low, float(there.min())), max(high, float(there.max()))
+            if high - low > _STILL * max(1.0, abs(value)):
+                return None
+    return value
 
 
 def _still(records: Sequence[Record], dead: Mapping[str, float]) -> list[Record]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.method.pseudo_inputs import reproduces
+from gtmbench.pieces import deviation
 from gtmbench.record import FloatArray, Record
-from gtmbench.study.log.self_check.motion import slow_motion
+from gtmbench.study.log.self_check.motion import slow_pieces
 
 ENOUGH = 0.5  # of the motion: with the right wiring 0.66 and more, with a wrong one 0.37 and less
 _NOISE = 0.7  # of all of a residual: what is slow in it, at most, where it is noise
@@ -75,25 +76,40 @@ def explained_where_watched(bank: CalibratedBank, watches: Sequence[Watch]) -> l
     """Return what every residual of a sensor explains of what a bank watched."""
     found = []
     for spec in bank.bank.diagnostic if watches else ():
-        residuals = [watch.residuals[spec.output] for watch in watches]
+        residuals = (watch.residuals[spec.output] for watch in watches)  # one by one: they are let go
         signals = [watch.record[spec.output] for watch in watches]
         found.append(_explained(bank, spec.output, "watched", residuals, signals))
     return found
 
 
+def _moments(values: FloatArray, readings: FloatArray) -> tuple[float, float, float, int]:
+    """Return the sums of squares and of products of two columns' slow motion about its mean, and of how many rows."""
+    sums, products, count = np.zeros(2), np.zeros((2, 2)), 0
+    about: FloatArray | None = None
+    for motion, there in slow_pieces([values, readings]):
+        known = motion[there]
+        if len(known):
+            about = known.mean(axis=0) if about is None else about
+            known = known - about
+            sums, products, count = sums + known.sum(axis=0), products + known.T @ known, count + len(known)
+    if count:
+        products = products - np.outer(sums, sums) / count
+    return float(products[0, 0]), float(products[1, 1]), float(products[0, 1]), count
+
+
 def _explained(
-    bank: CalibratedBank, output: str, where: str, residuals: Sequence[FloatArray], signals: Sequence[FloatArray]
+    bank: CalibratedBank, output: str, where: str, residuals: Iterable[FloatArray], signals: Iterable[FloatArray]
 ) -> Explained:
     squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
-        (slowed, there), raw = slow_motion(np.column_stack([values, readings])), values[np.isfinite(values)]
-        if not len(raw):
+        whole = deviation([values])
+        if np.isnan(whole):
             continue
-        left, signal = slowed.T
-        virtual = signal - left
-        squares += [*(float(of @ of) for of in (left, signal, virtual)), float(np.square(raw - raw.mean()).sum())]
-        against += float(signal @ virtual)
-        rows += int(np.count_nonzero(there))
+        left, signal, both, count = _moments(values, readings)
+        # of the residual, the signal, and the virtual sensor between them
+        squares += [left, signal, signal - 2.0 * both + left, whole**2 * np.count_nonzero(np.isfinite(values))]
+        against += signal - both
+        rows += count
     alike = against / max(float(np.sqrt(squares[1] * squares[2])), 1e-300)
     residual, signal, _, whole = np.sqrt(squares / rows).tolist()
     usual = float(np.asarray(bank.operators[output].rms_residual).ravel()[0])

@@ -6,14 +6,15 @@ the covariances of gyros and terms at all lags, taken once, score every sign, un
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.method.regression.slow import interpolated, slow
+from gtmbench.method.regression.slow import HALF, interpolated, slow
+from gtmbench.pieces import pieces, rows_of_piece
 from gtmbench.record import BoolArray, FloatArray, Record
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
@@ -75,9 +76,7 @@ def pieces_of(records: Iterable[Record]) -> list[Piece]:
 
 def _blocks(record: Record) -> list[Piece]:
     every = min(max(1, round(_FINE_S / record.sample_period_s)), _MOST_THINNED)
-    gyros, angles = record.matrix(GYROS), record.matrix(ANGLES)
-    if every > 1:
-        gyros, angles = _thinned(gyros, every), _thinned(angles, every)
+    gyros, angles = (_thinned(record, channels, every) for channels in (GYROS, ANGLES))
     whole = np.asarray(np.isfinite(gyros).all(axis=1) & np.isfinite(angles).all(axis=1), dtype=np.bool_)
     count = max(1, round(len(gyros) / _BLOCK))
     edges = np.linspace(0, len(gyros), count + 1).astype(int).tolist()
@@ -89,10 +88,15 @@ def _blocks(record: Record) -> list[Piece]:
     ]
 
 
-def _thinned(values: FloatArray, every: int) -> FloatArray:
+def _thinned(record: Record, channels: Sequence[str], every: int) -> FloatArray:
     """Return means of so many rows; angles run on without jumps, so that their means mean something."""
-    count = len(values) // every
-    return np.asarray(values[: count * every].reshape(count, every, -1).mean(axis=1))
+    if every == 1:
+        return record.matrix(channels)
+    means = np.empty((len(record) // every, len(channels)))
+    for rows in pieces(len(means)):
+        part = record.part(range(rows.start * every, rows.stop * every)).matrix(channels)
+        means[rows] = part.reshape(rows.stop - rows.start, every, -1).mean(axis=1)
+    return means
 
 
 def terms_of(angles: FloatArray, period_s: float) -> FloatArray:
@@ -140,6 +144,34 @@ def slow_motion(values: FloatArray) -> tuple[FloatArray, BoolArray]:
     if there.any():
         slowed = slowed - slowed[there].mean(axis=0)
     return slowed * there[:, np.newaxis], there
+
+
+def slow_pieces(columns: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, BoolArray]]:
+    """Give columns' slow motion piece by piece, and which rows are whole: as of all of them at once.
+
+    A piece ends where as many rows as the filter sees are whole; where there are none, it goes on.
+    """
+    count, begin = len(columns[0]), 0
+    while begin < count:
+        stop = _joint(columns, begin + rows_of_piece())
+        first, last = max(begin - HALF, 0), min(stop + HALF, count)
+        values = np.column_stack([column[first:last] for column in columns])
+        there = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
+        own = slice(begin - first, stop - first)
+        yield slow(interpolated(values))[own], there[own]
+        begin = stop
+
+
+def _joint(columns: Sequence[FloatArray], row: int) -> int:
+    """Return the first row from one on about which all that the filter sees is whole, or one past the last."""
+    count, width, step = len(columns[0]), 2 * HALF, rows_of_piece()
+    for first in range(row - HALF, count - width, step):
+        whole = np.logical_and.reduce([np.isfinite(column[first : first + step + width]) for column in columns])
+        counts = np.cumsum(np.concatenate([[0], whole]))
+        fits = np.flatnonzero(counts[width:] - counts[:-width] == width)
+        if len(fits):
+            return first + int(fits[0]) + HALF
+    return count
 
 
 def moments(pieces: Sequence[Piece], angles: Sequence[FloatArray]) -> Moments:

@@ -1,0 +1,106 @@
+"""The residuals of a bank on a record: of a long one worked out where they are asked for, a piece at a time.
+
+A day at 100 Hz has 8.64 million rows, and three residuals with their predictions are as large as its record. Who asks
+for one gets it whole, and lets it go; the bank's own watch takes it in pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of
+from gtmbench.detectors.monitor.scores import reach_of
+from gtmbench.detectors.statistics.statistic import Spread
+from gtmbench.pieces import pieces, rows_of_piece
+from gtmbench.record import FloatArray, Record, check_record, sealed
+
+
+class RecordResiduals:
+    """A bank's residuals on a record.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    record : Record
+        With the bank's channels.
+    at_once : bool
+        Whether they are wanted as a whole, however long the record is: of operators that are uncertain, for what that
+        makes of them is kept; and with excursions, each of which is judged beside all of the record.
+    """
+
+    def __init__(self, monitor: CalibratedBank, record: Record, *, at_once: bool) -> None:
+        check_record(record)
+        record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
+        monitor.bank.check_channels(record.channels)
+        self.monitor, self.record = monitor, record
+        self._of = max(len(record), 1) if at_once else rows_of_piece()
+        self._whole = bank_residuals(monitor, record) if len(record) <= self._of else None
+        self._reach = reach_of(monitor)
+
+    def pieces(self) -> Iterator[slice]:
+        """Give the rows of the record, so many at a time as are worked out at once."""
+        return pieces(len(self.record), self._of)
+
+    def part(self, rows: range) -> BankResiduals:
+        """Return the residuals as some rows give them; those that stand on rows beside these are missing."""
+        if self._whole is not None and len(rows) == len(self.record):
+            return self._whole
+        return bank_residuals(self.monitor, self.record.part(rows))
+
+    @property
+    def as_told(self) -> BankResiduals:
+        """All of them, by output; of a long record each is worked out when it is asked for."""
+        return BankResiduals(raw=self.raw, predicted=self.predicted, spread=self.spread)
+
+    @property
+    def spread(self) -> Mapping[str, Spread]:
+        """How far they may be off; of those that are uncertain."""
+        return MappingProxyType({}) if self._whole is None else self._whole.spread
+
+    @property
+    def raw(self) -> Mapping[str, FloatArray]:
+        """e(k), by output."""
+        return _Columns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
+
+    @property
+    def predicted(self) -> Mapping[str, FloatArray]:
+        """The virtual sensors, by the sensors that are watched with one."""
+        outputs = tuple(spec.output for spec in self.monitor.bank.diagnostic)
+        if self._whole is None:
+            return _Columns(self, outputs, predicted=True)
+        return MappingProxyType({output: self._whole.predicted[output] for output in outputs})
+
+    def column(self, output: str, *, predicted: bool) -> FloatArray:
+        """Return one of them for all of the record, worked out piece by piece."""
+        column = np.full(len(self.record), np.nan)
+        for piece in self.pieces():
+            first, stop = max(piece.start - self._reach, 0), min(piece.stop + self._reach, len(self.record))
+            record = self.record.part(range(first, stop))
+            told = residuals_of(self.monitor.bank, record, self.monitor.operators, [output])
+            values = told.predicted[output] if predicted else told.raw[output]
+            column[piece] = values[piece.start - first : piece.stop - first]
+        return sealed(column)
+
+
+class _Columns(Mapping[str, FloatArray]):
+    """Residuals or predictions by output, none of them kept."""
+
+    def __init__(self, of: RecordResiduals, outputs: tuple[str, ...], *, predicted: bool = False) -> None:
+        self._of, self._outputs, self._predicted = of, outputs, predicted
+
+    def __getitem__(self, output: str) -> FloatArray:
+        if output not in self._outputs:
+            raise KeyError(output)
+        return self._of.column(output, predicted=self._predicted)
+
+    def __contains__(self, output: object) -> bool:
+        return output in self._outputs
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._outputs)
+
+    def __len__(self) -> int:
+        return len(self._outputs)

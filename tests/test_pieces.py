@@ -1,0 +1,188 @@
+"""A log gone through in pieces says what it says as a whole: joints leave no trace, wherever they fall."""
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+import gtmbench as gb
+from gtmbench import pieces as by_piece
+from gtmbench.channels import header_of
+from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.open import open_log
+from gtmbench.pieces import deviation, pieces, rms
+from gtmbench.report.tables.log import log_results
+from gtmbench.report.words.log import log_report
+from gtmbench.study.log.self_check.motion import slow_motion, slow_pieces
+from gtmbench.study.log.watch import watch_log
+from tests.monitors import monitor, record
+
+CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
+AWKWARD = (997, 2048, 5999)  # rows: what stands on a minute before goes over many joints, or begins at one
+ALL = 1 << 40
+
+
+@pytest.fixture
+def in_pieces(monkeypatch):
+    """Let a piece have so many rows."""
+    return lambda rows: monkeypatch.setattr(by_piece, "ROWS", rows)
+
+
+def _frame(flight):
+    return flight.select(CHANNELS).frame().reset_index()
+
+
+def _healthy():
+    return _frame(record(12_000, seed=71))
+
+
+def _gaps():
+    """A pause of three seconds, rows that come twice and late, samples that are missing; one channel pauses alone."""
+    frame = _frame(record(12_000, seed=72))
+    frame.loc[3000:3080, "q"] = np.nan
+    frame.loc[[997, 998, 2048, 7000], "p"] = np.nan
+    frame.loc[4100:4103, ["phi", "theta", "psi"]] = np.nan
+    frame = frame.drop(index=range(8000, 8150))
+    doubled = pd.concat([frame, frame.iloc[[1994, 5000]]]).sort_values("time_s", kind="stable")
+    order = np.arange(len(doubled))
+    order[[6000, 6001]] = [6001, 6000]
+    return doubled.iloc[order]
+
+
+def _faulty():
+    """A jam across every joint at 5998, 6144 and 5999 rows, and a heading that turns through 360 deg."""
+    flight = gb.inject(record(12_000, seed=73), gb.Jam(channel="q", onset_s=119.9, duration_s=20.0))
+    flight = gb.inject(flight, gb.Bias(channel="r", onset_s=199.7, size=4.0))
+    frame = _frame(flight)
+    frame["psi"] = (frame["psi"] + 315.0) % 360.0
+    return frame
+
+
+LOGS = {"healthy": _healthy, "gaps": _gaps, "faulty": _faulty}
+
+
+@pytest.fixture(scope="module", params=LOGS)
+def log(request, tmp_path_factory):
+    """A log, and what is said of it as a whole."""
+    path = tmp_path_factory.mktemp("day") / "log.parquet"
+    LOGS[request.param]().rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(by_piece, "ROWS", ALL)
+        return path, watch_log(path, monitor()), open_log(path)
+
+
+def _alike(one, other):
+    """Compare plain values: words and counts are the same, numbers but for rounding."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            _alike(one[key], other[key])
+    elif isinstance(one, (list, tuple)):
+        assert len(one) == len(other)
+        for pair in zip(one, other, strict=True):
+            _alike(*pair)
+    elif isinstance(one, float):
+        assert other == pytest.approx(one, rel=1e-6, abs=1e-9, nan_ok=True)
+    else:
+        assert one == other
+
+
+@pytest.mark.parametrize("rows", AWKWARD)
+def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
+    path, whole, _ = log
+    in_pieces(rows)
+    watched = watch_log(path, monitor())
+    assert log_report(watched) == log_report(whole)
+    _alike(log_results(whole), log_results(watched))
+    assert watched.outcome == whole.outcome
+    for one, other in zip(whole.watches, watched.watches, strict=True):
+        for name, score in one.scores.items():
+            np.testing.assert_allclose(other.scores[name].values, score.values, rtol=1e-7, atol=1e-10)
+            np.testing.assert_array_equal(other.scores[name].armed, score.armed)
+            np.testing.assert_array_equal(other.scores[name].known_s, score.known_s)
+        for kind in ("residuals", "predictions"):
+            for name, values in getattr(one, kind).items():
+                np.testing.assert_allclose(getattr(other, kind)[name], values, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", AWKWARD)
+def test_the_intake_is_the_same_to_the_last_bit(log, rows, in_pieces):
+    path, _, whole = log
+    in_pieces(rows)
+    taken = open_log(path)
+    assert (taken.remarks, taken.method) == (whole.remarks, whole.method)
+    for one, other in zip(whole.segments, taken.segments, strict=True):
+        np.testing.assert_array_equal(other.values, one.values)
+        np.testing.assert_array_equal(other.there, one.there)
+        assert (other.channels, other.start_s, other.sample_period_s) == (
+            one.channels,
+            one.start_s,
+            one.sample_period_s,
+        )
+
+
+def test_the_logs_hold_what_they_are_to_try(log):
+    _, whole, taken = log
+    kinds = {remark.kind for remark in taken.remarks}
+    if len(taken.segments) > 1:
+        assert {"gap", "missing", "duplicate", "out of order"} <= kinds
+    elif whole.alarms:
+        assert {alarm.sensor for alarm in whole.alarms} == {"q", "r"}
+        assert np.ptp(taken.segments[0]["psi"]) < 60.0  # 360 deg isn't a jump
+    else:
+        assert not kinds
+
+
+def test_whole_numbers_of_which_some_are_missing_in_a_later_piece_are_read(tmp_path, in_pieces):
+    path = tmp_path / "counts.parquet"
+    counts = pd.array([*range(3000), None, 7], dtype="Int64")
+    pd.DataFrame({"n": counts, "kept": range(3002)}).to_parquet(path, row_group_size=1000)
+    in_pieces(700)
+    columns = {series.name: series.load() for series in read_raw(path).series}
+    np.testing.assert_array_equal(columns["n"], [*range(3000), np.nan, 7])
+    assert columns["kept"].dtype == np.int64
+    assert pq.read_metadata(path).num_row_groups == 4
+
+
+def test_slow_motion_in_pieces_is_that_of_the_whole(in_pieces):
+    values = np.random.default_rng(4).standard_normal((3000, 2))
+    values[[500, 501, 1003]] = np.nan
+    values[995:1100, 1] = np.nan  # where the joint would be
+    whole, there = slow_motion(values)
+    in_pieces(500)
+    parts = list(slow_pieces(list(values.T)))
+    assert len(parts) > 3
+    slowed, known = (np.concatenate(column) for column in zip(*parts, strict=True))
+    np.testing.assert_array_equal(known, there)
+    np.testing.assert_allclose(slowed[there] - slowed[there].mean(axis=0), whole[there], atol=1e-12)
+
+
+def test_sizes_in_pieces_are_those_of_the_whole(in_pieces):
+    values = np.random.default_rng(5).standard_normal(1000) + 3.0
+    values[10:20] = np.nan
+    in_pieces(77)
+    assert deviation([values[:300], values[300:]]) == pytest.approx(np.nanstd(values), rel=1e-12)
+    assert rms([values]) == pytest.approx(np.sqrt(np.nanmean(values**2)), rel=1e-12)
+    assert [rows.stop - rows.start for rows in pieces(200)] == [77, 77, 46]
+
+
+def test_a_record_that_nobody_can_write_to_is_not_copied():
+    whole = record(500)
+    assert np.shares_memory(whole.between(1.0, 2.0).values, whole.values)
+    writable = np.asfortranarray(whole.values.copy())
+    view = writable[:, :]
+    view.setflags(write=False)
+    kept = gb.Record(view, channels=whole.channels, sample_period_s=0.02)
+    writable[0, 0] = 99.0
+    assert kept.values[0, 0] != 99.0
+
+
+def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
+    path, whole, _ = log
+    in_pieces(2048)
+    told = []
+    watch_log(path, monitor(), progress=lambda *step: told.append(step))
+    seconds = [done for step, done, _ in told if step == "watch"]
+    assert seconds == sorted(seconds)
+    assert len(seconds) > 5
+    assert told[-1][1] == told[-1][2] == round(sum(len(each) for each in whole.log.segments) * 0.02)
