@@ -2,7 +2,7 @@
 
     python experiments/rivals.py [--quick] [--out DIR] [--jobs N] [--late-s SECONDS] [--only NAME ...]
 
-Every detector of `docs/rivals.md`, the banks and the dissertation's operator are calibrated on the same GTM flights
+Every detector of `docs/explanation/rivals.md`, the banks and the dissertation's operator are calibrated on the same GTM flights
 (multisine and turbulence, the T2's noise), for 0.002 false alarms an hour each; the operator, which is tied to its
 excitation, on two healthy records of each flight that it watches. Then they watch the same faults of gyros on flights
 of another excitation (doublets and turbulence), and hours of healthy flight. --late-s: every attitude comes so late, in

@@ -49,7 +49,7 @@ def test_its_commands_parse(page):
 def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
     """One chain: every command ends as its remark says, with what those before it wrote."""
     monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 3)
-    page = ROOT / "docs/scenarios.md"
+    page = ROOT / "docs/how_to/scenarios.md"
     for content in blocks(page, "toml"):
         (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
         assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
@@ -69,16 +69,16 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
 
 
 def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():
-    told = set(re.findall(r"`(\w+)", (ROOT / "docs/scenarios.md").read_text()))
-    text = (ROOT / "docs/scenarios.md").read_text()
+    told = set(re.findall(r"`(\w+)", (ROOT / "docs/how_to/scenarios.md").read_text()))
+    text = (ROOT / "docs/how_to/scenarios.md").read_text()
     common = {item.name for item in fields(Fault)} - {"channel"}
     assert common | {"kind", "channels", "end_s", "unit"} | {item.name for item in fields(Expectation)} <= told
     assert all(f"{item.name} =" in text for item in fields(Intermittent))
 
 
 def test_the_example_is_the_file_and_short():
-    example = (ROOT / "docs/examples/limit_check.py").read_text()
-    assert example == blocks(ROOT / "docs/detectors.md", "python")[0]
+    example = (ROOT / "docs/how_to/examples/limit_check.py").read_text()
+    assert example == blocks(ROOT / "docs/how_to/detectors.md", "python")[0]
     assert len(example.splitlines()) <= 25
 
 
@@ -102,7 +102,7 @@ def test_files_that_are_named_exist():
 
 
 def test_every_room_stands_in_the_design():
-    text = (ROOT / "docs/design.md").read_text()
+    text = (ROOT / "docs/explanation/design.md").read_text()
     rooms = [path.parent for path in (ROOT / "gtmbench").glob("*/__init__.py")]
     assert len(rooms) > 9
     for room in rooms:
@@ -113,13 +113,13 @@ def test_every_room_stands_in_the_design():
 
 
 def test_every_kind_of_fault_stands_in_its_page_with_its_parameters():
-    rows = re.findall(r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/faults.md").read_text(), flags=re.MULTILINE)
+    rows = re.findall(r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/reference/faults.md").read_text(), flags=re.MULTILINE)
     told = {kind: set(re.findall(r"`(\w+)`", parameters)) for kind, parameters in rows if kind in FAULTS}
     assert told == {kind: {item.name for item in cls.parameters()} for kind, cls in FAULTS.items()}
 
 
 def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_of():
-    text = (ROOT / "docs/diagnosis.md").read_text()
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
     rows = re.findall(r"^\| `([\w-]+)` \| ([\w, ]+) \|", text, flags=re.MULTILINE)
     assert [family for family, _ in rows] == list(FAMILIES)
     told = {kind for _, kinds in rows for kind in kinds.split(", ")}
@@ -127,5 +127,5 @@ def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_
 
 
 def test_kinds_that_count_as_the_same_stand_in_the_page():
-    text = (ROOT / "docs/diagnosis.md").read_text()
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
     assert re.findall(r"^\| `(\w+)` \| `(\w+)` \|", text, flags=re.MULTILINE) == list(SAME_KINDS)
