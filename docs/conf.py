@@ -36,6 +36,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 
+default_role = "obj"  # `name` in a docstring is a link where there is such a name
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's sections say types where the signature doesn't
 autodoc_member_order = "bysource"

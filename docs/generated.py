@@ -1,4 +1,4 @@
-"""Pages that are made of the code, so that they can't lag behind it: every public name, channels, theory.
+"""Pages that are made of the code, so that they can't lag behind it: every public name, channels, theory, reports.
 
 They go into ``docs/reference/generated``, which git doesn't keep.
 """
@@ -15,7 +15,8 @@ import gtmbench.testing
 import gtmbench.theory
 from gtmbench.api import __all__ as public
 
-HERE = Path(__file__).parent / "reference" / "generated"
+ROOT = Path(__file__).parents[1]
+HERE = ROOT / "docs/reference/generated"
 ROOMS = {  # where a name is defined: what one does there
     "record": "Records",
     "channels": "Records",
@@ -28,6 +29,10 @@ ROOMS = {  # where a name is defined: what one does there
     "study": "Run studies, watch logs",
     "report": "Recordings",
     "errors": "Errors and warnings",
+}
+REPORTS = {  # pages of the repository that these pages link to; each becomes a page here
+    path.relative_to(ROOT).as_posix(): f"report_{path.parent.name}"
+    for path in (*sorted((ROOT / "experiments/reports").glob("*/report.md")), ROOT / "aircraft/gtm/README.md")
 }
 TABLES = {"CHANNELS": "channels", "PSEUDO_INPUTS": "method"}  # values, which can't say where they come from
 
@@ -92,16 +97,38 @@ def channels_page() -> Iterator[str]:
         yield from (f"   * - ``{name}``", f"     - ``{pseudo.formula}``")
 
 
+def reports_page() -> Iterator[str]:
+    """Yield the page that leads to the reports."""
+    yield from title("Reports")
+    yield from ("What the scripts of ``experiments/`` wrote when they were run last.", "")
+    yield from (".. toctree::", "   :maxdepth: 1", "", *(f"   {name}" for name in REPORTS.values()))
+
+
+def report_page(source: str) -> Iterator[str]:
+    """Yield a page that is a file from elsewhere in the repository."""
+    yield from (f"```{{include}} ../../../{source}", ":relative-images:", ":relative-docs: .", "```")
+
+
+def link_reports(_: Any, page: str, source: list[str]) -> None:
+    """Let links to those files lead to their pages."""
+    up = "../" * page.count("/")
+    for path, name in REPORTS.items():
+        source[0] = source[0].replace(f"]({up}../{path}", f"]({up}reference/generated/{name}.md")
+
+
 def write() -> None:
     """Write the pages; one that says the same stays as it is, so that a second build is quick."""
     HERE.mkdir(parents=True, exist_ok=True)
-    for name, page in (("names", names_page()), ("theory", theory_page()), ("channels", channels_page())):
-        path, text = HERE / f"{name}.rst", "\n".join(page).rstrip() + "\n"
+    pages = {"names.rst": names_page(), "theory.rst": theory_page(), "channels.rst": channels_page()}
+    pages |= {"reports.rst": reports_page()} | {f"{name}.md": report_page(path) for path, name in REPORTS.items()}
+    for name, page in pages.items():
+        path, text = HERE / name, "\n".join(page).rstrip() + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
 
 
-def setup(_: Any) -> dict[str, bool]:
+def setup(app: Any) -> dict[str, bool]:
     """Write them, before Sphinx looks for pages."""
     write()
+    app.connect("source-read", link_reports)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -22,7 +22,7 @@ _MOST = 1e4  # a gain beyond is none that anybody means
 class Autopilot:
     """Gains and limits of a simple autopilot, which holds the altitude, speed and heading of the trim.
 
-    With e what is held less what is read, and everything about the trim,
+    With e what is held less what is read, and everything about the trim::
 
         elevator = q_to_elevator_s q + theta_to_elevator (theta - theta_c),
         theta_c  = altitude_to_theta_deg_ft e_altitude + altitude_integral_deg_ft_s int e_altitude,

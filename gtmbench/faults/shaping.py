@@ -71,7 +71,7 @@ class Misalignment(Formula):
 
 @dataclass(frozen=True, kw_only=True)
 class Deadzone(Formula):
-    """Signals within +-half_width vanish, larger ones lose the half-width: sign(y) max(|y| - half_width, 0).
+    """Signals within +-half_width vanish, larger ones lose the half-width: ``sign(y) max(|y| - half_width, 0)``.
 
     >>> step = Deadzone(channel="p", onset_s=0.0, half_width=1.0).stream(sample_period_s=1.0)
     >>> [step(time_s, [y]) for time_s, y in enumerate([-3.0, 0.5, 3.0])]
