@@ -85,13 +85,23 @@ def channels_page() -> Iterator[str]:
     heads = ("name", "unit", "column of a log", "what it is", "noise of the T2's sensor", "JSBSim's property")
     yield from (".. list-table::", "   :header-rows: 1", "")
     rows = (
-        (f"``{item.name}``", item.unit, f"``{item.header}``", item.meaning, f"{item.noise:g}" if item.noise else "", f"``{item.jsbsim}``")
+        (
+            f"``{item.name}``",
+            item.unit,
+            f"``{item.header}``",
+            item.meaning,
+            f"{item.noise:g}" if item.noise else "",
+            f"``{item.jsbsim}``",
+        )
         for item in gb.CHANNELS.values()
     )
     for cells in (heads, *rows):
         yield from (f"   {'  ' if column else '* '}- {cell}".rstrip() for column, cell in enumerate(cells))
     yield from ("", "Pseudo inputs", "-------------", "")
-    yield from ("What a sensor should read by kinematics, from other channels; channels for any operator (`gtmbench.derive`).", "")
+    yield from (
+        "What a sensor should read by kinematics, from other channels; channels for any operator (`gtmbench.derive`).",
+        "",
+    )
     yield from (".. list-table::", "   :header-rows: 1", "", "   * - name", "     - formula")
     for name, pseudo in gb.PSEUDO_INPUTS.items():
         yield from (f"   * - ``{name}``", f"     - ``{pseudo.formula}``")

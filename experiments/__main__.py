@@ -72,7 +72,9 @@ def section(name: str, title: str, results: Results) -> str:
         agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
         cells = [row["result"], short(row["printed"]), short(row["ours"]), agreement]
         lines.append("| " + " | ".join(map(plain, cells)) + " |")
-    figures = [f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]]
+    figures = [
+        f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
+    ]
     return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
 
 
@@ -124,7 +126,10 @@ def main() -> int:
     if not given.quick:
         write_table({name: ran.get(name) or kept(name) for name in PARTS})
     wrong = not all(row["expected"] for results in ran.values() for row in results["rows"])
-    print(f"{time.monotonic() - began:.0f} s" + ("" if given.quick else "; the table stands in docs/reference/dissertation.md"))
+    print(
+        f"{time.monotonic() - began:.0f} s"
+        + ("" if given.quick else "; the table stands in docs/reference/dissertation.md")
+    )
     return int(wrong)
 
 

@@ -5,9 +5,9 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
+from pages import ROOT, blocks, commands, run_chain
 
 from gtmbench.cli.app import app
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
@@ -15,18 +15,13 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.study.expectation import Expectation
-from gtmbench.study.scenario import load_faults, load_scenario
+from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
 
-ROOT = Path(__file__).parent.parent
-PAGES = sorted((ROOT / "docs").glob("*.md"))
+PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
 
 
-def blocks(page, language):
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), flags=re.DOTALL)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
 def test_its_python_runs(page, tmp_path):
     """In a process of its own, for it registers a fault."""
     script = "\n".join(blocks(page, "python"))
@@ -34,16 +29,42 @@ def test_its_python_runs(page, tmp_path):
         [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
+    if page.stem == "identify":
+        assert "[p q beta] -> r (101, 1, 3)" in run.stdout
+        alarms = re.findall(r"^(?:alarm at )?\[(\d+\.\d+)", run.stdout, flags=re.MULTILINE)
+        assert len(alarms) > 1
+        assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
     if page.stem == "detectors":
         assert re.search(r"^0 \d+\.\d+ q alarm$", run.stdout, flags=re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
 def test_its_commands_parse(page):
     for line in "".join(blocks(page, "sh")).splitlines():
         program, command, *arguments = shlex.split(line, comments=True)
         assert program == "gtmbench"
         app.commands[command].make_context(command, arguments)
+
+
+CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
+    "gtmbench run": "jam --no-figures --no-recording",
+    "gtmbench run drift jam": "--no-figures --no-recording",
+    "gtmbench run jam": "--no-figures",
+}
+
+
+@pytest.mark.parametrize(
+    "names", [("tutorial/first_flight", "how_to/my_log"), ("reference/cli",)], ids=lambda names: names[0]
+)
+def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
+    pages = [ROOT / f"docs/{name}.md" for name in names]
+    for page in pages:
+        for content in blocks(page, "toml"):
+            (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
+    chain = [line for page in pages for line in commands(page) if "gyro_x" not in line]  # no log here has that column
+    assert len(chain) > 10
+    broken = "gtmbench monitor broken.csv --identify 0:25 --figure broken.png"
+    run_chain(chain, tmp_path, monkeypatch, capsys, cheap=CHEAP, codes={broken: 1})
 
 
 def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
@@ -113,7 +134,9 @@ def test_every_room_stands_in_the_design():
 
 
 def test_every_kind_of_fault_stands_in_its_page_with_its_parameters():
-    rows = re.findall(r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/reference/faults.md").read_text(), flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/reference/faults.md").read_text(), flags=re.MULTILINE
+    )
     told = {kind: set(re.findall(r"`(\w+)`", parameters)) for kind, parameters in rows if kind in FAULTS}
     assert told == {kind: {item.name for item in cls.parameters()} for kind, cls in FAULTS.items()}
 
@@ -129,3 +152,12 @@ def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_
 def test_kinds_that_count_as_the_same_stand_in_the_page():
     text = (ROOT / "docs/explanation/diagnosis.md").read_text()
     assert re.findall(r"^\| `(\w+)` \| `(\w+)` \|", text, flags=re.MULTILINE) == list(SAME_KINDS)
+
+
+def test_every_scenario_key_stands_in_its_table():
+    keys = {item.name for item in fields(Setup)} - {"operator", "alarm"}
+    keys |= {item.name for table in (OperatorSetup, AlarmSetup) for item in fields(table)}
+    keys |= {parameter.name for kind in FAULTS.values() for parameter in kind.parameters()}
+    table = (ROOT / "docs/reference/scenario_keys.md").read_text()
+    for key in keys:
+        assert re.search(rf"[`.]{key}`", table), key

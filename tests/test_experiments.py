@@ -207,7 +207,9 @@ def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path):
     assert {fault.kind for fault in script["faults"]().values()} == set(FAULTS)
     done = run("fault_gallery", "--out", tmp_path, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    drawn, kept = (matplotlib.image.imread(at / "fault_gallery.png") for at in (tmp_path, EXPERIMENTS.parent / "docs/reference"))
+    drawn, kept = (
+        matplotlib.image.imread(at / "fault_gallery.png") for at in (tmp_path, EXPERIMENTS.parent / "docs/reference")
+    )
     assert drawn.shape == kept.shape
     assert np.std(drawn[..., :3]) > 0.02, "something is drawn"
 
