@@ -1,4 +1,4 @@
-"""Formulas as MathML: LaTeX is turned into what browsers draw themselves, so that no script and no network is needed."""
+"""Formulas as MathML: LaTeX becomes what browsers draw themselves, without a script or a network."""
 
 from __future__ import annotations
 

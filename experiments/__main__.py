@@ -1,4 +1,4 @@
-"""Run every script that reproduces a part of the dissertation, and write the table of `docs/reference/dissertation.md` anew.
+"""Run every script that reproduces a part of the dissertation; its table goes into `docs/reference/dissertation.md`.
 
 Run ``python experiments [NAME ...] [--quick] [--jobs N]``, or ``make experiments``. Figures and results go into
 ``experiments/reports/NAME``, where the table has those of parts that aren't run; with ``--quick`` nothing is kept. Ends

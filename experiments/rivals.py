@@ -2,8 +2,8 @@
 
     python experiments/rivals.py [--quick] [--out DIR] [--jobs N] [--late-s SECONDS] [--only NAME ...]
 
-Every detector of `docs/explanation/rivals.md`, the banks and the dissertation's operator are calibrated on the same GTM flights
-(multisine and turbulence, the T2's noise), for 0.002 false alarms an hour each; the operator, which is tied to its
+Every detector of `docs/explanation/rivals.md`, the banks and the dissertation's operator are calibrated on the same
+flights (multisine and turbulence, the T2's noise), for 0.002 false alarms an hour each; the operator, tied to its
 excitation, on two healthy records of each flight that it watches. Then they watch the same faults of gyros on flights
 of another excitation (doublets and turbulence), and hours of healthy flight. --late-s: every attitude comes so late, in
 calibration, too. Writes report.md and every row into DIR; prints the tables. It has no target: it shows whoever wins.
