@@ -20,7 +20,7 @@ lint: .venv/ready ## style, types, layers
 	$(BIN)/lint-imports
 
 docs: .venv/ready ## the documentation, into out/docs (open out/docs/index.html); no network, a warning is an error
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -W --keep-going -q -b html -d out/doctrees docs out/docs
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -a -W --keep-going -q -b html -d out/doctrees docs out/docs
 
 experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in docs/reference/dissertation.md
 	$(BIN)/python experiments

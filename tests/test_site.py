@@ -1,6 +1,5 @@
 """The documentation as built by `make docs`: every link leads somewhere, and a browser without a network shows it."""
 
-import re
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -13,7 +12,7 @@ from gtmbench.api import __all__ as public
 from gtmbench.cli.app import app
 
 SITE = Path(__file__).parent.parent / "out/docs"
-PAGES = sorted(SITE.rglob("*.html"))
+PAGES = [page for page in sorted(SITE.rglob("*.html")) if "_static" not in page.parts]
 
 pytestmark = pytest.mark.skipif(not PAGES, reason="the documentation isn't built: make docs")
 
@@ -61,10 +60,9 @@ def test_every_public_name_and_every_command_has_a_place():
 
 
 def test_formulas_are_drawn_by_the_browser_itself():
-    page = (SITE / "explanation/method.html").read_text()
-    assert page.count("<math") > 10
-    assert "mathjax" not in page.lower()
-    assert re.search(r"<mi>E</mi>", page)
+    page = SITE / "explanation/method.html"
+    assert page.read_text().count("<math") > 10
+    assert not any("mathjax" in link.lower() for link in found(page).links)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +79,7 @@ def opened():
             tab.errors, tab.requests = [], []
             tab.on("pageerror", lambda error: tab.errors.append(str(error)))
             tab.on("request", lambda request: tab.requests.append(request.url))
-            tab.goto((SITE / name).as_uri())
+            tab.goto(f"{SITE.as_uri()}/{name}")
             return tab
 
         yield look
