@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test lint bench experiments clean
+.PHONY: run check test lint docs bench experiments clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -19,10 +19,13 @@ lint: .venv/ready ## style, types, layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in experiments/README.md
+docs: .venv/ready ## the documentation, into out/docs (open out/docs/index.html); no network, a warning is an error
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -a -W --keep-going -q -b html -d out/doctrees docs out/docs
+
+experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in docs/reference/dissertation.md
 	$(BIN)/python experiments
 
-bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and README.md
+bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and docs/reference/measured.md
 	$(BIN)/python -m tests.benchmarks
 
 .venv/ready: pyproject.toml constraints.txt

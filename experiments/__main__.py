@@ -1,4 +1,4 @@
-"""Run every script that reproduces a part of the dissertation, and write the table of `experiments/README.md` anew.
+"""Run every script that reproduces a part of the dissertation; its table goes into `docs/reference/dissertation.md`.
 
 Run ``python experiments [NAME ...] [--quick] [--jobs N]``, or ``make experiments``. Figures and results go into
 ``experiments/reports/NAME``, where the table has those of parts that aren't run; with ``--quick`` nothing is kept. Ends
@@ -22,6 +22,7 @@ from typing import Any
 from gtmbench.report.dissertation.reproduction import tally
 
 HERE = Path(__file__).parent
+PAGE = HERE.parent / "docs/reference/dissertation.md"
 BEGIN, END = "<!-- make experiments writes this -->\n", "<!-- up to here -->"
 PARTS = {  # in the order of the dissertation
     "why_time_domain": "1, why time domain",
@@ -71,7 +72,9 @@ def section(name: str, title: str, results: Results) -> str:
         agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
         cells = [row["result"], short(row["printed"]), short(row["ours"]), agreement]
         lines.append("| " + " | ".join(map(plain, cells)) + " |")
-    figures = [f"[{figure.removesuffix('.png')}](reports/{name}/{figure})" for figure in results["figures"]]
+    figures = [
+        f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
+    ]
     return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
 
 
@@ -99,11 +102,10 @@ def kept(name: str) -> Results:
 
 
 def write_table(parts: dict[str, Results]) -> None:
-    """Write the table into `experiments/README.md`."""
-    page = HERE / "README.md"
-    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    """Write the table into `docs/reference/dissertation.md`."""
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     table = overview(parts) + "\n".join(section(name, title, parts[name]) for name, title in PARTS.items())
-    page.write_text(f"{head}{BEGIN}{table}{END}{rest.partition(END)[2]}", encoding="utf-8")
+    PAGE.write_text(f"{head}{BEGIN}{table}{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 def main() -> int:
@@ -124,7 +126,10 @@ def main() -> int:
     if not given.quick:
         write_table({name: ran.get(name) or kept(name) for name in PARTS})
     wrong = not all(row["expected"] for results in ran.values() for row in results["rows"])
-    print(f"{time.monotonic() - began:.0f} s" + ("" if given.quick else "; the table stands in experiments/README.md"))
+    print(
+        f"{time.monotonic() - began:.0f} s"
+        + ("" if given.quick else "; the table stands in docs/reference/dissertation.md")
+    )
     return int(wrong)
 
 

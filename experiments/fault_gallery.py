@@ -1,6 +1,6 @@
 """The gallery of faults: every kind on the same 20 s of a flight of the GTM, healthy in grey, broken in colour.
 
-Run ``python experiments/fault_gallery.py [--out DIR]``; it draws ``fault_gallery.png`` for `docs/faults.md`.
+Run ``python experiments/fault_gallery.py [--out DIR]``; it draws ``fault_gallery.png`` for `docs/reference/faults.md`.
 Panels stand as the files of `gtmbench/faults` do: what is added, how the signal is shaped, what takes its place; then
 two ways in which any of them may come. A new kind wants an entry in `SHOWN`.
 """

@@ -41,7 +41,7 @@ these flights, as far as is known; some of them crash, and in some an estimator 
 
 The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
 dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`) and erlerobot/logs (a name
-has its folders). Synthetic logs are those of `docs/mechanisms.md`; the number is the seed.
+has its folders). Synthetic logs are those of `docs/explanation/mechanisms.md`; the number is the seed.
 
 - *exit*: 0 healthy, 1 a fault, 3 can't tell, 2 nothing can be identified on.
 - *explained*: how much of the slow motion of p, q and r, where identified.

@@ -1,4 +1,4 @@
-"""The committed figures of `make bench` meet their targets, and the README shows them as they are."""
+"""The committed figures of `make bench` meet their targets, and the documentation shows them as they are."""
 
 import json
 import operator
@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 from benchmarks.problem import Problem
-from benchmarks.results import BENCH, ROOT, readme_block, rounded
+from benchmarks.results import BENCH, ROOT, block_of_the_page, rounded
 from benchmarks.solvers import SOLVERS, numpy_lstsq
 from benchmarks.table import TARGETS, Table, block
 from benchmarks.timing import interleaved, peak_memory, ratio
@@ -38,8 +38,8 @@ def test_every_section_and_every_peer_is_there(results):
         assert "failed" in row or row["ratio"] > 0, name
 
 
-def test_the_readme_shows_the_committed_figures(results):
-    assert readme_block() == block(results)
+def test_the_documentation_shows_the_committed_figures(results):
+    assert block_of_the_page() == block(results)
 
 
 def test_a_peer_is_in_the_extra_or_has_its_own_environment():

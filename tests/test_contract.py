@@ -19,7 +19,7 @@ from gtmbench.testing.contract.case import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_detector, check_property
 from tests.monitors import record
 
-EXAMPLE = Path(__file__).parent.parent / "docs/examples/limit_check.py"
+EXAMPLE = Path(__file__).parent.parent / "docs/how_to/examples/limit_check.py"
 
 
 def far(record):

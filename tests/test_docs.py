@@ -5,9 +5,9 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
+from pages import ROOT, blocks, commands, run_chain
 
 from gtmbench.cli.app import app
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
@@ -15,18 +15,13 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.study.expectation import Expectation
-from gtmbench.study.scenario import load_faults, load_scenario
+from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
 
-ROOT = Path(__file__).parent.parent
-PAGES = sorted((ROOT / "docs").glob("*.md"))
+PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
 
 
-def blocks(page, language):
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), flags=re.DOTALL)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
 def test_its_python_runs(page, tmp_path):
     """In a process of its own, for it registers a fault."""
     script = "\n".join(blocks(page, "python"))
@@ -34,11 +29,16 @@ def test_its_python_runs(page, tmp_path):
         [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
+    if page.stem == "identify":
+        assert "[p q beta] -> r (101, 1, 3)" in run.stdout
+        alarms = re.findall(r"^(?:alarm at )?\[(\d+\.\d+)", run.stdout, flags=re.MULTILINE)
+        assert len(alarms) > 1
+        assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
     if page.stem == "detectors":
         assert re.search(r"^0 \d+\.\d+ q alarm$", run.stdout, flags=re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
 def test_its_commands_parse(page):
     for line in "".join(blocks(page, "sh")).splitlines():
         program, command, *arguments = shlex.split(line, comments=True)
@@ -46,10 +46,37 @@ def test_its_commands_parse(page):
         app.commands[command].make_context(command, arguments)
 
 
+CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
+    "gtmbench run": "jam --no-figures",
+    "gtmbench run drift jam": "--no-figures --no-recording",
+    "gtmbench run jam": "--no-figures",
+}
+
+
+@pytest.mark.parametrize(
+    "names", [("tutorial/first_flight", "how_to/my_log"), ("reference/cli",)], ids=lambda names: names[0]
+)
+def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
+    pages = [ROOT / f"docs/{name}.md" for name in names]
+    for page in pages:
+        for content in blocks(page, "toml"):
+            (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
+    elsewhere = (
+        "gyro_x",
+        "gtmbench rescue",
+        "gtmbench check",
+        "gtmbench run drift jam",
+    )  # no such column; the README's
+    chain = [line for page in pages for line in commands(page) if not any(part in line for part in elsewhere)]
+    assert len(chain) > 10
+    broken = "gtmbench monitor broken.csv --identify 0:25 --figure broken.png"
+    run_chain(chain, tmp_path, monkeypatch, capsys, cheap=CHEAP, codes={broken: 1})
+
+
 def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
     """One chain: every command ends as its remark says, with what those before it wrote."""
     monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 3)
-    page = ROOT / "docs/scenarios.md"
+    page = ROOT / "docs/how_to/scenarios.md"
     for content in blocks(page, "toml"):
         (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
         assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
@@ -69,16 +96,16 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
 
 
 def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():
-    told = set(re.findall(r"`(\w+)", (ROOT / "docs/scenarios.md").read_text()))
-    text = (ROOT / "docs/scenarios.md").read_text()
+    told = set(re.findall(r"`(\w+)", (ROOT / "docs/how_to/scenarios.md").read_text()))
+    text = (ROOT / "docs/how_to/scenarios.md").read_text()
     common = {item.name for item in fields(Fault)} - {"channel"}
     assert common | {"kind", "channels", "end_s", "unit"} | {item.name for item in fields(Expectation)} <= told
     assert all(f"{item.name} =" in text for item in fields(Intermittent))
 
 
 def test_the_example_is_the_file_and_short():
-    example = (ROOT / "docs/examples/limit_check.py").read_text()
-    assert example == blocks(ROOT / "docs/detectors.md", "python")[0]
+    example = (ROOT / "docs/how_to/examples/limit_check.py").read_text()
+    assert example == blocks(ROOT / "docs/how_to/detectors.md", "python")[0]
     assert len(example.splitlines()) <= 25
 
 
@@ -90,6 +117,7 @@ def test_links_lead_somewhere():
 
 def test_files_that_are_named_exist():
     """Whole paths anywhere; in the table of rooms, what to begin with stands below its room."""
+    every = set()
     for page in PAGES:
         text = page.read_text()
         named = set(re.findall(r"`((?:gtmbench|aircraft|docs|experiments|faults|tests)/[\w./-]+)`", text)) - {
@@ -98,11 +126,12 @@ def test_files_that_are_named_exist():
         for room, first in re.findall(r"^\| `(gtmbench/\w+/)`[^|]*\|[^|]*\| (`[^|]*`) \|$", text, flags=re.MULTILINE):
             named |= {room + name for name in re.findall(r"`([\w./]+)`", first)}
         assert [name for name in named if not (ROOT / name).exists()] == []
-    assert len(named) > 0
+        every |= named
+    assert len(every) > 50
 
 
 def test_every_room_stands_in_the_design():
-    text = (ROOT / "docs/design.md").read_text()
+    text = (ROOT / "docs/explanation/design.md").read_text()
     rooms = [path.parent for path in (ROOT / "gtmbench").glob("*/__init__.py")]
     assert len(rooms) > 9
     for room in rooms:
@@ -113,13 +142,15 @@ def test_every_room_stands_in_the_design():
 
 
 def test_every_kind_of_fault_stands_in_its_page_with_its_parameters():
-    rows = re.findall(r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/faults.md").read_text(), flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/reference/faults.md").read_text(), flags=re.MULTILINE
+    )
     told = {kind: set(re.findall(r"`(\w+)`", parameters)) for kind, parameters in rows if kind in FAULTS}
     assert told == {kind: {item.name for item in cls.parameters()} for kind, cls in FAULTS.items()}
 
 
 def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_of():
-    text = (ROOT / "docs/diagnosis.md").read_text()
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
     rows = re.findall(r"^\| `([\w-]+)` \| ([\w, ]+) \|", text, flags=re.MULTILINE)
     assert [family for family, _ in rows] == list(FAMILIES)
     told = {kind for _, kinds in rows for kind in kinds.split(", ")}
@@ -127,5 +158,14 @@ def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_
 
 
 def test_kinds_that_count_as_the_same_stand_in_the_page():
-    text = (ROOT / "docs/diagnosis.md").read_text()
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
     assert re.findall(r"^\| `(\w+)` \| `(\w+)` \|", text, flags=re.MULTILINE) == list(SAME_KINDS)
+
+
+def test_every_scenario_key_stands_in_its_table():
+    keys = {item.name for item in fields(Setup)} - {"operator", "alarm"}
+    keys |= {item.name for table in (OperatorSetup, AlarmSetup) for item in fields(table)}
+    keys |= {parameter.name for kind in FAULTS.values() for parameter in kind.parameters()}
+    table = (ROOT / "docs/reference/scenario_keys.md").read_text()
+    for key in keys:
+        assert re.search(rf"[`.]{key}`", table), key

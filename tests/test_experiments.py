@@ -27,6 +27,7 @@ from gtmbench.report.tables.markdown import share_text
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
 
+PAGE = EXPERIMENTS.parent / "docs/reference/dissertation.md"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]
 BEYOND = {  # studies of what the dissertation leaves open, with reports of their own, and lines that they print
     "every_fault": (
@@ -209,13 +210,15 @@ def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path):
     assert {fault.kind for fault in script["faults"]().values()} == set(FAULTS)
     done = run("fault_gallery", "--out", tmp_path, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    drawn, kept = (matplotlib.image.imread(at / "fault_gallery.png") for at in (tmp_path, EXPERIMENTS.parent / "docs"))
+    drawn, kept = (
+        matplotlib.image.imread(at / "fault_gallery.png") for at in (tmp_path, EXPERIMENTS.parent / "docs/reference")
+    )
     assert drawn.shape == kept.shape
     assert np.std(drawn[..., :3]) > 0.02, "something is drawn"
 
 
 def test_the_table_names_every_part_and_links_its_figures():
-    page, said = (EXPERIMENTS / "README.md").read_text(), []
+    page, said = PAGE.read_text(), []
     for script in PARTS:
         assert f"`{script}.py`" in page
         results = json.loads((EXPERIMENTS / "reports" / script / RESULTS).read_text())
@@ -224,13 +227,13 @@ def test_the_table_names_every_part_and_links_its_figures():
         for row in results["rows"]:
             assert row["result"].replace("|", r"\|").replace("*", r"\*") in page
     assert tally(said) in page, "the headline counts what agrees, what differs and what isn't printed"
-    linked = re.findall(r"\]\((reports/[^)]+)\)", page)
+    linked = re.findall(r"\]\((\.\./\.\./experiments/reports/[^)]+)\)", page)
     assert len(linked) > 40
-    assert all((EXPERIMENTS / name).is_file() for name in linked)
+    assert all((PAGE.parent / name).is_file() for name in linked)
 
 
 def test_make_experiments_runs_parts_and_keeps_nothing_of_quick_ones():
-    before = (EXPERIMENTS / "README.md").read_bytes()
+    before = PAGE.read_bytes()
     done = subprocess.run(
         [sys.executable, EXPERIMENTS, "beam", "exact_operators", "--quick"], capture_output=True, text=True, check=False
     )
@@ -239,7 +242,7 @@ def test_make_experiments_runs_parts_and_keeps_nothing_of_quick_ones():
         ["beam", "exact_operators"],
         ["exact_operators", "beam"],
     )
-    assert (EXPERIMENTS / "README.md").read_bytes() == before
+    assert PAGE.read_bytes() == before
     wrong = subprocess.run([sys.executable, EXPERIMENTS, "bean"], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert "bean: no part of the dissertation" in wrong.stderr

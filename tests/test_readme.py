@@ -1,29 +1,18 @@
-"""The README tells the truth: its commands and its Python run, its files exist, its keys are the scenario's."""
+"""The README tells the truth, in a page: its commands and its Python run, its files exist."""
 
 import re
 import shlex
-import sys
-from dataclasses import fields
-from pathlib import Path
+import tomllib
 
 import pytest
+from pages import ROOT, blocks, commands, run_chain
 
-from gtmbench.cli.app import app, main
-from gtmbench.faults.kinds import FAULTS
-from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup
+from gtmbench.cli.app import app
+from gtmbench.version import __version__
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text()
+PAGE = ROOT / "README.md"
+README = PAGE.read_text()
 MAKEFILE = (ROOT / "Makefile").read_text()
-
-
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
-
-
-def commands():
-    lines = [line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines()]
-    return [line for line in lines if line]
 
 
 def mentioned():
@@ -32,77 +21,59 @@ def mentioned():
     return [line.replace(" N", " 7") for line in re.findall(r"`(gtmbench [a-z][^`]*)`", sentences)]
 
 
-@pytest.mark.parametrize("line", sorted({line for line in (*commands(), *mentioned()) if line.startswith("gtmbench")}))
+@pytest.mark.parametrize(
+    "line", sorted({line for line in (*commands(PAGE), *mentioned()) if line.startswith("gtmbench")})
+)
 def test_every_command_parses(line):
     _, command, *arguments = shlex.split(line)
     assert command in app.commands
-    if arguments or line in commands():
+    if arguments or line in commands(PAGE):
         app.commands[command].make_context(command, arguments)
 
 
 def test_every_make_target_exists():
-    wanted = [line.split()[1] for line in commands() if line.startswith("make ")]
+    wanted = [line.split()[1] for line in commands(PAGE) if line.startswith("make ")]
     assert wanted[:2] == ["run", "test"]
     for target in {*wanted, *re.findall(r"`make (\w+)`", README)}:
         assert re.search(rf"^{target}:", MAKEFILE, flags=re.MULTILINE), target
 
 
-CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
-    "gtmbench run": "jam --no-figures",
+CHEAP = {  # what is added to a command
     "gtmbench run drift jam": "--no-figures --no-recording",
-    "gtmbench run jam": "--no-figures --no-recording",
-    "gtmbench calibrate": "--flights 3",
-    "gtmbench run --detector": "jam --no-figures --no-recording",
+    "gtmbench run jam": "--no-figures",
 }
 
 
 def test_the_commands_run_as_one_chain(tmp_path, monkeypatch, capsys):
-    """In one folder, each with what those before it wrote; `view` opens a window, so here it has only to get there."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
-    monkeypatch.setattr("os.cpu_count", lambda: 1)  # flights are flown in turn
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    chain = [line for line in commands() if line.startswith("gtmbench")]
+    """In one folder, each with what those before it wrote."""
+    chain = [line for line in commands(PAGE) if line.startswith("gtmbench")]
     assert len(chain) >= 7
-    for line in chain:
-        cheap = CHEAP.get(max((known for known in CHEAP if line.startswith(known)), key=len, default=""), "")
-        with pytest.raises(SystemExit) as ended:
-            main(shlex.split(f"{line} {cheap}")[1:])
-        out, err = capsys.readouterr()
-        if " view " in line and sys.platform == "linux":
-            assert "there is no screen here" in err
-        else:
-            assert (ended.value.code, err) == (0, ""), line
-            assert out
-        if line == "gtmbench check":
-            assert "no figure is worse" in out
+    run_chain(chain, tmp_path, monkeypatch, capsys, cheap=CHEAP)
 
 
-def test_the_python_runs(capsys):
-    exec("\n".join(blocks("python")), {})
-    printed = capsys.readouterr().out
-    assert "[p q beta] -> r (101, 1, 3)" in printed
-    alarms = re.findall(r"^\[(\d+\.\d+)", printed, flags=re.MULTILINE) + re.findall(r"alarm at \[(\d+\.\d+)", printed)
-    assert len(alarms) > 1
-    assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
+def test_the_python_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(blocks(PAGE, "python")), {})
+    assert re.fullmatch(r"\[\(4\d\.\d+, 'q failed'\)\]\n", capsys.readouterr().out)
 
 
-def test_every_file_that_is_named_exists():
+def test_it_is_a_page_and_every_file_that_is_named_exists():
     text = README + (ROOT / "experiments/README.md").read_text()
+    assert len(README.splitlines()) <= 150
+    assert len(README) <= 12_000
     named = re.findall(r"`((?:gtmbench|aircraft|experiments|faults|tests)/[\w./]+)`", text)
     pictures = re.findall(r"\]\((experiments/[^)]+)\)", text)
-    assert len(named) > 10
-    assert len(pictures) == 10
+    assert len(named) > 2
+    assert len(pictures) == 1
     for name in named + pictures:
         if "NAME" not in name:
             assert (ROOT / name).exists(), name
 
 
-def test_every_scenario_key_stands_in_its_table():
-    keys = {item.name for item in fields(Setup)} - {"operator", "alarm"}
-    keys |= {item.name for table in (OperatorSetup, AlarmSetup) for item in fields(table)}
-    keys |= {parameter.name for kind in FAULTS.values() for parameter in kind.parameters()}
-    table = README.split("## A scenario file")[1].split("\n## ")[0]
-    for key in keys:
-        assert re.search(rf"[`.]{key}`", table), key
+def test_it_is_cited_with_the_version_that_it_has():
+    cited = (ROOT / "CITATION.cff").read_text()
+    assert re.search(rf"^version: {re.escape(__version__)}$", cited, flags=re.MULTILINE)
+    title = re.search(r'^title: "(.*)"$', cited, flags=re.MULTILINE)[1]
+    assert f"# {title}\n" in (ROOT / "docs/paper.md").read_text()
+    described = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert described["authors"][0]["name"] in cited

@@ -68,7 +68,7 @@ def test_every_rival_keeps_the_contract(name, prop):
 def test_every_rival_names_its_source_and_stands_in_the_page(rival):
     source = sys.modules[type(rival).__module__].__doc__
     assert re.search(r"doi:10\.\d{4}|arXiv:\d{4}\.\d{5}", " ".join(source.split()))
-    page = (Path(__file__).parent.parent / "docs/rivals.md").read_text()
+    page = (Path(__file__).parent.parent / "docs/explanation/rivals.md").read_text()
     assert f"`{rival.name}`" in page
     assert Path(inspect.getfile(type(rival))).name in page
 

@@ -67,7 +67,8 @@ def campaign_command(
     """Run a campaign: every flight of its axes, every fault on it, every detector.
 
     A task is a flight; each that is finished is a Parquet file in the folder, so whatever ends a run, --resume goes on,
-    and comes to the same table. When all are there, results.json and trials.csv are made of them (docs/campaigns.md).
+    and comes to the same table. When all are there, results.json and trials.csv are made of them
+    (docs/how_to/campaigns.md).
 
     Exit codes: 0 well; 2 bad input, or it ended before its end; 3 some trials failed, and their rows say why.
     """

@@ -95,7 +95,7 @@ def monitor_command(
 
     Several logs, a folder or a pattern are watched into a folder, --out: a row a log, worst first, without a word by
     bank auto, each identified on its own first part. Exit code: 1 any failed, 3 some can't be told, 2 none could be
-    read (docs/fleet.md).
+    read (docs/how_to/fleet.md).
     """
     if is_fleet(logs, out):
         alone = {

@@ -44,7 +44,7 @@ def report_command(
 ) -> int:
     """Score what stands in a campaign's folder, and write it as one page that needs no network.
 
-    Also of a campaign that isn't finished, of its flights so far. What the figures mean: docs/scores.md.
+    Also of a campaign that isn't finished, of its flights so far. What the figures mean: docs/how_to/scores.md.
     """
     from gtmbench.parts import read_parts
     from gtmbench.report.page.contents import contents_of

@@ -34,7 +34,7 @@ _FORGOTTEN = 1e-17  # what may be left of an impulse response where it is cut of
 
 
 def mean(function: Nonlinearity, density: rv_frozen, breaks: tuple[float, ...] = _BREAKS) -> float:
-    """Return E f(U), to 12 digits of E |f(U)|.
+    """Return E f(U), to 12 digits of ``E |f(U)|``.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class LaurentSeries:
         return np.arange(-self.noncausal_order, self.causal_order + 1)
 
     def at(self, z: ArrayLike) -> ComplexArray:
-        """Return G_{r,d}(z) at some points but 0, shape (*z.shape, outputs, inputs)."""
+        """Return G_{r,d}(z) at some points but 0, shape ``(*z.shape, outputs, inputs)``."""
         powers = np.asarray(z, dtype=complex)[..., np.newaxis] ** -self.lags
         return np.asarray(np.tensordot(powers, self.coefficients, 1))
 
@@ -58,7 +58,7 @@ def laurent(
     Parameters
     ----------
     system : StateSpace or TransferMatrix
-        A minimal realisation; the polynomial part of an improper matrix adds to L_-1, L_-2, ...
+        A minimal realisation; the polynomial part of an improper matrix adds to ``L_-1``, ``L_-2``, ...
     causal_order, noncausal_order : int
         r and d.
     radius : float

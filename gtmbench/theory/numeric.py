@@ -52,7 +52,7 @@ class NumericOperator:
         _ = self.poles  # refuses what Definition 1 excludes
 
     def at(self, p: ArrayLike) -> ComplexArray:
-        """Return T at some points, shape (*p.shape, outputs, pseudo inputs); poles of the model do no harm."""
+        """Return T at some points, shape ``(*p.shape, outputs, pseudo inputs)``; poles of the model do no harm."""
         A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
         n, m = B.shape
         points = np.asarray(p, dtype=complex)[..., np.newaxis, np.newaxis]

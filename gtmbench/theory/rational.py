@@ -136,7 +136,7 @@ class RationalOperator:
         return "improper" if least < 0 else "proper" if least == 0 else "strictly proper"
 
     def at(self, p: ArrayLike) -> ComplexArray:
-        """Return T at some points, shape (*p.shape, outputs, inputs), from the coprime entries in floating point."""
+        """Return T at some points, shape ``(*p.shape, outputs, inputs)``, from the coprime entries in floats."""
         points = np.asarray(p, dtype=complex)
         values = np.empty((*points.shape, *self.gamma_o.shape), dtype=complex)
         for o, i in np.ndindex(self.gamma_o.shape):

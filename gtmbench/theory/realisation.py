@@ -103,14 +103,14 @@ def era(markov: ArrayLike, order: int) -> StateSpace:
 def realise(coefficients: ArrayLike, *, noncausal_order: int, stable_order: int, unstable_order: int) -> StateSpace:
     """Return G = G_s + G_u + D, (3.18), from its Laurent coefficients L_i, i = -d..r, about the unit circle.
 
-    ERA gives G_s from L_1, L_2, ..., and G_u(1/z) from L_0, L_-1, ..., which Proposition 2 turns about; what L_0 has
-    beyond H_u,0 is D, equation (3.23).
+    ERA gives G_s from L_1, L_2, ..., and G_u(1/z) from L_0, ``L_-1``, ..., which Proposition 2 turns about; what L_0
+    has beyond H_u,0 is D, equation (3.23).
 
     Parameters
     ----------
     coefficients : array_like, shape (d + 1 + r, outputs, inputs)
-        L_-d first, as `LaurentSeries.coefficients` and `Transmissibility.markov` have them. The more of them are noise
-        only, the worse: cut to 2 n - 1 on either side.
+        ``L_-d`` first, as `LaurentSeries.coefficients` and `Transmissibility.markov` have them. The more of them are
+        noise only, the worse: cut to 2 n - 1 on either side.
     noncausal_order : int
         d.
     stable_order, unstable_order : int

@@ -78,7 +78,7 @@ class StateSpace:
         return poles[np.argsort(np.abs(poles), kind="stable")]
 
     def at(self, z: ArrayLike) -> ComplexArray:
-        """Return G(z) = C (z I - A)^-1 B + D at some points, shape (*z.shape, outputs, inputs)."""
+        """Return G(z) = C (z I - A)^-1 B + D at some points, shape ``(*z.shape, outputs, inputs)``."""
         points = np.asarray(z, dtype=complex)[..., np.newaxis, np.newaxis]
         return np.asarray(self.C @ np.linalg.solve(points * np.eye(self.order) - self.A, self.B + 0j) + self.D)
 

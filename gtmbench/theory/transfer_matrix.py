@@ -34,7 +34,7 @@ class TransferMatrix:
     polynomial: FloatArray
 
     def at(self, z: ArrayLike) -> ComplexArray:
-        """Return G(z) at some points, shape (*z.shape, outputs, inputs)."""
+        """Return G(z) at some points, shape ``(*z.shape, outputs, inputs)``."""
         points = np.asarray(z, dtype=complex)
         powers = points[..., np.newaxis] ** np.arange(1, len(self.polynomial) + 1)
         return np.asarray(self.proper.at(points) + np.tensordot(powers, self.polynomial, 1))

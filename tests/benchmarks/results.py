@@ -1,4 +1,4 @@
-"""Where the figures go: ``bench.json`` and the README's block, each written aside and moved into place."""
+"""Where the figures go: ``bench.json`` and a page's block, each written aside and moved into place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtmbench.files import atomic_write
 from .table import block
 
 ROOT = Path(__file__).parents[2]
-BENCH, README = ROOT / "bench.json", ROOT / "README.md"
+BENCH, PAGE = ROOT / "bench.json", ROOT / "docs/reference/measured.md"
 BEGIN, END = "<!-- make bench writes this -->\n", "<!-- up to here -->"
 
 
@@ -24,17 +24,17 @@ def rounded(value: Any) -> Any:
     return [rounded(item) for item in value] if isinstance(value, list) else value
 
 
-def readme_block() -> str:
-    """Return what stands between the README's two marks."""
-    return README.read_text().split(BEGIN)[1].split(END)[0].rstrip()
+def block_of_the_page() -> str:
+    """Return what stands between the page's two marks."""
+    return PAGE.read_text().split(BEGIN)[1].split(END)[0].rstrip()
 
 
 def write(results: dict) -> None:
     """Write both files; `results` are rounded."""
-    before, rest = README.read_text().split(BEGIN)
+    before, rest = PAGE.read_text().split(BEGIN)
     texts = {
         BENCH: json.dumps(results, indent=2, sort_keys=True, allow_nan=False) + "\n",
-        README: before + BEGIN + block(results) + "\n" + END + rest.split(END, 1)[1],
+        PAGE: before + BEGIN + block(results) + "\n" + END + rest.split(END, 1)[1],
     }
     for path, text in texts.items():
         with atomic_write(path) as aside:

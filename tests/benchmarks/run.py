@@ -53,7 +53,7 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
 )
 @click.option("--quick", is_flag=True, help="Fewer repetitions, no size beyond 100,000 samples.")
 def main(only: tuple[str, ...], *, quick: bool) -> None:
-    """Print the measured ratios; all of them together are written to bench.json and into the README."""
+    """Print the measured ratios; all of them together are written to bench.json and into docs/reference/measured.md."""
     results = measure(only or SECTIONS, quick=quick)
     for table in tables(results):
         right = [name for name in table.columns[1:] if name != "note"]

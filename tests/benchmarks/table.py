@@ -1,4 +1,4 @@
-"""The figures as tables: for the screen, and as the README's block."""
+"""The figures as tables: for the screen, and as the page's block."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Table:
     rows: list[tuple[str, ...]]
 
     def markdown(self) -> str:
-        """Write it as the README has it."""
+        """Write it as the page has it."""
         rule = ("---", *("---" if name == "note" else "---:" for name in self.columns[1:]))
         lines = [f"| {' | '.join(cells)} |" for cells in (self.columns, rule, *self.rows)]
         return "\n".join([f"{self.title}:", "", *lines])
@@ -96,7 +96,7 @@ def tables(results: dict) -> Iterator[Table]:
 
 
 def block(results: dict) -> str:
-    """Write the README's block: the machine, then the tables."""
+    """Write the page's block: the machine, then the tables."""
     machine = results["machine"]
     on = (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['os']}; Python {machine['python']}, "

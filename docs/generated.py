@@ -1,0 +1,144 @@
+"""Pages that are made of the code, so that they can't lag behind it: every public name, channels, theory, reports.
+
+They go into ``docs/reference/generated``, which git doesn't keep.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import gtmbench as gb
+import gtmbench.testing
+import gtmbench.theory
+from gtmbench.api import __all__ as public
+
+ROOT = Path(__file__).parents[1]
+HERE = ROOT / "docs/reference/generated"
+ROOMS = {  # where a name is defined: what one does there
+    "record": "Records",
+    "channels": "Records",
+    "logs": "Records",
+    "bench": "Fly and measure",
+    "faults": "Break",
+    "method": "Identify and predict",
+    "detectors": "Watch and explain",
+    "intake": "Read flight logs",
+    "study": "Run studies, watch logs",
+    "report": "Recordings",
+    "errors": "Errors and warnings",
+}
+REPORTS = {  # pages of the repository that these pages link to; each becomes a page here
+    path.relative_to(ROOT).as_posix(): f"report_{path.parent.name}"
+    for path in (*sorted((ROOT / "experiments/reports").glob("*/report.md")), ROOT / "aircraft/gtm/README.md")
+}
+TABLES = {"CHANNELS": "channels", "PSEUDO_INPUTS": "method"}  # values, which can't say where they come from
+
+
+def room(name: str) -> str:
+    """Return what one does with a public name.
+
+    >>> room("fly"), room("PSEUDO_INPUTS")
+    ('Fly and measure', 'Identify and predict')
+    """
+    module = "" if name in TABLES else getattr(gb, name).__module__
+    return ROOMS[TABLES.get(name) or module.split(".")[1]]
+
+
+def summary(module: str, names: Iterable[str]) -> Iterator[str]:
+    """Yield a table of names, each with a page of its own."""
+    yield from (f".. currentmodule:: {module}", "", ".. autosummary::", "   :toctree: .", "   :nosignatures:", "")
+    yield from (f"   {name}" for name in names)
+    yield ""
+
+
+def title(text: str, line: str = "=") -> Iterator[str]:
+    """Yield a heading."""
+    yield from (text, line * len(text), "")
+
+
+def names_page() -> Iterator[str]:
+    """Yield the page of everything public, by what one does with it."""
+    yield from title("Every public name")
+    yield from ("What ``import gtmbench as gb`` gives, and what tests of a detector of one's own import.", "")
+    for heading in dict.fromkeys(ROOMS.values()):
+        yield from title(heading, "-")
+        yield from summary("gtmbench", (name for name in public if room(name) == heading))
+    yield from title("Test with pytest", "-")
+    yield from summary("gtmbench.testing", gtmbench.testing.__all__)
+
+
+def theory_page() -> Iterator[str]:
+    """Yield the page of the theory's modules."""
+    yield from title("gtmbench.theory")
+    yield from ("What the scripts of ``experiments/`` share; ``pip install 'gtmbench[theory]'``.", "")
+    modules = sorted(found.name for found in pkgutil.iter_modules(gtmbench.theory.__path__))
+    yield from summary("gtmbench.theory", modules)
+
+
+def channels_page() -> Iterator[str]:
+    """Yield the channel table."""
+    yield from title("Channels")
+    yield from (*(gtmbench.channels.__doc__ or "").strip().splitlines(), "")
+    heads = ("name", "unit", "column of a log", "what it is", "noise of the T2's sensor", "JSBSim's property")
+    yield from (".. list-table::", "   :header-rows: 1", "")
+    rows = (
+        (
+            f"``{item.name}``",
+            item.unit,
+            f"``{item.header}``",
+            item.meaning,
+            f"{item.noise:g}" if item.noise else "",
+            f"``{item.jsbsim}``",
+        )
+        for item in gb.CHANNELS.values()
+    )
+    for cells in (heads, *rows):
+        yield from (f"   {'  ' if column else '* '}- {cell}".rstrip() for column, cell in enumerate(cells))
+    yield from ("", "Pseudo inputs", "-------------", "")
+    yield from (
+        "What a sensor should read by kinematics, from other channels; channels for any operator (`gtmbench.derive`).",
+        "",
+    )
+    yield from (".. list-table::", "   :header-rows: 1", "", "   * - name", "     - formula")
+    for name, pseudo in gb.PSEUDO_INPUTS.items():
+        yield from (f"   * - ``{name}``", f"     - ``{pseudo.formula}``")
+
+
+def reports_page() -> Iterator[str]:
+    """Yield the page that leads to the reports."""
+    yield from title("Reports")
+    yield from ("What the scripts of ``experiments/`` wrote when they were run last.", "")
+    yield from (".. toctree::", "   :maxdepth: 1", "", *(f"   {name}" for name in REPORTS.values()))
+
+
+def report_page(source: str) -> Iterator[str]:
+    """Yield a page that is a file from elsewhere in the repository."""
+    yield from (f"```{{include}} ../../../{source}", ":relative-images:", ":relative-docs: .", "```")
+
+
+def link_reports(_: Any, page: str, source: list[str]) -> None:
+    """Let links to those files lead to their pages."""
+    up = "../" * page.count("/")
+    for path, name in REPORTS.items():
+        source[0] = source[0].replace(f"]({up}../{path}", f"]({up}reference/generated/{name}.md")
+
+
+def write() -> None:
+    """Write the pages; one that says the same stays as it is, so that a second build is quick."""
+    HERE.mkdir(parents=True, exist_ok=True)
+    pages = {"names.rst": names_page(), "theory.rst": theory_page(), "channels.rst": channels_page()}
+    pages |= {"reports.rst": reports_page()} | {f"{name}.md": report_page(path) for path, name in REPORTS.items()}
+    for name, page in pages.items():
+        path, text = HERE / name, "\n".join(page).rstrip() + "\n"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Write them, before Sphinx looks for pages."""
+    write()
+    app.connect("source-read", link_reports)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
