@@ -72,8 +72,11 @@ def _typical(steps: FloatArray) -> float | None:
     """Return the mean of the steps that are one or two of the median; None where there are none."""
     if not len(steps):
         return None
-    few = np.rint(steps / float(np.median(steps)))
+    few = steps / float(np.median(steps))
+    np.rint(few, out=few)
     near = (few >= 1) & (few <= 2)
+    if near.all():
+        return float(steps.sum() / few.sum())
     return float(steps[near].sum() / few[near].sum()) if near.any() else None
 
 

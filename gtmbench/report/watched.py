@@ -156,10 +156,11 @@ def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
         if rows.start < rows.stop:
             states[rows] = _of_watch(watch)
     edges = [0, *(np.flatnonzero(np.diff(states)) + 1).tolist(), len(segment)]
-    time_s = segment.time_s
     return [
         Stretch(
-            start_s=float(time_s[first]), end_s=float(time_s[min(last, len(segment) - 1)]), state=_STATES[states[first]]
+            start_s=segment.time_at(first),
+            end_s=segment.time_at(min(last, len(segment) - 1)),
+            state=_STATES[states[first]],
         )
         for first, last in pairwise(edges)
     ]
@@ -173,9 +174,9 @@ def _rows(segment: Record, span: Span) -> slice:
 
 def _of_watch(watch: Watch) -> NDArray[np.int8]:
     """Return the states of a watch's rows, by their numbers."""
-    armed = np.flatnonzero(watch.armed)
-    first, last = (armed[0], armed[-1]) if len(armed) else (len(watch.record), len(watch.record))
-    states = np.full(len(watch.record), _STATES.index(State.LOST), dtype=np.int8)
+    armed, count = watch.armed, len(watch.record)
+    first, last = (int(armed.argmax()), count - 1 - int(armed[::-1].argmax())) if armed.any() else (count, count)
+    states = np.full(count, _STATES.index(State.LOST), dtype=np.int8)
     states[:first] = _STATES.index(State.ARMING)
     states[armed] = _STATES.index(State.WATCHED)
     if watch.scores and set(watch.disarmed) == set(watch.scores):
