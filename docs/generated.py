@@ -39,11 +39,7 @@ TABLES = {"CHANNELS": "channels", "PSEUDO_INPUTS": "method"}  # values, which ca
 
 
 def room(name: str) -> str:
-    """Return what one does with a public name.
-
-    >>> room("fly"), room("PSEUDO_INPUTS")
-    ('Fly and measure', 'Identify and predict')
-    """
+    """Return what one does with a public name."""
     module = "" if name in TABLES else getattr(gb, name).__module__
     return ROOMS[TABLES.get(name) or module.split(".")[1]]
 

@@ -47,7 +47,10 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
     "rivals": (r"# Rivals on equal flights\n\n\*\*Quick: ", r"\| kinematic-kalman +\| 100.0 % .* of 1 .* 0 in 0.0 h"),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
-SAID = {"aircraft_gyros": "0.36 and 9.1 deg/s", "choices": "r = 28, d = 50"}  # what the README says of them
+SAID = {
+    "aircraft_gyros": "0.36 and 9.1 deg/s",
+    "choices": "r = 28, d = 50",
+}  # what docs/explanation/method.md and how_to/identify.md say of them
 
 
 def run(script, *options, cwd):
