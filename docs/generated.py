@@ -6,6 +6,7 @@ They go into ``docs/reference/generated``, which git doesn't keep.
 from __future__ import annotations
 
 import pkgutil
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -38,11 +39,7 @@ TABLES = {"CHANNELS": "channels", "PSEUDO_INPUTS": "method"}  # values, which ca
 
 
 def room(name: str) -> str:
-    """Return what one does with a public name.
-
-    >>> room("fly"), room("PSEUDO_INPUTS")
-    ('Fly and measure', 'Identify and predict')
-    """
+    """Return what one does with a public name."""
     module = "" if name in TABLES else getattr(gb, name).__module__
     return ROOMS[TABLES.get(name) or module.split(".")[1]]
 
@@ -119,11 +116,12 @@ def report_page(source: str) -> Iterator[str]:
     yield from (f"```{{include}} ../../../{source}", ":relative-images:", ":relative-docs: .", "```")
 
 
-def link_reports(_: Any, page: str, source: list[str]) -> None:
-    """Let links to those files lead to their pages."""
+def relink(_: Any, page: str, source: list[str]) -> None:
+    """Let links to those files lead to their pages, and those that show a file's name show words: my_log.md, my log."""
     up = "../" * page.count("/")
     for path, name in REPORTS.items():
         source[0] = source[0].replace(f"]({up}../{path}", f"]({up}reference/generated/{name}.md")
+    source[0] = re.sub(r"\[([a-z_]+)\.md\]\(", lambda found: f"[{found[1].replace('_', ' ')}](", source[0])
 
 
 def write() -> None:
@@ -140,5 +138,5 @@ def write() -> None:
 def setup(app: Any) -> dict[str, bool]:
     """Write them, before Sphinx looks for pages."""
     write()
-    app.connect("source-read", link_reports)
+    app.connect("source-read", relink)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

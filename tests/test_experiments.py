@@ -50,7 +50,10 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
-SAID = {"aircraft_gyros": "0.36 and 9.1 deg/s", "choices": "r = 28, d = 50"}  # what the README says of them
+SAID = {
+    "aircraft_gyros": "0.36 and 9.1 deg/s",
+    "choices": "r = 28, d = 50",
+}  # what docs/explanation/method.md and how_to/identify.md say of them
 
 
 def run(script, *options, cwd):
