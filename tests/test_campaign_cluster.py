@@ -148,18 +148,31 @@ def certificates(tmp_path):
     return make
 
 
-def test_by_tls_only_who_has_the_authority_s_certificate_is_let_in(certificates, tmp_path, monkeypatch):
+def test_by_tls_only_who_has_the_authority_s_certificate_is_let_in(certificates, tmp_path):
+    """In processes of their own, which end in any case."""
     own, other = certificates("own"), certificates("other")
     files = ["--tls-ca-file", own / "ca.pem", "--tls-cert", own / "cert.pem", "--tls-key", own / "key.pem"]
     cluster = Cluster(tmp_path, "--protocol", "tls", *files, workers=1)
-    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 5)
     try:
         assert cluster.address.startswith("tls://")
-        campaign = loaded(tmp_path, TINY.replace("1:8", "1:2"))
-        assert conduct(campaign, tmp_path / "out", scheduler=cluster.address, tls=own).todo() == ()
-        plain = cluster.address.replace("tls://", "tcp://")
-        for address, tls in ((cluster.address, other), (cluster.address, None), (plain, None)):
-            with pytest.raises(gb.InputError, match="no scheduler answers at"):
-                conduct(campaign, tmp_path / "refused", scheduler=address, tls=tls)
+        path = written(tmp_path, TINY.replace("1:8", "1:2"))
+        here = ["--scheduler", cluster.address, "--tls", own, "--out", tmp_path / "out"]
+        command = [sys.executable, "-m", "gtmbench", "campaign", path, *here, "--quiet"]
+        subprocess.run(command, cwd=ROOT, check=True, timeout=120)
+        assert read_parts(tmp_path / "out").todo() == ()
+        knock = (
+            "import pathlib, sys, gtmbench.cluster as c\n"
+            "c._PATIENCE_S = 2\n"
+            "c.check_cluster(sys.argv[1], pathlib.Path(sys.argv[2]))"
+        )
+        refused = subprocess.run(
+            [sys.executable, "-c", knock, cluster.address, other],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert "no scheduler answers at tls://" in refused.stderr
     finally:
         cluster.end()
