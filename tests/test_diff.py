@@ -35,7 +35,7 @@ def frames(paths):
 def read_already(paths, frames, monkeypatch):
     """Let the command line have what was read of the recordings."""
     frame_of = {paths[name]: frame for name, frame in frames.items()}
-    monkeypatch.setattr("gtmbench.cli.diff.read_recording", frame_of.__getitem__)
+    monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of.__getitem__)
 
 
 def line(values, series="p", entity="/sensors/rates"):

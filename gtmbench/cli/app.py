@@ -22,8 +22,9 @@ from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
-from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
+from gtmbench.cli.listing import list_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
 from gtmbench.cli.report import report_command

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,8 +13,10 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
-from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
-from gtmbench.report.recording.read import read_recording
+
+if TYPE_CHECKING:
+    from gtmbench.report.recording.diff import Comparison, LineDifference
+
 
 _MOST = 20  # rows of a table; --json lists all
 
@@ -33,6 +36,9 @@ def diff_command(
 
     Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
     """
+    from gtmbench.report.recording.diff import Tolerance, compare
+    from gtmbench.report.recording.read import read_recording
+
     relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
     if overlay is not None:
         _check_overlay(overlay, a, b, force=force)

@@ -10,9 +10,8 @@ from gtmbench.checks import shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.imports import FAULTS as GROUP
 from gtmbench.imports import installed, load_installed, load_module
-
-GROUP = "gtmbench.faults"  # of entry points: KIND = "package.module:CLASS"
 
 _KIND = re.compile("[a-z][a-z0-9_]{0,39}")
 _HOW = "@dataclass(frozen=True, kw_only=True)"
