@@ -16,7 +16,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
-from gtmbench.checks import one_line, shown
+from gtmbench.checks import meant, one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.files import is_file
 
@@ -96,7 +96,8 @@ def load_object(source: str) -> object:
     try:
         return getattr(module, name)
     except AttributeError as error:
-        there = ", ".join(own for own in vars(module) if not own.startswith("_")) or "nothing"
+        public = [own for own in vars(module) if not own.startswith("_")]
+        there = f"{', '.join(public) or 'nothing'}{meant(name, public)}"
         raise InputError(one_line(f"{module_name} has no '{name}'; it holds {there}")) from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
     from gtmbench.record import Span
     from gtmbench.study.log.watch import WatchedLog
+
+
+_DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 
 
 @click.command("monitor")
@@ -215,8 +219,15 @@ def _watcher(
 
 def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
-    if ":" not in text or is_file(Path(text)):
+    if is_file(Path(text)):
         return Path(text)
+    if ":" not in text:
+        dashed = _DASHED.fullmatch(text)
+        likely = f"; did you mean {dashed[1]}:{dashed[2]}?" if dashed else ""
+        raise InputError(
+            f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
+            f"{likely}"
+        )
     start, end = (bound.strip() for bound in text.split(":", 1))
     try:
         start_s, end_s = float(start or "-inf"), float(end or "inf")

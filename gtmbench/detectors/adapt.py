@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from gtmbench.checks import one_line, shown
+from gtmbench.checks import meant, one_line, shown
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
@@ -69,7 +69,9 @@ def installed(name: str) -> Detector | Monitor:
     """
     names = installed_names()
     if name not in names:
-        raise InputError(f"no installed detector is called '{name}'; there are {', '.join(names) or 'none'}")
+        raise InputError(
+            f"no installed detector is called '{name}'; there are {', '.join(names) or 'none'}{meant(name, names)}"
+        )
     return adapted(load_installed(DETECTORS, name), name)
 
 

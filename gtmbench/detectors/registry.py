@@ -20,6 +20,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
+from gtmbench.files import LOGS
 from gtmbench.shipped import shipped_banks
 
 DISSERTATION = "dissertation"
@@ -106,6 +107,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         return installed(name)
     if suffix == ".py":
         raise InputError(f"{name} is a file of Python; say which object in it is the detector: {name}:OBJECT")
+    if suffix in LOGS:
+        raise InputError(f"{name} is no detector but, by its name, a log; watch it: gtmbench monitor {name}")
     raise InputError(
         f"no detector is called {shown(name)}; there are {', '.join(detector_names())}, or give a bank's .toml, a "
         f"monitor's .json, FILE.py:OBJECT or package.module:OBJECT{meant(name, detector_names())}"

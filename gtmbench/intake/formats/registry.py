@@ -19,6 +19,7 @@ FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
 
 _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", "zstd"), (b"BZh", "bzip2"))
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 _READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and {FORMATS[-1].name}"
 
 
@@ -65,6 +66,10 @@ def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
 def _format(path: Path) -> Format:
     """Return the format of a file by its first bytes."""
     head = _head(path)
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")) and path.suffix.lower() in _WORKBOOKS:
+        raise InputError(
+            f"{path} is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line"
+        )
     for magic, packing in _PACKED:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")

@@ -86,7 +86,12 @@ def _application(table: pa.Table) -> str:
 def _read(path: Path, *what: str) -> pa.Table:
     """Return what `rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
-        raise InputError(f"{path}: no such file; `gtmbench run` writes one")
+        what = (
+            "a folder; give a recording's file, FILE.rrd"
+            if path.is_dir()
+            else "no such file; `gtmbench run` writes one"
+        )
+        raise InputError(f"{path}: {what}")
     check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S
