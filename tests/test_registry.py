@@ -60,7 +60,7 @@ def packages(monkeypatch):
         EntryPoint(name="broken", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
         EntryPoint(name="C", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
     ]
-    monkeypatch.setattr("gtmbench.imports.entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [p for p in points if p.group == group])
 
 
 class Theirs(FunctionDetector):

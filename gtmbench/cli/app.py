@@ -11,6 +11,7 @@ import io
 import json
 import signal
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 
@@ -85,6 +86,8 @@ def _run(given: list[str], as_json: bool) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2
+    except click.UsageError as error:
+        return _fail(_with_help(error), as_json)
     except click.ClickException as error:
         return _fail(error.format_message(), as_json)
     except GtmbenchError as error:
@@ -93,7 +96,16 @@ def _run(given: list[str], as_json: bool) -> int:
         return _fail("interrupted; nothing is half-written", as_json, code=130)
     except (OSError, MemoryError) as error:
         return _fail(f"{type(error).__name__}: {error}", as_json)
+    except Exception as error:  # exit code 1 would say that a fault was found
+        traceback.print_exc()
+        return _fail(f"this shouldn't have happened ({type(error).__name__}: {error}); please report it", as_json)
     return code if isinstance(code, int) else 0
+
+
+def _with_help(error: click.UsageError) -> str:
+    """Return what is wrong with a command line, and where it says how it should be."""
+    message = error.format_message().rstrip(".")
+    return f"{message}; {error.ctx.command_path} --help says what there is" if error.ctx is not None else message
 
 
 def _note(message: Warning | str) -> None:

@@ -81,6 +81,8 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
 
 def _print(comparison: Comparison, a: Path, b: Path) -> None:
     echo(f"A: {a}\nB: {b}")
+    if said := _other_flight(comparison):
+        echo(said, bold=True)
     if comparison.lines:
         names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
         rows = [_row(line) for line in comparison.lines]
@@ -95,6 +97,18 @@ def _print(comparison: Comparison, a: Path, b: Path) -> None:
     if alone:
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
     echo(_summary(comparison, len(alone)))
+
+
+def _other_flight(comparison: Comparison) -> str:
+    """Say where the recordings aren't of one flight, or not of one draw of noise: then nearly every sample differs."""
+    flown = [line.name for line in comparison.lines if 2 * line.differing > line.samples]
+    if any(entity.startswith("/truth") for entity, _ in flown):
+        return "these are different flights: what was flown differs (another seed, excitation or aircraft)"
+    if any(entity.startswith("/sensors") for entity, _ in flown):
+        return (
+            "these are different records: what sensors read differs throughout (another seed of the noise)"
+        )
+    return ""
 
 
 def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:

@@ -193,9 +193,10 @@ def _run_seeds(
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
     from gtmbench.report.words.study import summary_lines, title, trial_rows
+    from gtmbench.report.words.units import counted
 
     columns, rows, right = trial_rows(study)
-    print_table(f"{', '.join(map(title, study.baselines))}: {len(rows)} trials", columns, rows, right=right)
+    print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
     for line in summary_lines(study):
         echo(line)
     written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]
