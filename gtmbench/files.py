@@ -37,6 +37,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path | str) -> bool:
+    """Whether a folder stands there; of a name that can't be one, no."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
     """Return what to say where a text is neither a file nor the name of a scenario, a campaign, a bank that ships.
 
@@ -45,11 +53,10 @@ def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
     """
     named, known = str(source)[:200], tuple(shipped)
     likely = meant(Path(named).stem if named.endswith(".toml") else named, known)
-    with suppress(OSError, ValueError):
-        if Path(named).is_dir():
-            within = [path.name for path in sorted(Path(named).glob("*.toml"))[:5]]
-            holds = f", which holds {', '.join(within)}" if within else ", and holds no .toml"
-            return f"'{named}' is a folder{holds}; give a {what}'s TOML file or one of {', '.join(known)}{likely}"
+    if is_folder(named):
+        within = [path.name for path in sorted(Path(named).glob("*.toml"))[:5]]
+        holds = f"that holds {', '.join(within)}" if within else "without a .toml"
+        return f"no {what} '{named}': a folder {holds}; give a TOML file or one of {', '.join(known)}{likely}"
     return f"no {what} '{named}'; give a TOML file or one of {', '.join(known)}{likely}"
 
 
@@ -90,6 +97,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
     InputError
         Where it is too large to be meant, can't be read or isn't TOML.
     """
+    if path.suffix.lower() in LOGS:
+        raise InputError(f"{path} is no {what} but, by its name, a log; watch it: gtmbench monitor {path}")
     try:
         check_size(path, what, LARGEST_TOML_BYTES)
         text = path.read_text(encoding="utf-8")
@@ -101,10 +110,7 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         raise
     except (ValueError, RecursionError, OSError) as error:  # tomllib's and Unicode's errors are ValueErrors
         if path.suffix.lower() != ".toml":
-            watched = "; a log is watched by `gtmbench monitor`" if path.suffix.lower() in LOGS else ""
-            raise InputError(
-                f"{path} is no {what}: that is a TOML file, and its name ends in .toml{watched}"
-            ) from error
+            raise InputError(f"{path} is no {what}: that is a TOML file, and its name ends in .toml") from error
         raise InputError(f"{path} isn't a readable TOML file: {one_line(str(error))}") from error
 
 

@@ -105,7 +105,9 @@ def _run(given: list[str], as_json: bool) -> int:
 def _with_help(error: click.UsageError) -> str:
     """Return what is wrong with a command line, and where it says how it should be."""
     message = error.format_message().rstrip(".")
-    return f"{message}; {error.ctx.command_path} --help says what there is" if error.ctx is not None else message
+    if error.ctx is None or "Did you mean" in message:
+        return message
+    return f"{message}; {error.ctx.command_path} --help says what there is"
 
 
 def _note(message: Warning | str) -> None:

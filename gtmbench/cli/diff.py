@@ -37,8 +37,9 @@ def diff_command(
     Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
     """
     from gtmbench.report.recording.diff import Tolerance, compare
-    from gtmbench.report.recording.read import read_recording
+    from gtmbench.report.recording.read import read_recording, recording_in
 
+    a, b = recording_in(a), recording_in(b)
     relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
     if overlay is not None:
         _check_overlay(overlay, a, b, force=force)
@@ -105,9 +106,7 @@ def _other_flight(comparison: Comparison) -> str:
     if any(entity.startswith("/truth") for entity, _ in flown):
         return "these are different flights: what was flown differs (another seed, excitation or aircraft)"
     if any(entity.startswith("/sensors") for entity, _ in flown):
-        return (
-            "these are different records: what sensors read differs throughout (another seed of the noise)"
-        )
+        return "these are different records: what sensors read differs throughout (another seed of the noise)"
     return ""
 
 

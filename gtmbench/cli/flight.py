@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
@@ -149,7 +150,10 @@ def fly_command(
 
 
 def _ratio(text: str) -> float:
+    from gtmbench.bench.sensors import SNR_SPAN
+
     try:
-        return float(text)
+        ratio = float(text)
     except ValueError:
         raise InputError(f"--noise is '{text}'; give t2 or a signal-to-noise ratio such as 50") from None
+    return number("--noise", ratio, *SNR_SPAN)

@@ -49,7 +49,7 @@ def typed(message: str, context: click.Context) -> str:
         value = context.params.get(option.name or "")
         if value is None or not isinstance(option, click.Option):
             continue
-        for key in (f"{option.name}{unit}" for unit in ("", "_s", "_ft", "_kt", "_hz")):
+        for key in (*option.opts, *(f"{option.name}{unit}" for unit in ("", "_s", "_ft", "_kt", "_hz"))):
             if message.startswith(f"{key} is {shown(value)};"):
                 written = f"{value:g}" if isinstance(value, float) else shown(value)
                 return f"{option.opts[0]} is {written}{message.removeprefix(f'{key} is {shown(value)}')}"

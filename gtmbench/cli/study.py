@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import listed
 from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.output import common_options, echo, print_json, print_table
@@ -210,9 +209,9 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
-    from gtmbench.report.recording.read import check_recording
+    from gtmbench.report.recording.read import check_recording, recording_in
 
-    recording = _recording(recording)
+    recording = recording_in(recording)
     check_recording(recording)
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
@@ -222,18 +221,6 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
         print_json({"recording": str(recording)})
-
-
-def _recording(given: Path) -> Path:
-    """Return the recording that is meant: the file, or the one in a folder."""
-    if not given.is_dir():
-        return given
-    there = sorted(given.glob("*.rrd"))
-    if len(there) == 1:
-        return there[0]
-    if not there:
-        raise InputError(f"{given} is a folder without a recording (.rrd); `gtmbench run` writes one")
-    raise InputError(f"{given} is a folder of {len(there)} recordings; give one: {listed(map(str, there[:5]), 'or')}")
 
 
 @click.command("new")

@@ -42,11 +42,18 @@ class Layout:
 
 def read_csv(path: Path) -> RawLog:
     """Read a table with a header."""
+    from pandas.errors import ParserWarning
+
     with reading(path, "CSV table"):
         layout = layout_of(path)
         check_columns(layout.names)
         check_values(len(layout.names) * count_lines(path), "its table")
-        frame = _frame(path, layout)
+        try:
+            frame = _frame(path, layout)
+        except ParserWarning as error:
+            raise InputError(
+                f"rows have more cells than the {len(layout.names)} that its first line names; is that the header?"
+            ) from error
     series, ignored, notes = [], [], []
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING
 
-from gtmbench.checks import shown
+from gtmbench.checks import listed, shown
 from gtmbench.errors import InputError
 from gtmbench.files import check_size, is_file
 
@@ -69,6 +69,24 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     return table.unify_dictionaries().to_pandas()
 
 
+def recording_in(given: Path) -> Path:
+    """Return the recording that is meant: the file, or the one in a folder.
+
+    Raises
+    ------
+    InputError
+        Where a folder holds none, or several.
+    """
+    if not given.is_dir():
+        return given
+    there = sorted(given.glob("*.rrd"))
+    if len(there) == 1:
+        return there[0]
+    if not there:
+        raise InputError(f"{given} is a folder without a recording (.rrd); `gtmbench run` writes one")
+    raise InputError(f"{given} is a folder of {len(there)} recordings; give one: {listed(map(str, there[:5]), 'or')}")
+
+
 def check_recording(path: Path) -> None:
     """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window.
 
@@ -86,12 +104,7 @@ def _application(table: pa.Table) -> str:
 def _read(path: Path, *what: str) -> pa.Table:
     """Return what `rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
-        what = (
-            "a folder; give a recording's file, FILE.rrd"
-            if path.is_dir()
-            else "no such file; `gtmbench run` writes one"
-        )
-        raise InputError(f"{path}: {what}")
+        raise InputError(f"{path}: no such file; `gtmbench run` writes one")
     check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S
