@@ -97,7 +97,7 @@ def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli,
     path.write_text(SHORT.replace('"r"', '"altitude"'))
     code, out, _ = cli("run", path)
     assert code == 0
-    assert "[p q beta] -> r: 1 trials" in out
+    assert "[p q beta] -> r: 1 trial" in out
     assert "x[red]y" in out
     assert "missed: dissertation doesn't use" in out
     assert "detected: 0 of 1" in out

@@ -175,7 +175,7 @@ BAD = {
     "garbage": (["garbage.rrd", "one.rrd"], "garbage.rrd isn't a whole rerun recording"),
     "tolerance": (
         ["one.rrd", "one.rrd", "--tolerance", "-1"],
-        "--tolerance is -1.0; it must be",
+        "--tolerance is -1; it must be",
     ),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
     "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "a recording ends in .rrd"),
