@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from gtmbench.checks import shown
+from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 
 
@@ -167,7 +167,8 @@ def sensor_list(key: str, value: Any) -> tuple[str, ...]:
         raise InputError(f"{key} is {shown(value)}; it must be a list of channel names")
     for name in value:
         if name not in SENSORS:
-            raise InputError(f"{key}: no sensor channel {shown(name)}; there are {', '.join(SENSORS)}")
+            known = f"there are {', '.join(SENSORS)}{meant(name, SENSORS)}"
+            raise InputError(f"{key}: no sensor channel {shown(name)}; {known}")
         if value.count(name) > 1:
             raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
     return tuple(value)

@@ -9,13 +9,13 @@ import signal
 import tempfile
 import threading
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gtmbench.checks import one_line
+from gtmbench.checks import meant, one_line
 from gtmbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 LARGEST_TOML_BYTES = 100_000
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
+LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
 _HIDDEN, _LOCK, _NEW = ".gtmbench-", "lock", "new"  # a folder beside the target; in it its lock, and what is written
 
@@ -34,6 +35,29 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:  # a name that is too long, a folder that isn't ours to look into
         return False
+
+
+def is_folder(path: Path | str) -> bool:
+    """Whether a folder stands there; of a name that can't be one, no."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
+    """Return what to say where a text is neither a file nor the name of a scenario, a campaign, a bank that ships.
+
+    >>> no_file("drfit", "scenario", ["bias", "drift"])
+    "no scenario 'drfit'; give a TOML file or one of bias, drift; did you mean 'drift'?"
+    """
+    named, known = str(source)[:200], tuple(shipped)
+    likely = meant(Path(named).stem if named.endswith(".toml") else named, known)
+    if is_folder(named):
+        within = [path.name for path in sorted(Path(named).glob("*.toml"))[:5]]
+        holds = f"that holds {', '.join(within)}" if within else "without a .toml"
+        return f"no {what} '{named}': a folder {holds}; give a TOML file or one of {', '.join(known)}{likely}"
+    return f"no {what} '{named}'; give a TOML file or one of {', '.join(known)}{likely}"
 
 
 def check_size(path: Path, what: str, largest_bytes: int) -> None:
@@ -73,6 +97,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
     InputError
         Where it is too large to be meant, can't be read or isn't TOML.
     """
+    if path.suffix.lower() in LOGS:
+        raise InputError(f"{path} is no {what} but, by its name, a log; watch it: gtmbench monitor {path}")
     try:
         check_size(path, what, LARGEST_TOML_BYTES)
         text = path.read_text(encoding="utf-8")
@@ -83,6 +109,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
     except InputError:
         raise
     except (ValueError, RecursionError, OSError) as error:  # tomllib's and Unicode's errors are ValueErrors
+        if path.suffix.lower() != ".toml":
+            raise InputError(f"{path} is no {what}: that is a TOML file, and its name ends in .toml") from error
         raise InputError(f"{path} isn't a readable TOML file: {one_line(str(error))}") from error
 
 

@@ -12,15 +12,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
-from gtmbench.checks import one_line, shown
+from gtmbench.checks import meant, one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.files import is_file
 
+# groups of entry points
+FAULTS = "gtmbench.faults"  # KIND = "package.module:CLASS"
+DETECTORS = "gtmbench.detectors"  # NAME = "package.module:OBJECT"
 _PRIVATE = "_gtmbench_"  # how the names of modules begin that come from files
 _HOW = "give FILE.py or a module's dotted name"
 
@@ -94,7 +96,8 @@ def load_object(source: str) -> object:
     try:
         return getattr(module, name)
     except AttributeError as error:
-        there = ", ".join(own for own in vars(module) if not own.startswith("_")) or "nothing"
+        public = [own for own in vars(module) if not own.startswith("_")]
+        there = f"{', '.join(public) or 'nothing'}{meant(name, public)}"
         raise InputError(one_line(f"{module_name} has no '{name}'; it holds {there}")) from error
 
 
@@ -108,6 +111,8 @@ def installed(group: str) -> dict[str, str]:
     >>> installed("gtmbench.nothing")
     {}
     """
+    from importlib.metadata import entry_points
+
     sources: dict[str, set[str]] = {}
     with _without_current_folder():
         for point in entry_points(group=group):

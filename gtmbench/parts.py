@@ -183,7 +183,11 @@ def read_parts(folder: Path) -> Parts:
     """
     path = folder / _MANIFEST
     if not is_file(path):
-        raise InputError(f"{folder} holds no parts of a run: there is no {_MANIFEST}")
+        if not folder.is_dir():
+            raise InputError(f"{folder} is no folder; give the one that `gtmbench campaign` has written")
+        raise InputError(
+            f"{folder} holds no parts of a run, as `gtmbench campaign` writes them: there is no {_MANIFEST}"
+        )
     check_size(path, "manifest", _LARGEST_MANIFEST_BYTES)
     try:
         found = json.loads(path.read_text(encoding="utf-8"))

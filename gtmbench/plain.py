@@ -8,18 +8,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-import numpy as np
-
 
 def exact(value: Any) -> Any:
     """Return a value for a file that is read back bit for bit: arrays and tuples as lists, numpy's numbers as Python's.
 
     Anything else stays what it is: `dumps` refuses what JSON can't hold, so that nothing is lost in silence.
 
+    >>> import numpy as np
     >>> exact({"limits": np.array([1.0, 2.0]), "w": np.int64(3)})
     {'limits': [1.0, 2.0], 'w': 3}
     """
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
     if isinstance(value, Mapping):
         return {key: exact(entry) for key, entry in value.items()}
@@ -42,6 +41,7 @@ def finite_or_none(value: Any) -> Any:
 def plain(value: Any, leaf: Callable[[Any], Any] = finite_or_none) -> Any:
     """Return a value for a report: tables of words, lists, and leaves as `leaf` writes them; dataclasses are tables.
 
+    >>> import numpy as np
     >>> plain({"sigma": np.array([1.0, np.nan]), 3: ("a", None)})
     {'sigma': [1.0, None], '3': ['a', None]}
     """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtmbench.channels import CHANNELS, channel_of, unit_of
-from gtmbench.checks import number
+from gtmbench.checks import meant, number
 from gtmbench.clock import FloatArray as FloatArray
 from gtmbench.clock import check_span, even_period_s, even_times_s, same_period
 from gtmbench.errors import InputError
@@ -184,7 +184,8 @@ class Record:
         missing = [name for name in channels if name not in self.channels]
         if missing:
             names = ", ".join(f"'{name}'" for name in missing)
-            raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}")
+            likely = meant(missing[0], self.channels)
+            raise InputError(f"no channel {names} in this record; it has {', '.join(self.channels)}{likely}")
         return [self.channels.index(name) for name in channels]
 
     def matrix(self, channels: Sequence[str]) -> FloatArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 from gtmbench.version import __version__
@@ -64,4 +63,6 @@ def source_digest() -> str:
 
 def code_facts(libraries: Iterable[str]) -> dict[str, str]:
     """Return what kept rows hang on beside their input: versions, and the digest of this package's code and data."""
+    from importlib.metadata import version
+
     return {"gtmbench": __version__, "source": source_digest(), **{name: version(name) for name in libraries}}

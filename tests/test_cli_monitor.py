@@ -183,7 +183,7 @@ BAD = {
     "too short": ([*GYROS, "--identify", "0:2"], "too short to calibrate on"),
     "look": ([*GYROS, "--look", "-1"], "--look is -1"),
     "a look longer than the record": ([*GYROS, "--look", "20"], "too few for the residual of r, which looks over 40 s"),
-    "rate": ([*GYROS, "--rate", "0"], "rate_hz is 0"),
+    "rate": ([*GYROS, "--rate", "0"], "--rate is 0"),
     "false alarms": ([*GYROS, "--false-alarms-per-hour", "0"], "--false-alarms-per-hour is 0"),
     "the log as its figure": ([*GYROS, "--save", "healthy.csv"], "its name ends in .json"),
     "no folder": ([*GYROS, "--save", "nowhere/m.json"], "doesn't exist; create it first"),

@@ -35,7 +35,7 @@ def frames(paths):
 def read_already(paths, frames, monkeypatch):
     """Let the command line have what was read of the recordings."""
     frame_of = {paths[name]: frame for name, frame in frames.items()}
-    monkeypatch.setattr("gtmbench.cli.diff.read_recording", frame_of.__getitem__)
+    monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of.__getitem__)
 
 
 def line(values, series="p", entity="/sensors/rates"):
@@ -175,7 +175,7 @@ BAD = {
     "garbage": (["garbage.rrd", "one.rrd"], "garbage.rrd isn't a whole rerun recording"),
     "tolerance": (
         ["one.rrd", "one.rrd", "--tolerance", "-1"],
-        "--tolerance is -1.0; it must be",
+        "--tolerance is -1; it must be",
     ),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
     "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "a recording ends in .rrd"),

@@ -60,7 +60,7 @@ def packages(monkeypatch):
         EntryPoint(name="broken", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
         EntryPoint(name="C", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
     ]
-    monkeypatch.setattr("gtmbench.imports.entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [p for p in points if p.group == group])
 
 
 class Theirs(FunctionDetector):
@@ -118,7 +118,7 @@ def test_what_is_no_detector_is_refused(name, said, own):
     ("source", "said"),
     [
         ("D", "no detector is called 'D'; there are dissertation, auto, B, C"),
-        ("nowhere.toml", "no such file"),
+        ("nowhere.toml", "no bank 'nowhere"),
         ("nowhere.json", "no such file"),
         ("own.py", "say which object in it is the detector: own.py:OBJECT"),
         ("nowhere.py:Mine", "no file nowhere.py"),
@@ -137,7 +137,7 @@ def test_a_data_file_imports_no_python(source):
 
 
 def test_the_colon_of_a_drive_is_no_object():
-    with pytest.raises(gb.InputError, match="no such file"):
+    with pytest.raises(gb.InputError, match="no bank 'C:"):
         for_data_file("C:\\bank.toml")
 
 

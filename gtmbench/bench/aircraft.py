@@ -9,7 +9,7 @@ from typing import Any
 
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
-from gtmbench.checks import keys, number, shown, text
+from gtmbench.checks import keys, meant, number, shown, text
 from gtmbench.errors import InputError
 from gtmbench.record import Span
 
@@ -114,7 +114,8 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
     departure = _table(facts, "departure", {})
     for table, spans in (("envelope", envelope), ("departure", departure)):
         if unknown := spans.keys() - CHANNELS.keys():
-            raise InputError(f"[{table}] names no channel: {', '.join(sorted(unknown))}")
+            likely = meant(min(unknown), CHANNELS)
+            raise InputError(f"[{table}] names no channel: {', '.join(sorted(unknown))}{likely}")
     commands = keys(_table(facts, "commands", {}), COMMANDS, section="commands")
     excitation = keys(_table(facts, "excitation", {}), SURFACES, section="excitation")
     properties = _table(facts, "properties", {})

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.channels import SURFACES
+from gtmbench.checks import meant
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 
@@ -68,8 +69,8 @@ def parts_of(name: str) -> list[str]:
     parts = [part.strip() for part in name.split("+")]
     for part in parts:
         if part not in EXCITATIONS:
-            known = ", ".join(EXCITATIONS)
-            raise InputError(f"no excitation '{part}'; there are {known}, and sums such as multisine+turbulence")
+            known = f"{', '.join(EXCITATIONS)}, and sums such as multisine+turbulence{meant(part, EXCITATIONS)}"
+            raise InputError(f"no excitation '{part}'; there are {known}")
         if parts.count(part) > 1:
             raise InputError(f"excitation '{name}' holds '{part}' twice; name every term once")
     return parts

@@ -13,7 +13,7 @@ import jsbsim
 from gtmbench.bench.aircraft import Aircraft, aircraft_of
 from gtmbench.bench.model_file import check_model
 from gtmbench.bench.survey import survey
-from gtmbench.checks import shown, text
+from gtmbench.checks import meant, shown, text
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, read_toml
 from gtmbench.shipped import share, shipped_aircraft
@@ -82,7 +82,8 @@ def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
     folder = Path(os.path.realpath((beside or Path()) / name))
     if not folder.is_dir():
         names = f"{', '.join(shipped_aircraft())} and JSBSim's own (gtmbench list --all)"
-        raise InputError(f"no aircraft {shown(str(name))}; there are {names}, or give a folder's path")
+        likely = meant(name, [*shipped_aircraft(), *jsbsim_aircraft()])
+        raise InputError(f"no aircraft {shown(str(name))}; there are {names}, or give a folder's path{likely}")
     return folder
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from gtmbench.bench.airborne import Airborne, first_outside, take_off
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import simulating
+from gtmbench.bench.equilibrium import mistaken_units
 from gtmbench.bench.excitation import Excitation
 from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.errors import EnvelopeError
@@ -69,7 +70,8 @@ def fly(
         read = _fly(airborne, commands)
     record = airborne.record(read, commands[: len(read)])
     what = f"excitation '{excitation}'" if isinstance(excitation, str) else "the excitation"
-    check_envelope(record, airborne.aircraft, what, "fly shorter, or choose a gentler excitation")
+    units = mistaken_units(airborne.aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    check_envelope(record, airborne.aircraft, what, units or "fly shorter, or choose a gentler excitation")
     return record
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from gtmbench.bench.sensors import stream
-from gtmbench.checks import names, number, shown, whole
+from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
 from gtmbench.record import FloatArray, Record, check_record
@@ -147,7 +147,9 @@ def parse_imperfections(text: str) -> Imperfections:
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or key not in _UNITS:
-            raise InputError(f"imperfection {shown(part.strip())} isn't key=number; the keys are {legal}")
+            raise InputError(
+                f"imperfection {shown(part.strip())} isn't key=number; the keys are {legal}{meant(key, _UNITS)}"
+            )
         if key in figures:
             raise InputError(f"imperfection '{key}' is given twice; give it once")
         try:

@@ -22,7 +22,7 @@ from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.sensors import noise_blocks
 from gtmbench.channels import COMMANDS, SENSORS
-from gtmbench.checks import shown, whole
+from gtmbench.checks import meant, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_onset
 from gtmbench.record import FloatArray, Record
@@ -229,7 +229,8 @@ def _check_faults(faults: Sequence[Fault], end_s: float) -> None:
         check_onset(fault, 0.0, end_s)
         for channel in fault.reads:
             if channel not in SENSORS:
-                raise InputError(f"{fault.kind}: no sensor channel {shown(channel)}; there are {', '.join(SENSORS)}")
+                known = f"there are {', '.join(SENSORS)}{meant(channel, SENSORS)}"
+                raise InputError(f"{fault.kind}: no sensor channel {shown(channel)}; {known}")
 
 
 def _until(flight: Record, row: int) -> Record:

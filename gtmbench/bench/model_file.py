@@ -33,7 +33,12 @@ def check_model(path: Path) -> tuple[str, ...]:
         Naming the file and what is wrong with it.
     """
     if not is_file(path):
-        raise InputError(f"{path}: no such file; an aircraft's folder NAME holds its model, NAME.xml")
+        others = sorted(there.name for there in path.parent.glob("*.xml"))[:5]
+        holds = f"; it holds {', '.join(others)}: name the folder like the model" if others else ""
+        raise InputError(
+            f"{path.parent} is no aircraft's folder: no {path.name} (folder NAME holds a model, NAME.xml, "
+            f"and perhaps aircraft.toml){holds}"
+        )
     included, reaching_out = _checked(path)
     for name in included:
         if {"/", ".."}.intersection(PurePosixPath(name.replace("\\", "/")).parts):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtmbench.channels import CHANNELS, COMMANDS, SENSORS
-from gtmbench.checks import number, whole
+from gtmbench.checks import meant, number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -59,7 +59,7 @@ def measure(
     if (snr is None) == (noise is None):
         raise InputError("give either snr (a number) or noise ('t2'), and not both")
     if noise is not None and noise not in NOISES:
-        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or give snr")
+        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or give snr{meant(noise, NOISES)}")
     if snr is not None:
         snr = number("snr", snr, *SNR_SPAN)
     seed = whole("seed", seed)
@@ -102,7 +102,7 @@ def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iter
     [(3, 13), (2, 13)]
     """
     if noise is not None and noise not in NOISES:
-        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or None")
+        raise InputError(f"no noise '{noise}'; there is {', '.join(NOISES)}, or None{meant(noise, NOISES)}")
     drawn = [(_t2_noise(name), stream(seed, name)) for name in SENSORS if noise]
     for first in range(0, samples, block):
         rows = min(block, samples - first)

@@ -18,7 +18,7 @@ from typing import Any
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
 from gtmbench.check.rules import FORMER, KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.checks import keys, naming, number, printable, shown, table_of, whole
+from gtmbench.checks import keys, meant, naming, number, printable, shown, table_of, whole
 from gtmbench.detectors.windowed_norm import SCORE
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
@@ -127,9 +127,10 @@ def read_reference(path: Path) -> Reference:
         Naming file, key, what was given and what is legal.
     """
     if not is_file(path):
+        known = shipped_baselines()
         raise InputError(
-            f"no baseline '{str(path)[:200]}'; give one of {', '.join(shipped_baselines())}, or record one: "
-            "gtmbench check FILE.toml --update"
+            f"no baseline '{str(path)[:200]}'; give one of {', '.join(known)}, or record one: gtmbench check FILE.toml "
+            f"--update{meant(path, known)}"
         )
     return reference_of(path, read_toml(path, "baseline"))
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.bench.aircraft import Aircraft, facts_of
-from gtmbench.bench.aircraft_file import commented
-from gtmbench.bench.equilibrium import mistaken_units
-from gtmbench.bench.fleet import FACTS, jsbsim_aircraft, load_aircraft, model_folder
-from gtmbench.bench.model_file import check_model
 from gtmbench.cli.output import F, echo
 from gtmbench.shipped import shipped_aircraft
+
+if TYPE_CHECKING:
+    from gtmbench.bench.aircraft import Aircraft
 
 
 def aircraft_options(command: F) -> F:
@@ -36,6 +35,10 @@ def aircraft_options(command: F) -> F:
 
 def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
+    from gtmbench.bench.equilibrium import mistaken_units
+    from gtmbench.bench.fleet import load_aircraft
+    from gtmbench.bench.model_file import check_model
+
     aircraft = load_aircraft(name, without_io=without_io)
     if not silent and aircraft.without_io and (left_out := sorted(set(check_model(aircraft.model)))):
         what = " and ".join(f"<{section}>" for section in left_out)
@@ -59,6 +62,10 @@ def aircraft_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[
     InputError
         Where there is no such aircraft.
     """
+    from gtmbench.bench.aircraft import facts_of
+    from gtmbench.bench.aircraft_file import commented
+    from gtmbench.bench.fleet import FACTS, jsbsim_aircraft, load_aircraft, model_folder
+
     craft = load_aircraft(name, without_io=without_io)
     own = craft.folder
     is_known = own.name in (*shipped_aircraft(), *jsbsim_aircraft()) and model_folder(own.name) == own

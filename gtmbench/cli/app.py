@@ -11,6 +11,7 @@ import io
 import json
 import signal
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 
@@ -22,8 +23,9 @@ from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.diff import diff_command
-from gtmbench.cli.flight import fly_command, list_command, trim_command
+from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
+from gtmbench.cli.listing import list_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo
 from gtmbench.cli.report import report_command
@@ -84,6 +86,8 @@ def _run(given: list[str], as_json: bool) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2
+    except click.UsageError as error:
+        return _fail(_with_help(error), as_json)
     except click.ClickException as error:
         return _fail(error.format_message(), as_json)
     except GtmbenchError as error:
@@ -92,7 +96,18 @@ def _run(given: list[str], as_json: bool) -> int:
         return _fail("interrupted; nothing is half-written", as_json, code=130)
     except (OSError, MemoryError) as error:
         return _fail(f"{type(error).__name__}: {error}", as_json)
+    except Exception as error:  # exit code 1 would say that a fault was found
+        traceback.print_exc()
+        return _fail(f"this shouldn't have happened ({type(error).__name__}: {error}); please report it", as_json)
     return code if isinstance(code, int) else 0
+
+
+def _with_help(error: click.UsageError) -> str:
+    """Return what is wrong with a command line, and where it says how it should be."""
+    message = error.format_message().rstrip(".")
+    if error.ctx is None or "Did you mean" in message:
+        return message
+    return f"{message}; {error.ctx.command_path} --help says what there is"
 
 
 def _note(message: Warning | str) -> None:

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import click
 
-from gtmbench.bench.aircraft_file import autopilot_table
-from gtmbench.bench.tuning import find_autopilot
 from gtmbench.cli.aircraft import aircraft_options, at_condition, told_aircraft
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.files import atomic_write, check_file
@@ -35,6 +33,9 @@ def autopilot_command(
     It takes seconds. The table [autopilot] that comes of it belongs into the aircraft's aircraft.toml, or into a
     scenario; then `gtmbench fly --closed-loop` and `gtmbench run` fly in the loop.
     """
+    from gtmbench.bench.aircraft_file import autopilot_table
+    from gtmbench.bench.tuning import find_autopilot
+
     if out is not None:
         check_file(out, force=force)
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)

@@ -4,35 +4,24 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.bench.imperfections import parse_imperfections
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
-from gtmbench.detectors.auto import AutoDetector
-from gtmbench.detectors.bank.bank import Bank, bank_table, load_bank
-from gtmbench.detectors.bank.composed import AUTO
-from gtmbench.detectors.bank.detectability import Signatures, signatures
-from gtmbench.detectors.bank.isolability import isolability
-from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.files import load_monitor, save_monitor
-from gtmbench.detectors.protocol import Detector, is_recipe
-from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
-from gtmbench.record import Record
-from gtmbench.report.words.isolation import isolation_lines
-from gtmbench.report.words.monitor import facts, facts_text, residual_rows
 from gtmbench.shipped import shipped_banks
-from gtmbench.study.calibration import with_provenance
-from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-from gtmbench.study.log.auto import bank_for_logs
 
-_DEFAULT = CalibrationFlights()
+if TYPE_CHECKING:
+    from gtmbench.detectors.bank.bank import Bank
+    from gtmbench.detectors.bank.detectability import Signatures
+    from gtmbench.detectors.bank_detector import BankMonitor
+    from gtmbench.detectors.protocol import Detector
+    from gtmbench.record import Record
 
 
 @click.command("calibrate")
@@ -55,10 +44,10 @@ _DEFAULT = CalibrationFlights()
     help="Wanted of the whole monitor in flight; refused by a detector that can't promise one.  "
     "[default: 0.002 of a bank]",
 )
-@click.option("--flights", type=int, help=f"How many are flown, without logs.  [default: {_DEFAULT.flights}]")
-@click.option("--duration", type=float, help=f"Seconds each.  [default: {_DEFAULT.duration_s:g}]")
-@click.option("--excitation", help=f"A name of `gtmbench list`, or a sum.  [default: {_DEFAULT.excitation}]")
-@click.option("--aircraft", help=f"A name of `gtmbench list --all`, or a folder.  [default: {_DEFAULT.aircraft}]")
+@click.option("--flights", type=int, help="How many are flown, without logs.  [default: 60]")
+@click.option("--duration", type=float, help="Seconds each.  [default: 500]")
+@click.option("--excitation", help="A name of `gtmbench list`, or a sum.  [default: multisine+turbulence]")
+@click.option("--aircraft", help="A name of `gtmbench list --all`, or a folder.  [default: gtm]")
 @click.option(
     "--tolerate",
     metavar="TEXT",
@@ -88,12 +77,21 @@ def calibrate_command(
     Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
     The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
     """
+    from gtmbench.bench.imperfections import parse_imperfections
+    from gtmbench.detectors.auto import AutoDetector
+    from gtmbench.detectors.bank_detector import BankMonitor
+    from gtmbench.detectors.files import save_monitor
+    from gtmbench.report.words.monitor import facts
+    from gtmbench.study.calibration import with_provenance
+    from gtmbench.study.healthy_records import CalibrationFlights, logged_records
+    from gtmbench.study.log.auto import bank_for_logs
+
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
     check_file(out, force=force)
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _uncalibrated(detector or "C")
-    imperfections = parse_imperfections(tolerate) if tolerate is not None else _DEFAULT.imperfections
+    imperfections = parse_imperfections(tolerate) if tolerate is not None else CalibrationFlights().imperfections
     of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation, "aircraft": aircraft}
     given = {key: value for key, value in of_flights.items() if value is not None}
     usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
@@ -127,6 +125,9 @@ def calibrate_command(
 
 
 def _uncalibrated(source: str) -> Detector:
+    from gtmbench.detectors.protocol import is_recipe
+    from gtmbench.detectors.registry import find_detector
+
     recipe = find_detector(source)
     if is_recipe(recipe):
         return recipe
@@ -134,6 +135,8 @@ def _uncalibrated(source: str) -> Detector:
 
 
 def _print_monitor(monitor: BankMonitor) -> None:
+    from gtmbench.report.words.monitor import facts_text, residual_rows
+
     columns, rows, right = residual_rows(monitor)
     print_table(f"bank {monitor.bank.name}: {monitor.bank.title}", columns, rows, right=right)
     for line in facts_text(monitor):
@@ -148,6 +151,13 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
 
     Of a monitor's file, also what it was calibrated on and what that lets pass.
     """
+    from gtmbench.detectors.bank.bank import load_bank
+    from gtmbench.detectors.bank.composed import AUTO
+    from gtmbench.detectors.bank.detectability import signatures
+    from gtmbench.detectors.bank_detector import BankMonitor
+    from gtmbench.detectors.files import load_monitor
+    from gtmbench.report.words.monitor import facts
+
     if source is None:
         _list_banks(as_json, quiet)
         return
@@ -172,6 +182,8 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
 
 
 def _list_banks(as_json: bool, quiet: bool) -> None:
+    from gtmbench.detectors.bank.bank import load_bank
+
     banks = [load_bank(name) for name in shipped_banks()]
     if as_json:
         print_json({"banks": {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}})
@@ -191,6 +203,9 @@ def _print_residuals(bank: Bank) -> None:
 
 
 def _print_signatures(table: Signatures) -> None:
+    from gtmbench.detectors.bank.isolability import isolability
+    from gtmbench.report.words.isolation import isolation_lines
+
     rows = [[name, *table.pattern[name]] for name in table.channels]
     print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)
     echo("level: any error of the channel enters the residual; slope: only changes of the error do")
@@ -202,6 +217,9 @@ def _print_signatures(table: Signatures) -> None:
 
 
 def _bank_json(table: Signatures) -> dict[str, Any]:
+    from gtmbench.detectors.bank.bank import bank_table
+    from gtmbench.detectors.bank.isolability import isolability
+
     pattern = {name: dict(zip(table.outputs, table.pattern[name], strict=True)) for name in table.channels}
     return {
         "name": table.bank.name,

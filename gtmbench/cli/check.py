@@ -12,7 +12,6 @@ import click
 
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
-from gtmbench.detectors.registry import find_detector, is_python
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
@@ -106,6 +105,8 @@ def _check(
 
 def _watcher(reference: Reference, detector: str | None, calibrated: Path | None) -> Detector | Monitor | None:
     """Return what goes by the name that a baseline states, where the command line brings it."""
+    from gtmbench.detectors.registry import find_detector
+
     if detector is None:
         return None
     watcher = find_detector(detector, calibrated=calibrated)
@@ -129,6 +130,7 @@ def _update(
     from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
     from gtmbench.check.compare import pairs
     from gtmbench.check.report import update_results
+    from gtmbench.detectors.registry import find_detector, is_python
 
     _check_target(path)
     if not path.exists():

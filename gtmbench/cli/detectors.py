@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 
 import click
 
-from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -71,6 +70,8 @@ def watchers_of(sources: Sequence[str], calibrated: Path | None) -> list[Any]:
     InputError
         Where --calibrated doesn't say whose figures it holds.
     """
+    from gtmbench.detectors.registry import find_detector
+
     if calibrated is not None and len(sources) != 1:
         raise InputError(f"--calibrated {calibrated} is of one detector; give --detector FILE.py:OBJECT once")
     return [source if source == "dissertation" else find_detector(source, calibrated=calibrated) for source in sources]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,8 +13,10 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
-from gtmbench.report.recording.diff import Comparison, LineDifference, Tolerance, compare
-from gtmbench.report.recording.read import read_recording
+
+if TYPE_CHECKING:
+    from gtmbench.report.recording.diff import Comparison, LineDifference
+
 
 _MOST = 20  # rows of a table; --json lists all
 
@@ -33,6 +36,10 @@ def diff_command(
 
     Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
     """
+    from gtmbench.report.recording.diff import Tolerance, compare
+    from gtmbench.report.recording.read import read_recording, recording_in
+
+    a, b = recording_in(a), recording_in(b)
     relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
     if overlay is not None:
         _check_overlay(overlay, a, b, force=force)
@@ -75,6 +82,8 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
 
 def _print(comparison: Comparison, a: Path, b: Path) -> None:
     echo(f"A: {a}\nB: {b}")
+    if said := _other_flight(comparison):
+        echo(said, bold=True)
     if comparison.lines:
         names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
         rows = [_row(line) for line in comparison.lines]
@@ -89,6 +98,16 @@ def _print(comparison: Comparison, a: Path, b: Path) -> None:
     if alone:
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
     echo(_summary(comparison, len(alone)))
+
+
+def _other_flight(comparison: Comparison) -> str:
+    """Say where the recordings aren't of one flight, or not of one draw of noise: then nearly every sample differs."""
+    flown = [line.name for line in comparison.lines if 2 * line.differing > line.samples]
+    if any(entity.startswith("/truth") for entity, _ in flown):
+        return "these are different flights: what was flown differs (another seed, excitation or aircraft)"
+    if any(entity.startswith("/sensors") for entity, _ in flown):
+        return "these are different records: what sensors read differs throughout (another seed of the noise)"
+    return ""
 
 
 def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:

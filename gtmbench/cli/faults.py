@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
-from gtmbench.study.fault_tables import FaultSpec
-from gtmbench.study.scenario import load_faults
+
+if TYPE_CHECKING:
+    from gtmbench.faults.fault import Fault
+    from gtmbench.study.fault_tables import FaultSpec
+
 
 trial_option = click.option(
     "--trial", type=int, metavar="N", help="Which of its trials, from 1 on.  [default: the only one]"
@@ -46,6 +49,8 @@ def trial_faults(scenario: str | None, trial: int | None) -> tuple[Fault, ...]:
     InputError
         Where it isn't said which trial, or a severity is relative.
     """
+    from gtmbench.study.scenario import load_faults
+
     if scenario is None:
         if trial is not None:
             raise InputError("--trial is of --fault SCENARIO.toml; give both")

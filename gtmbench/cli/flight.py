@@ -1,37 +1,24 @@
-"""Commands of the bench: trim, fly, list."""
+"""Commands of the bench: trim, fly."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.bench.equilibrium import Trim
-from gtmbench.bench.excitation import EXCITATIONS
-from gtmbench.bench.fleet import jsbsim_facts, jsbsim_titles, load_aircraft
-from gtmbench.bench.flight import fly
-from gtmbench.bench.loop import LoopEvent, fly_in_loop
-from gtmbench.bench.modes import Mode, modes
-from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import trim
-from gtmbench.channels import CHANNELS
+from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
-from gtmbench.detectors.bank.bank import load_bank
-from gtmbench.detectors.registry import detector_names
 from gtmbench.errors import InputError
-from gtmbench.faults.registry import GROUP as FAULT_GROUP
-from gtmbench.faults.registry import loaded_faults
 from gtmbench.files import check_file
-from gtmbench.imports import installed
-from gtmbench.logs import check_log_path, write_log
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.report.words.judgement import loop_text
-from gtmbench.shipped import shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
-from gtmbench.study.campaign.plan import load_campaign
-from gtmbench.study.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from gtmbench.bench.equilibrium import Trim
+    from gtmbench.bench.loop import LoopEvent
+    from gtmbench.bench.modes import Mode
 
 
 @click.command("trim")
@@ -48,6 +35,9 @@ def trim_command(
     quiet: bool,
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
+    from gtmbench.bench.modes import modes
+    from gtmbench.bench.trim import trim
+
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
@@ -125,6 +115,12 @@ def fly_command(
     quiet: bool,
 ) -> None:
     """Fly and write a log: the truth, or with --noise what the sensors read."""
+    from gtmbench.bench.flight import fly
+    from gtmbench.bench.loop import fly_in_loop
+    from gtmbench.bench.sensors import measure
+    from gtmbench.logs import check_log_path, write_log
+    from gtmbench.report.words.judgement import loop_text
+
     check_log_path(out)
     check_file(out, force=force)
     noise = noise.lower() if noise else None
@@ -154,41 +150,10 @@ def fly_command(
 
 
 def _ratio(text: str) -> float:
+    from gtmbench.bench.sensors import SNR_SPAN
+
     try:
-        return float(text)
+        ratio = float(text)
     except ValueError:
         raise InputError(f"--noise is '{text}'; give t2 or a signal-to-noise ratio such as 50") from None
-
-
-@click.command("list")
-@click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
-@common_options
-def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
-    """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
-    sections = {
-        "aircraft": {name: load_aircraft(name).title for name in shipped_aircraft()}
-        | (jsbsim_titles() if with_all else {}),
-        "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
-        "excitations": {name: _first_line(of) for name, of in EXCITATIONS.items()},
-        "faults": {name: _first_line(of) for name, of in loaded_faults().items()}
-        | {name: f"installed: {place}" for name, place in installed(FAULT_GROUP).items()},
-        "scenarios": {name: load_scenario(path).title for name, path in shipped_scenarios().items()},
-        "campaigns": {name: load_campaign(name).title for name in shipped_campaigns()},
-        "detectors": detector_names(),
-        "banks": {name: load_bank(name).title for name in shipped_banks()},
-        "pseudo inputs": {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()},
-    }
-    if as_json:
-        print_json(sections)
-    elif not quiet:
-        for title, entries in sections.items():
-            echo(title, bold=True)
-            width = max(map(len, entries), default=0)
-            for name, meaning in entries.items():
-                echo(f"  {name:<{max(width, 16)}} {meaning}")
-            if title == "aircraft" and not with_all:
-                echo(f"  and {len(jsbsim_facts())} that come with JSBSim (--all), or a folder of yours")
-
-
-def _first_line(of: object) -> str:
-    return (of.__doc__ or "").strip().splitlines()[0]
+    return number("--noise", ratio, *SNR_SPAN)

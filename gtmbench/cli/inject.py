@@ -13,14 +13,11 @@ from gtmbench.cli.detectors import import_option
 from gtmbench.cli.faults import numbered, trial_number, trial_option
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
 from gtmbench.files import check_file
-from gtmbench.report.words.judgement import fault_text
-from gtmbench.study.fault_tables import FaultSpec
-from gtmbench.study.scenario import load_faults
-from gtmbench.study.trial import fault_row
 
 if TYPE_CHECKING:
+    from gtmbench.faults.fault import Fault
+    from gtmbench.study.fault_tables import FaultSpec
     from gtmbench.study.log.inject import ChangedColumn
 
 
@@ -56,6 +53,8 @@ def inject_command(
     Onsets are on the log's clock, as `gtmbench monitor` tells times; figures are in the channels' units, whatever the
     log's are. Other columns, stamps, notation, schema and metadata stay as they are.
     """
+    from gtmbench.study.scenario import load_faults
+
     trials = load_faults(scenario)
     if listed:
         _list(log, trials, as_json=as_json, quiet=quiet)
@@ -97,6 +96,8 @@ def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool)
 def _summary(
     log: Path, out: Path, scenario: str, number: int, faults: Sequence[Fault], changed: Sequence[ChangedColumn]
 ) -> dict[str, object]:
+    from gtmbench.study.trial import fault_row
+
     return {
         "log": str(log),
         "out": str(out),
@@ -108,6 +109,8 @@ def _summary(
 
 
 def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn]) -> None:
+    from gtmbench.report.words.judgement import fault_text
+
     for fault in faults:
         until = "for good" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
         echo(f"{fault_text(fault)}, from {fault.onset_s:g} s {until}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,17 +13,17 @@ from gtmbench.checks import number, whole
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json, screen_width
-from gtmbench.detectors.bank.composed import AUTO, composed_bank
-from gtmbench.detectors.protocol import is_ready
-from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file, is_file
 from gtmbench.progress import progress_bar
-from gtmbench.record import Span
 
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
+    from gtmbench.record import Span
     from gtmbench.study.log.watch import WatchedLog
+
+
+_DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 
 
 @click.command("monitor")
@@ -97,6 +98,8 @@ def monitor_command(
     bank auto, each identified on its own first part. Exit code: 1 any failed, 3 some can't be told, 2 none could be
     read (docs/how_to/fleet.md).
     """
+    from gtmbench.detectors.bank.composed import AUTO
+
     if is_fleet(logs, out):
         alone = {
             "--named": named,
@@ -192,6 +195,9 @@ def _watcher(
     healthy: tuple[str, ...],
 ) -> Any | None:
     """Return what watches: a detector, a monitor, a bank, bank auto with --identify alone, or None without a word."""
+    from gtmbench.detectors.bank.composed import AUTO
+    from gtmbench.detectors.registry import find_detector
+
     if detector is not None and (inputs or outputs):
         raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
     if detector is not None:
@@ -213,8 +219,15 @@ def _watcher(
 
 def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
-    if ":" not in text or is_file(Path(text)):
+    if is_file(Path(text)):
         return Path(text)
+    if ":" not in text:
+        dashed = _DASHED.fullmatch(text)
+        likely = f"; did you mean {dashed[1]}:{dashed[2]}?" if dashed else ""
+        raise InputError(
+            f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
+            f"{likely}"
+        )
     start, end = (bound.strip() for bound in text.split(":", 1))
     try:
         start_s, end_s = float(start or "-inf"), float(end or "inf")
@@ -241,6 +254,7 @@ def _list(contents: LogContents, *, every: bool, as_json: bool) -> None:
 
 def _nothing_to_watch_with(contents: LogContents) -> InputError:
     """Return the error that ends the command where nobody said how to watch."""
+    from gtmbench.detectors.bank.composed import AUTO, composed_bank
     from gtmbench.report.words.listing import banks_for
 
     channels = [*contents.usable, *contents.own_columns]
@@ -261,6 +275,8 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+    from gtmbench.detectors.protocol import is_ready
+
     if figure is not None:
         from gtmbench.report.figures.log import write_log_figure
 
@@ -277,6 +293,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
 
 
 def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+    from gtmbench.detectors.protocol import is_ready
     from gtmbench.report.words.log import log_report
 
     for line in log_report(watched):

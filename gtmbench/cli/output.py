@@ -6,12 +6,14 @@ import math
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from gtmbench.checks import printable
+from gtmbench.checks import printable, shown
+from gtmbench.errors import InputError
 from gtmbench.plain import dumps
 
 if TYPE_CHECKING:
@@ -22,9 +24,36 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def common_options(command: F) -> F:
-    """Add ``--json`` and ``-q`` to a command."""
+    """Add ``--json`` and ``-q`` to a command, whose errors name options as they were typed."""
+    command = _as_typed(command)
     command = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
     return click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")(command)
+
+
+def _as_typed(command: F) -> F:
+    """Let a command's errors name an option as it was typed: ``--duration is -3``, not ``duration_s is -3.0``."""
+
+    @wraps(command)
+    def told(*arguments: Any, **options: Any) -> Any:
+        try:
+            return command(*arguments, **options)
+        except InputError as error:
+            raise InputError(typed(str(error), click.get_current_context())) from error
+
+    return cast(F, told)
+
+
+def typed(message: str, context: click.Context) -> str:
+    """Return a message that begins with an argument's name and value with the option that gave it."""
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if value is None or not isinstance(option, click.Option):
+            continue
+        for key in (*option.opts, *(f"{option.name}{unit}" for unit in ("", "_s", "_ft", "_kt", "_hz"))):
+            if message.startswith(f"{key} is {shown(value)};"):
+                written = f"{value:g}" if isinstance(value, float) else shown(value)
+                return f"{option.opts[0]} is {written}{message.removeprefix(f'{key} is {shown(value)}')}"
+    return message
 
 
 def map_option(command: F) -> F:

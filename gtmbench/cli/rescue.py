@@ -5,29 +5,26 @@ from __future__ import annotations
 import os
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.detectors.accommodate import Accommodate
-from gtmbench.detectors.bank.bank import load_bank
-from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.files import load_monitor
-from gtmbench.detectors.protocol import Monitor
 from gtmbench.errors import InputError
-from gtmbench.faults.shaping import SignFlip
 from gtmbench.files import atomic_write, check_file
 from gtmbench.progress import Progress, progress_bar
-from gtmbench.report.words.judgement import fault_text, loop_text
-from gtmbench.study.healthy_records import CalibrationFlights
-from gtmbench.study.rescue import Rescue, fly_rescue
+
+if TYPE_CHECKING:
+    from gtmbench.detectors.protocol import Monitor
+    from gtmbench.faults.fault import Fault
+    from gtmbench.study.rescue import Rescue
+
 
 _FLIGHTS, _FLIGHT_S = 6, 200.0  # that the monitor is calibrated on, where none is given
 _BEFORE_S, _AFTER_S = 20.0, 30.0  # the onset, and after it: a monitor has to come to rest first
 _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
-_OWN = (SignFlip(channel="r", onset_s=_BEFORE_S),)
 
 
 @click.command("rescue")
@@ -70,11 +67,14 @@ def rescue_command(
     The autopilot flies on what the sensors read. A monitor that names the broken gyro takes its reading out of the
     loop on the second flight; `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
+    from gtmbench.detectors.accommodate import Accommodate
+    from gtmbench.detectors.files import load_monitor
     from gtmbench.report.figures.rescue import rescue_figure
     from gtmbench.report.recording.rescue import write_rescue_recording
+    from gtmbench.study.rescue import fly_rescue
 
     _check_files(out, figure, force=force)
-    faults = _OWN if scenario is None and trial is None else trial_faults(scenario, trial)
+    faults = _own_faults() if scenario is None and trial is None else trial_faults(scenario, trial)
     silent = as_json or quiet
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:
@@ -101,6 +101,12 @@ def rescue_command(
         echo(f"{out}: both flights; gtmbench view {out}")
 
 
+def _own_faults() -> tuple[Fault, ...]:
+    from gtmbench.faults.shaping import SignFlip
+
+    return (SignFlip(channel="r", onset_s=_BEFORE_S),)
+
+
 def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
     if out.suffix.lower() != ".rrd":
         raise InputError(f"--out is '{out}'; a recording's file ends in .rrd")
@@ -111,6 +117,8 @@ def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
 
 
 def _print(rescue: Rescue) -> None:
+    from gtmbench.report.words.judgement import fault_text, loop_text
+
     for fault in rescue.faults:
         echo(f"{fault.onset_s:g} s: {fault_text(fault)}")
     for name, flight in rescue.flights.items():
@@ -122,6 +130,10 @@ def _print(rescue: Rescue) -> None:
 
 def _calibrated(aircraft: str, tell: Progress) -> Monitor:
     """Fly healthy, and calibrate: half a minute; a rescue is no study of false alarms."""
+    from gtmbench.detectors.bank.bank import load_bank
+    from gtmbench.detectors.bank_detector import BankDetector
+    from gtmbench.study.healthy_records import CalibrationFlights
+
     flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED)
     recipe = BankDetector(bank=load_bank(_BANK))
     records = flights.records(recipe, processes=os.cpu_count() or 1, progress=tell)

@@ -10,8 +10,6 @@ import click
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.monitor import healthy_part
 from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table
-from gtmbench.detectors.bank.composed import AUTO
-from gtmbench.detectors.registry import find_detector
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -47,6 +45,8 @@ def score_command(
     PX4's failure injection, and changes of ArduPilot's SIM_GYR... parameters: SITL and bench flights become trials.
     Exit code as of monitor: 1 something failed, 0 nothing found, 3 can't tell; 2 bad input, or no such failure.
     """
+    from gtmbench.detectors.bank.composed import AUTO
+    from gtmbench.detectors.registry import find_detector
     from gtmbench.study.log.truth import score_log
 
     with progress_bar(silent=as_json or quiet) as tell:

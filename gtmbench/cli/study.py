@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,11 +19,12 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
 from gtmbench.progress import progress_bar
-from gtmbench.report.recording.read import check_recording
 from gtmbench.shipped import MAIN_JOB
-from gtmbench.study.run import run_study
-from gtmbench.study.scenario import Scenario, load_scenario
-from gtmbench.study.trial import Study
+
+if TYPE_CHECKING:
+    from gtmbench.study.scenario import Scenario
+    from gtmbench.study.trial import Study
+
 
 _MOST_SEEDS = 10_000
 # `python -m rerun_cli` ends with code 0 whatever happened
@@ -90,6 +91,9 @@ def run_command(
     trials.csv, figures and study.rrd, a recording for `gtmbench view`. With several detectors all watch the same
     flight, and there is one row a detector and trial.
     """
+    from gtmbench.study.run import run_study
+    from gtmbench.study.scenario import load_scenario
+
     check_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     watching = watchers_of(detectors, calibrated)
@@ -163,6 +167,7 @@ def _run_seeds(
     """
     from gtmbench.report.tables.results import write_tables
     from gtmbench.report.tables.seeds import SeedTable
+    from gtmbench.study.run import run_study
 
     table = SeedTable()
     with progress_bar(silent=as_json or quiet) as tell, atomic_folder(out) as folder:
@@ -187,9 +192,10 @@ def _run_seeds(
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
     from gtmbench.report.words.study import summary_lines, title, trial_rows
+    from gtmbench.report.words.units import counted
 
     columns, rows, right = trial_rows(study)
-    print_table(f"{', '.join(map(title, study.baselines))}: {len(rows)} trials", columns, rows, right=right)
+    print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
     for line in summary_lines(study):
         echo(line)
     written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]
@@ -198,11 +204,14 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 
 
 @click.command("view")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
 @click.option("--web", is_flag=True, help="In the browser instead of a window: for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
-    """Open a recording (.rrd) in the rerun viewer."""
+    """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
+    from gtmbench.report.recording.read import check_recording, recording_in
+
+    recording = recording_in(recording)
     check_recording(recording)
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")

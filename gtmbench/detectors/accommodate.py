@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from gtmbench.channels import SENSORS
-from gtmbench.checks import shown, whole
+from gtmbench.checks import meant, shown, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError
@@ -73,7 +73,9 @@ class Accommodate:
         if not (hasattr(self.monitor, "stream") and is_ready(self.monitor)):
             raise InputError(f"monitor is {shown(self.monitor)}; give a calibrated one, as gb.calibrate makes")
         if self.stand_in not in STAND_INS:
-            raise InputError(f"no stand-in {shown(self.stand_in)}; there are {', '.join(STAND_INS)}")
+            raise InputError(
+                f"no stand-in {shown(self.stand_in)}; there are {', '.join(STAND_INS)}{meant(self.stand_in, STAND_INS)}"
+            )
         whole("slope_samples", self.slope_samples, 2, 100)
         if not self.gyros:
             raise InputError(

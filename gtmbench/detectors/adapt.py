@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from gtmbench.checks import one_line, shown
+from gtmbench.checks import meant, one_line, shown
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
+from gtmbench.imports import DETECTORS, load_installed
 from gtmbench.imports import installed as announced
-from gtmbench.imports import load_installed
 
-GROUP = "gtmbench.detectors"  # of entry points: NAME = "package.module:OBJECT"
 _DETECTOR = ("name", "channels", "calibrate")
 _MONITOR = (
     "name",
@@ -57,7 +56,7 @@ def adapted(given: Any, called: str | None = None) -> Detector | Monitor:
 
 def installed_names() -> dict[str, str]:
     """Return the names of installed detectors and where each stands, ``package.module:OBJECT``; nothing is imported."""
-    return announced(GROUP)
+    return announced(DETECTORS)
 
 
 def installed(name: str) -> Detector | Monitor:
@@ -70,8 +69,10 @@ def installed(name: str) -> Detector | Monitor:
     """
     names = installed_names()
     if name not in names:
-        raise InputError(f"no installed detector is called '{name}'; there are {', '.join(names) or 'none'}")
-    return adapted(load_installed(GROUP, name), name)
+        raise InputError(
+            f"no installed detector is called '{name}'; there are {', '.join(names) or 'none'}{meant(name, names)}"
+        )
+    return adapted(load_installed(DETECTORS, name), name)
 
 
 def _made(cls: type) -> Any:

@@ -20,6 +20,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
+from gtmbench.files import LOGS, is_folder
 from gtmbench.shipped import shipped_banks
 
 DISSERTATION = "dissertation"
@@ -105,11 +106,21 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         return RIVALS[name]
     if name in installed_names():
         return installed(name)
+    raise InputError(_none(name, suffix))
+
+
+def _none(name: str, suffix: str) -> str:
+    """Return what to say of a text that names no detector."""
     if suffix == ".py":
-        raise InputError(f"{name} is a file of Python; say which object in it is the detector: {name}:OBJECT")
-    raise InputError(
-        f"no detector is called {shown(name)}; there are {', '.join(detector_names())}, or give a bank's .toml, a "
-        f"monitor's .json, FILE.py:OBJECT or package.module:OBJECT{meant(name, detector_names())}"
+        return f"{name} is a file of Python; say which object in it is the detector: {name}:OBJECT"
+    if is_folder(name):
+        return f"{name} is a folder; give a bank's .toml or a monitor's .json in it, or a name of `gtmbench list`"
+    if suffix in LOGS:
+        return f"{name} is no detector but, by its name, a log; watch it: gtmbench monitor {name}"
+    known = detector_names()
+    return (
+        f"no detector is called {shown(name)}; there are {', '.join(known)}, or give a bank's .toml, a monitor's "
+        f".json, FILE.py:OBJECT or package.module:OBJECT{meant(name, known)}"
     )
 
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from gtmbench.checks import meant
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -39,7 +40,7 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
     np.float64(13.0)
     """
     if channel not in ANGLES:
-        raise InputError(f"'{channel}' isn't an attitude angle; there are {', '.join(ANGLES)}")
+        raise InputError(f"'{channel}' isn't an attitude angle; there are {', '.join(ANGLES)}{meant(channel, ANGLES)}")
     begin = max(start_row - _SETTLE, 0)
     rows = slice(begin, None)
     p, q, r = (_filled(record[name][rows]) for name in "pqr")

@@ -53,6 +53,11 @@ class Parameter:
         return self.value_type is str
 
     @property
+    def is_in_channels_unit(self) -> bool:
+        """Whether it is a number in the channel's unit, perhaps divided by `per`."""
+        return self.value_type is float and self.unit is None
+
+    @property
     def per_second(self) -> bool:
         """Whether it is in the channel's unit per second, as slopes are."""
         return self.per == "s"

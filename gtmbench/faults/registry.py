@@ -6,13 +6,12 @@ import re
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
-from gtmbench.checks import shown
+from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.imports import FAULTS as GROUP
 from gtmbench.imports import installed, load_installed, load_module
-
-GROUP = "gtmbench.faults"  # of entry points: KIND = "package.module:CLASS"
 
 _KIND = re.compile("[a-z][a-z0-9_]{0,39}")
 _HOW = "@dataclass(frozen=True, kw_only=True)"
@@ -87,8 +86,8 @@ def find_fault(kind: Any) -> type[Fault]:
     if isinstance(kind, str) and kind in loaded:
         return loaded[kind]
     if not isinstance(kind, str) or kind not in installed(GROUP):
-        known = ", ".join(fault_kinds())
-        raise InputError(f"kind is {shown(kind)}; there are {known} (--import a file or package that registers others)")
+        known = f"{', '.join(fault_kinds())} (--import a file or package that registers others)"
+        raise InputError(f"kind is {shown(kind)}; there are {known}{meant(kind, fault_kinds())}")
     cls = _checked(load_installed(GROUP, kind))
     if cls.kind != kind:
         raise InputError(f"{_place(cls)} is announced as kind '{kind}', but calls itself '{cls.kind}'")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.channels import unit_of
-from gtmbench.checks import names
+from gtmbench.checks import meant, names
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
 
@@ -338,7 +338,8 @@ def derivable(channels: Iterable[str]) -> tuple[str, ...]:
 def check_derivable(name: str, channels: Iterable[str]) -> None:
     """Refuse a pseudo input that is unknown or lacks channels, and say what can be built instead."""
     if name not in PSEUDO_INPUTS:
-        raise InputError(f"no channel and no pseudo input '{name}'; there are {', '.join(PSEUDO_INPUTS)}")
+        known = [*PSEUDO_INPUTS, *channels]
+        raise InputError(f"no channel and no pseudo input '{name}'; there are {', '.join(known)}{meant(name, known)}")
     there = set(channels)
     missing = sorted(raw_needs(name) - there)
     if missing:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.channels import SENSORS, axis_of
-from gtmbench.checks import keys, number, shown, table_of, text
+from gtmbench.checks import keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
 
 _KEYS = ("detect_within_s", "isolate_as", "kind", "undetectable_because")
@@ -75,7 +75,8 @@ def _sensors(where: str, given: Any, channel: str) -> tuple[str, ...]:
     for name in named:
         if not isinstance(name, str) or name not in (*SENSORS, *_OWN):
             own = ", ".join(f"'{word}' ({meaning})" for word, meaning in _OWN.items())
-            raise InputError(f"{where}: no sensor {shown(name)}; there are {', '.join(SENSORS)}, and {own}")
+            known = f"there are {', '.join(SENSORS)}, and {own}{meant(name, (*SENSORS, *_OWN))}"
+            raise InputError(f"{where}: no sensor {shown(name)}; {known}")
     if not named:
         raise InputError(f"{where} is an empty list; name a sensor, or those that it may be left between")
     words = {"channel": (channel,), "axis": axis_of(channel)}

@@ -18,7 +18,7 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
-from gtmbench.checks import naming, number, whole
+from gtmbench.checks import meant, naming, number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
@@ -86,7 +86,7 @@ class CalibrationFlights:
         load_aircraft(self.aircraft)
         parts_of(self.excitation)
         if self.noise not in NOISES:
-            raise InputError(f"no noise '{self.noise}'; there is {', '.join(NOISES)}")
+            raise InputError(f"no noise '{self.noise}'; there is {', '.join(NOISES)}{meant(self.noise, NOISES)}")
 
     def records(self, detector: Detector, *, processes: int = 1, progress: Progress = silent) -> list[Record]:
         """Fly, and return what the sensors that a detector uses read, in the order of the seeds.

@@ -15,9 +15,9 @@ from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
-from gtmbench.checks import keys, naming, number, shown, table_of, text, whole
+from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml
+from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.record import Span
 from gtmbench.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
@@ -128,7 +128,7 @@ def _find(source: str | Path) -> Path:
     if path.parent.name == "faults" and path.stem in shipped and not is_file(path):
         path = shipped[path.stem]  # faults/drift.toml, away from a checkout
     if not is_file(path):
-        raise InputError(f"no scenario '{str(source)[:200]}'; give a TOML file or one of {', '.join(shipped)}")
+        raise InputError(no_file(source, "scenario", shipped))
     return path
 
 
@@ -267,7 +267,8 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     """Return a table's values as a dataclass wants them, or say which key is wrong and how."""
-    known = keys(table, [item.name for item in fields(of)], section=prefix.rstrip("."))
+    own = [item.name for item in fields(of)]
+    known = keys(table, own if prefix else ["title", *own, "faults"], section=prefix.rstrip("."))
     return {key: _CHECKS[key](prefix + key, value) for key, value in known.items()}
 
 
@@ -291,7 +292,7 @@ def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
 
 def _noise(key: str, value: Any) -> str:
     if value not in NOISES:
-        raise InputError(f"{key} is {shown(value)}; there is {', '.join(NOISES)}, or give snr")
+        raise InputError(f"{key} is {shown(value)}; there is {', '.join(NOISES)}, or give snr{meant(value, NOISES)}")
     return str(value)
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import keys, naming, number, shown, table_of, text
+from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml
+from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, reproduces
 from gtmbench.shipped import shipped_banks
 
@@ -133,7 +133,7 @@ def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) ->
         usable = [bank for bank in shipped_banks() if set(load_bank(bank).channels) <= there]
         raise InputError(
             f"{name} needs {', '.join(needed)}, and {', '.join(missing)} isn't there; with these channels can be used: "
-            f"{', '.join(f'bank {bank}' for bank in usable) or 'no bank'}"
+            f"{', '.join(f'bank {bank}' for bank in usable) or 'no bank'}{meant(missing[0], there - set(needed))}"
         )
 
 
@@ -162,7 +162,7 @@ def load_bank(source: str | Path) -> Bank:
     shipped = shipped_banks()
     path = shipped.get(str(source), Path(source))
     if not is_file(path):
-        raise InputError(f"{path}: no such file, and no bank of that name; there are {', '.join(shipped)}")
+        raise InputError(no_file(source, "bank", shipped))
     table = read_toml(path, "bank")
     with naming(path):
         return bank_of(text("its name", path.stem), table)
@@ -266,7 +266,9 @@ def _statistic(given: Any) -> Statistic:
     default = Statistic()
     name = alarm.get("statistic", default.name)
     if not isinstance(name, str) or name not in STATISTICS:
-        raise InputError(f"alarm.statistic is {shown(name)}; there are {', '.join(STATISTICS)}")
+        raise InputError(
+            f"alarm.statistic is {shown(name)}; there are {', '.join(STATISTICS)}{meant(name, STATISTICS)}"
+        )
     windows = alarm.get("windows_s", alarm.get("window_s", list(default.windows_s)))
     windows = windows if isinstance(windows, list) else [windows]
     if not 0 < len(windows) <= 30:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gtmbench.checks import shown
+from gtmbench.checks import meant, shown
 from gtmbench.detectors.rivals.autoencoder import Autoencoder
 from gtmbench.detectors.rivals.cusum import RawCusum
 from gtmbench.detectors.rivals.isolation_forest import IsolationForest
@@ -53,5 +53,5 @@ def restore_rival(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> 
     """
     name = figures.get("name")
     if not isinstance(name, str) or name not in RIVALS:
-        raise InputError(f"figures.name is {shown(name)}; there are {', '.join(RIVALS)}")
+        raise InputError(f"figures.name is {shown(name)}; there are {', '.join(RIVALS)}{meant(name, RIVALS)}")
     return RIVALS[name].restore(figures, provenance)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _MOSTLY = 0.9  # of a column's cells are numbers (or dates), and it is a column of numbers whose others are missing
 _DATE = re.compile(r"\s*\d{4}-\d\d-\d\d")
+_ONLY_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|nan", re.IGNORECASE)
 _NUMBER = re.compile(r"\s*[-+]?(\d|[.,]\d|nan\s*$|inf)", re.IGNORECASE)
 
 
@@ -41,11 +42,18 @@ class Layout:
 
 def read_csv(path: Path) -> RawLog:
     """Read a table with a header."""
+    from pandas.errors import ParserWarning
+
     with reading(path, "CSV table"):
         layout = layout_of(path)
         check_columns(layout.names)
         check_values(len(layout.names) * count_lines(path), "its table")
-        frame = _frame(path, layout)
+        try:
+            frame = _frame(path, layout)
+        except ParserWarning as error:
+            raise InputError(
+                f"rows have more cells than the {len(layout.names)} that its first line names; is that the header?"
+            ) from error
     series, ignored, notes = [], [], []
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")
@@ -84,6 +92,11 @@ def layout_of(path: Path) -> Layout:
         separator = r"\s+"
     fields = [_fields(line, separator) for line in lines[place + 1 : place + 3]]
     names = [name.strip() for name in _fields(header, separator)]
+    if all(map(_ONLY_NUMBER.fullmatch, filter(None, names))):
+        raise InputError(
+            "its first line holds numbers, no names; put a line above that names the columns and units, "
+            "such as time_s,p_deg_s,q_deg_s,r_deg_s,phi_deg,theta_deg,psi_deg"
+        )
     units = [""] * len(names)
     skipped = place + 1
     if fields and not any(map(_NUMBER.match, fields[0])) and any(unit(text.strip(" ()[]")) for text in fields[0]):

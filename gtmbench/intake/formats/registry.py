@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
-from gtmbench.checks import one_line
+from gtmbench.checks import meant, one_line
 from gtmbench.errors import InputError
 from gtmbench.files import is_file
 from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
@@ -19,6 +20,12 @@ FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
 
 _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", "zstd"), (b"BZh", "bzip2"))
+_OURS = {
+    ".rrd": "a recording, which `gtmbench view` opens",
+    ".toml": "a scenario, which `gtmbench run` flies",
+    ".json": "results, or a monitor, which watches as --detector",
+}
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 _READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and {FORMATS[-1].name}"
 
 
@@ -65,9 +72,15 @@ def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
 def _format(path: Path) -> Format:
     """Return the format of a file by its first bytes."""
     head = _head(path)
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")) and path.suffix.lower() in _WORKBOOKS:
+        raise InputError(
+            f"{path} is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line"
+        )
     for magic, packing in _PACKED:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")
+    if path.suffix.lower() in _OURS:
+        raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()]}; {_READ}")
     for form in FORMATS:
         if head.startswith(form.magic):
             return form
@@ -85,12 +98,17 @@ def _head(path: Path) -> bytes:
     """Return a file's first bytes, or say why it isn't to be read."""
     try:
         if path.exists() and not path.is_file():
+            if path.is_dir():
+                raise InputError(f"{path} is a folder; give the logs in it, as {path}/*.csv; {_READ}")
             raise InputError(f"{path} isn't a file; {_READ}")
         size = path.stat().st_size
         with path.open("rb") as file:
             head = file.read(16)
     except InputError:
         raise
+    except FileNotFoundError as error:
+        beside = islice(path.parent.glob("*.*"), 1000) if path.parent.is_dir() else ()
+        raise InputError(f"{path}: no such file{meant(path.name, [each.name for each in beside])}") from error
     except (OSError, ValueError) as error:  # ValueError: a zero in the name
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
     if size > LARGEST_FILE_BYTES:

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING
 
-from gtmbench.checks import shown
+from gtmbench.checks import listed, shown
 from gtmbench.errors import InputError
 from gtmbench.files import check_size, is_file
 
@@ -68,6 +68,24 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     if application != "gtmbench":
         raise InputError(f"{path} is a recording of {shown(application)}; give one that `gtmbench run` has written")
     return table.unify_dictionaries().to_pandas()
+
+
+def recording_in(given: Path) -> Path:
+    """Return the recording that is meant: the file, or the one in a folder.
+
+    Raises
+    ------
+    InputError
+        Where a folder holds none, or several.
+    """
+    if not given.is_dir():
+        return given
+    there = sorted(given.glob("*.rrd"))
+    if len(there) == 1:
+        return there[0]
+    if not there:
+        raise InputError(f"{given} is a folder without a recording (.rrd); `gtmbench run` writes one")
+    raise InputError(f"{given} is a folder of {len(there)} recordings; give one: {listed(map(str, there[:5]), 'or')}")
 
 
 def check_recording(path: Path) -> None:

@@ -10,15 +10,18 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gtmbench.channels import UNIT_SUFFIX, unit_of
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.plain import dumps, plain
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.version import __version__
 
 SCHEMA = 2
+_PER = {"": "", "s": "_s", "sqrt(s)": "_sqrt_s", "g": "_g"}  # behind a unit that is divided by it
 _LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")
 
 
@@ -95,7 +98,7 @@ def versions() -> dict[str, str]:
 
 
 def write_results(study: Study, folder: Path) -> None:
-    """Write ``results.json``, and ``trials.csv``: one row a detector and trial, figures as ``name=value``."""
+    """Write ``results.json``, and ``trials.csv``: one row a detector and trial, every figure in a column of its own."""
     write_tables(results(study), folder)
 
 
@@ -104,25 +107,52 @@ def write_tables(table: Mapping[str, Any], folder: Path) -> None:
     (folder / "results.json").write_text(dumps(table, indent=2) + "\n")
     rows = [_flat(row) for row in table["trials"]]
     with (folder / "trials.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer = csv.DictWriter(file, fieldnames=list(dict.fromkeys(name for row in rows for name in row)))
         writer.writeheader()
         writer.writerows(rows)
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
-    parameters = row["parameters"]
+    told = {name: value for name, value in row.items() if name not in ("severity", "settings", "parameters")}
     return {
-        **row,
-        "severity": named(row["severity"]),
-        "settings": named(row["settings"]),
+        **told,
         "candidates": " ".join(row["candidates"]),
         "also": "; ".join(map(_in_words, row["also"])),
         "expected": "" if row["expected"] is None else _said(row["expected"]),
         "unexpected": "; ".join(row["unexpected"]),
-        "parameters": named({estimate["name"]: estimate["value"] for estimate in parameters}),
-        "parameter_errors": named({estimate["name"]: estimate["error"] for estimate in parameters}),
-        "parameters_true": named({estimate["name"]: estimate["true"] for estimate in parameters}),
+        **_figures(row),
     }
+
+
+def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was injected and what was found, a column a figure, with its unit in the name."""
+    injected = _headers(row["fault"], row["channel"])
+    found = _headers(row["kind"], next(iter(row["candidates"]), row["channel"]))
+    columns = {
+        f"injected_{injected.get(name, name)}": value for name, value in {**row["severity"], **row["settings"]}.items()
+    }
+    for estimate in row["parameters"]:
+        header = found.get(estimate["name"], estimate["name"])
+        columns |= {
+            f"found_{header}": estimate["value"],
+            f"error_of_{header}": estimate["error"],
+            f"true_{header}": estimate["true"],
+        }
+    return columns
+
+
+def _headers(kind: str | None, channel: str) -> dict[str, str]:
+    """Return the columns of a kind's parameters: names that state no unit get that of the channel behind them.
+
+    >>> _headers("drift", "p"), _headers("oscillation", "nz")["amplitude"]
+    ({'slope': 'slope_deg_s2'}, 'amplitude_g')
+    """
+    cls = loaded_faults().get(str(kind))
+    suffix = UNIT_SUFFIX.get(unit_of(channel), "")
+    if cls is None or not suffix:
+        return {}
+    own = {item.name: f"{suffix}{_PER[item.per]}" for item in cls.parameters() if item.is_in_channels_unit}
+    return {name: f"{name}_{unit.replace('_s_s', '_s2')}" for name, unit in own.items()}
 
 
 def _in_words(also: Mapping[str, Any]) -> str:

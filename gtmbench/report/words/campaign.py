@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gtmbench.report.words.units import or_dash
+from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.campaign.plan import Campaign
 
 # Seconds on one core of a small machine (2026): a flight a second of it, a record watched a second of it and detector,
@@ -44,9 +44,13 @@ def plan_lines(plan: Mapping[str, Any]) -> list[str]:
     """Say what a campaign would fly."""
     return [
         f"{plan['campaign']}: {plan['title']}",
-        f"{plan['flights']:,} flights, a task each; {plan['trials']:,} trials and {plan['healthy_records']:,} healthy "
-        f"records, watched by {', '.join(plan['detectors'])}: {plan['rows']:,} rows",
-        *[f"{plan['searches']:,} searches for the smallest fault, of at most {plan['search_trials']:,} trials"]
+        f"{counted(plan['flights'], 'flight')}, a task each; {counted(plan['trials'], 'trial')} and "
+        f"{counted(plan['healthy_records'], 'healthy record')}, watched by {', '.join(plan['detectors'])}: "
+        f"{counted(plan['rows'], 'row')}",
+        *[
+            f"{counted(plan['searches'], 'search', 'searches')} for the smallest fault, of at most "
+            f"{counted(plan['search_trials'], 'trial')}"
+        ]
         * bool(plan["searches"]),
         f"about {_time(plan['about_hours'])} with --jobs {plan['jobs']} on a small machine, calibration included",
     ]

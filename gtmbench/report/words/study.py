@@ -100,6 +100,7 @@ def summary_lines(study: Study) -> list[str]:
     for baseline in study.baselines:
         own = [
             _detected_line(baseline, study.trials_of(baseline.detector)),
+            *_nothing_lines(baseline, study.trials_of(baseline.detector)),
             *_departure_lines(study.trials_of(baseline.detector)),
             _false_alarm_line(baseline),
             *_expectation_lines(study.trials_of(baseline.detector)),
@@ -122,6 +123,16 @@ def _detected_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
         f"{detected}; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
         f"alarm: {right_20s}, at the end: {right}"
     )
+
+
+def _nothing_lines(baseline: Baseline, trials: Sequence[Trial]) -> list[str]:
+    """Say what to try where nothing was detected, if something could have been."""
+    if any(trial.detected for trial in trials) or any(score.is_stuck_above for score in baseline.watch.scores.values()):
+        return []
+    nearest = max((trial.peak_ratio for trial in trials if trial.watch.scores), default=None)
+    reached = "" if nearest is None else f" (the nearest score reached {100.0 * nearest:.0f} % of its threshold)"
+    other = "a bank: --detector C" if not baseline.monitor.suspects else "another detector: gtmbench list"
+    return [f"nothing was detected{reached}; try a more severe fault, a longer flight after the onset, or {other}"]
 
 
 def _departure_lines(trials: Sequence[Trial]) -> list[str]:

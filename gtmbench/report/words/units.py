@@ -53,10 +53,10 @@ def or_dash(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
-def counted(count: int, what: str) -> str:
+def counted(count: int, what: str, several: str = "") -> str:
     """Write how many there are.
 
     >>> counted(1, "false alarm"), counted(0, "false alarm")
     ('1 false alarm', '0 false alarms')
     """
-    return f"{count} {what}{'' if count == 1 else 's'}"
+    return f"{count:,} {what if count == 1 else several or what + 's'}"

@@ -17,7 +17,7 @@ from typing import Any
 from gtmbench.checks import keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, read_toml
+from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.plain import plain
 from gtmbench.shipped import shipped_campaigns
 from gtmbench.study.calibration import OWN
@@ -228,7 +228,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     shipped = shipped_campaigns()
     path = shipped.get(str(source), Path(source))
     if not is_file(path):
-        raise InputError(f"no campaign '{str(source)[:200]}'; give a TOML file or one of {', '.join(shipped)}")
+        raise InputError(no_file(source, "campaign", shipped))
     table = read_toml(path, "campaign")
     with naming(path):
         campaign = _campaign(path.stem, table)

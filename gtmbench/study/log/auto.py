@@ -8,6 +8,7 @@ from pathlib import Path
 from gtmbench.checks import naming
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 
 
@@ -31,5 +32,7 @@ def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDe
     logs = [log_contents(path, mapping=mapping) for path in paths]
     there = [name for name in logs[0].usable if all(name in log.usable for log in logs)]
     with naming(paths[0]):
+        if logs[0].no_time:
+            raise InputError(logs[0].no_time)
         bank = composed_bank(there, attitude_from_gyros=any(log.attitude_from_gyros for log in logs))
     return BankDetector(bank=bank), unwatched(bank, there)

@@ -250,7 +250,9 @@ def _beyond(stretches: Stretches, bank: Bank, specs: Sequence[ResidualSpec]) -> 
         residuals = residuals_of(bank, record, operators, operators)
         columns = [(residuals.raw[name], residuals.predicted[name], record[name]) for name in operators]
         left, predicted, read = np.square(np.array(columns)).transpose(1, 2, 0)
-        for rows in np.array_split(np.arange(len(record)), max(1, round(_length_s(record) / _BLOCK_S))):
+        for rows in np.array_split(
+            np.arange(len(record)), min(len(record), max(1, round(_length_s(record) / _BLOCK_S)))
+        ):
             there = rows[np.isfinite(left[rows]).all(axis=1)]
             if len(there) >= 0.5 * len(rows):
                 motion = min(predicted[there].sum(axis=1).mean(), read[there].sum(axis=1).mean())

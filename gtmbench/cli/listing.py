@@ -1,0 +1,71 @@
+"""``gtmbench list``: every name that there is. Nothing is imported for it: names.toml holds what Python would say."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+
+import click
+
+from gtmbench.channels import CHANNELS
+from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.files import read_toml
+from gtmbench.imports import DETECTORS, FAULTS, installed
+from gtmbench.shipped import (
+    share,
+    shipped_aircraft,
+    shipped_banks,
+    shipped_campaigns,
+    shipped_scenarios,
+)
+
+
+@click.command("list")
+@click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
+@common_options
+def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
+    """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
+    sections = listing()
+    if with_all:
+        from gtmbench.bench.fleet import jsbsim_titles
+
+        sections["aircraft"] |= jsbsim_titles()
+    if as_json:
+        print_json(sections)
+    elif not quiet:
+        for title, entries in sections.items():
+            echo(title, bold=True)
+            width = max(map(len, entries), default=0)
+            for name, meaning in entries.items():
+                echo(f"  {name:<{max(width, 16)}} {meaning}")
+            if title == "aircraft" and not with_all:
+                known = read_toml(share() / "aircraft/jsbsim.toml", "list of aircraft")
+                echo(f"  and {len(known)} that come with JSBSim (--all), or a folder of yours")
+
+
+def listing() -> dict[str, dict[str, str]]:
+    """Return what there is, section by section: names, and what each is in a line."""
+    told = tomllib.loads((files("gtmbench.cli") / "names.toml").read_text(encoding="utf-8"))
+    banks = _titles(shipped_banks())
+    detectors = told["detectors"] | banks | told["rivals"]  # in the order in which a name is looked up
+    return {
+        "aircraft": _titles({name: share() / "aircraft" / name / "aircraft.toml" for name in shipped_aircraft()}),
+        "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},
+        "excitations": told["excitations"],
+        "faults": told["faults"] | _installed(FAULTS),
+        "scenarios": _titles(shipped_scenarios()),
+        "campaigns": _titles(shipped_campaigns()),
+        "detectors": detectors | {name: of for name, of in _installed(DETECTORS).items() if name not in detectors},
+        "banks": banks,
+        "pseudo inputs": told["pseudo_inputs"],
+    }
+
+
+def _titles(paths: Mapping[str, Path]) -> dict[str, str]:
+    return {name: read_toml(path, "file that ships")["title"] for name, path in paths.items()}
+
+
+def _installed(group: str) -> dict[str, str]:
+    return {name: f"installed: {place}" for name, place in installed(group).items()}

@@ -1,0 +1,83 @@
+"""Text is printed at once: no command imports, for its help or the list of names, what it would take to work."""
+
+import json
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from gtmbench.bench.excitation import EXCITATIONS
+from gtmbench.cli.app import app
+from gtmbench.cli.calibrate import calibrate_command
+from gtmbench.cli.listing import listing
+from gtmbench.detectors.registry import detector_names
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
+from gtmbench.study.healthy_records import CalibrationFlights
+
+HEAVY = "numpy", "scipy", "pandas", "pyarrow", "rerun", "jsbsim", "matplotlib", "rich", "asyncio", "multiprocessing"
+PROBE = """
+import json, sys
+from gtmbench.cli.app import main
+try:
+    main(sys.argv[1:])
+except SystemExit as ended:
+    print(json.dumps([ended.code, sorted(sys.modules)]), file=sys.stderr)
+"""
+
+
+def loaded_by(arguments):
+    ended = subprocess.run([sys.executable, "-c", PROBE, *arguments], capture_output=True, text=True, check=True)
+    code, modules = json.loads(ended.stderr.splitlines()[-1])
+    return code, len(ended.stdout), {name.partition(".")[0] for name in modules} & set(HEAVY)
+
+
+def test_texts_are_printed_without_anything_heavy():
+    lines = [["--help"], ["--version"], ["list"], *([name, "--help"] for name in app.commands)]
+    with ThreadPoolExecutor(2) as pool:
+        for arguments, (code, letters, heavy) in zip(lines, pool.map(loaded_by, lines), strict=True):
+            assert (code, heavy) == (0, set()), arguments
+            assert letters > 20, arguments
+
+
+def test_the_package_alone_loads_nothing():
+    probe = "import sys; import gtmbench; print(*sorted(sys.modules))"
+    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert [name for name in modules if name.startswith("gtmbench")] == ["gtmbench", "gtmbench.version"]
+    assert not set(HEAVY) & set(modules)
+
+
+def first_lines(objects):
+    return {name: of.__doc__.strip().splitlines()[0] for name, of in objects.items()}
+
+
+@pytest.mark.parametrize(
+    ("section", "meant"),
+    [
+        ("excitations", first_lines(EXCITATIONS)),
+        ("faults", first_lines(FAULTS)),
+        ("detectors", detector_names()),
+        ("pseudo inputs", {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()}),
+    ],
+)
+def test_the_list_says_what_python_says(section, meant):
+    told = listing()[section]
+    wanted = "\n".join(f"{name} = {json.dumps(line, ensure_ascii=False)}" for name, line in meant.items())
+    assert told == meant, f"gtmbench/cli/names.toml, [{section.replace(' ', '_')}]:\n{wanted}"
+    assert list(told) == list(meant)
+
+
+def test_the_help_of_calibrate_states_its_defaults():
+    flights = CalibrationFlights()
+    stated = {
+        "flights": flights.flights,
+        "duration": flights.duration_s,
+        "excitation": flights.excitation,
+        "aircraft": flights.aircraft,
+    }
+    helps = {option.name: getattr(option, "help", "") for option in calibrate_command.params}
+    for name, value in stated.items():
+        assert helps[name].endswith(
+            f"[default: {value:g}]" if isinstance(value, float | int) else f"[default: {value}]"
+        )
