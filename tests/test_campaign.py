@@ -426,7 +426,7 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
 def test_duckdb_reads_the_parts_as_the_page_says(tmp_path, monkeypatch):
     duckdb = pytest.importorskip("duckdb", reason="no duckdb")
     rows = table(tmp_path)
-    page = (Path(__file__).parent.parent / "docs/campaigns.md").read_text()
+    page = (Path(__file__).parent.parent / "docs/how_to/campaigns.md").read_text()
     query = page.partition("```sql\n")[2].partition("```")[0].replace("fifteen/", "out/")
     monkeypatch.chdir(tmp_path)
     found = {fault: median for fault, median in duckdb.sql(query).fetchall() if median is not None}
