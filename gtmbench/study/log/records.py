@@ -20,6 +20,7 @@ from gtmbench.record import Record, Span, runs
 
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
+_SLOW_S, _FEWEST = 1.0, 10  # samples so far apart, and so few of them, are a mistaken clock's
 
 
 def open_for(
@@ -72,7 +73,7 @@ def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:
     Raises
     ------
     InputError
-        Where a span holds nothing of the log.
+        Where a span holds nothing of the log, or next to nothing: stamps may be in another unit than was thought.
     """
     first_s, last_s = whole_s(log)
     clipped = [(max(start_s, first_s), min(end_s, last_s)) for start_s, end_s in given]
@@ -81,6 +82,11 @@ def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:
             raise InputError(
                 f"{wanted[0]:g}..{wanted[1]:g} s hold nothing of {log.path.name}, which runs from {first_s:g} to "
                 f"{last_s:g} s; choose a span inside"
+            )
+        if log.sample_period_s >= _SLOW_S and span[1] - span[0] < _FEWEST * log.sample_period_s:
+            raise InputError(
+                f"{wanted[0]:g}..{wanted[1]:g} s hold too few samples of {log.path.name}, which are "
+                f"{log.sample_period_s:g} s apart; if its stamps are milliseconds, type --map time=COLUMN:ms"
             )
     spans: list[Span] = []
     for start_s, end_s in sorted(clipped):
