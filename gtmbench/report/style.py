@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-COLOURS = {
+COLOURS = {  # apart for the colour-blind; what is measured, expected and allowed also in print
     "p": "#1f77b4",
     "q": "#e08214",
     "r": "#2a9d4a",
-    "beta": "#7b52ab",
-    "healthy": "#7f7f7f",
+    "beta": "#673ab7",
+    "healthy": "#a0a0a0",
     "threshold": "#d62728",
-    "virtual": "#d6409f",
+    "virtual": "#b5127a",
 }
 EVENTS = {  # of a log
     "reset": "#b8860b",

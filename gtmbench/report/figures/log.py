@@ -177,11 +177,11 @@ def _imus(axis: Axes, watched: WatchedLog, span: Span) -> None:
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
     for segment in watched.log.segments:
-        _line(axis, segment.time_s, segment[name], span, COLOURS["healthy"], "measured")
+        _line(axis, segment.time_s, segment[name], span, COLOURS["healthy"], "measured", width=2.4)
     for watch in watched.watches:
         virtual = watch.virtual(name) if name in watch.record else np.array([np.nan])
         if np.isfinite(virtual).any():
-            _line(axis, watch.record.time_s, virtual, span, COLOURS["virtual"], "virtual sensor")
+            _line(axis, watch.record.time_s, virtual, span, COLOURS["virtual"], "virtual sensor", width=0.8)
     axis.set_ylabel(textwrap.fill(with_unit(name, unit_of(name)), 18))
 
 
@@ -195,11 +195,20 @@ def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
     axis.set_ylabel(textwrap.fill(f"residual of {output}", 18))
 
 
-def _line(axis: Axes, time_s: FloatArray, values: FloatArray, span: Span, tint: str, label: str | None = None) -> None:
+def _line(
+    axis: Axes,
+    time_s: FloatArray,
+    values: FloatArray,
+    span: Span,
+    tint: str,
+    label: str | None = None,
+    *,
+    width: float = 1.0,
+) -> None:
     shown_s, shown = part(time_s, values, span)
     if len(shown):
         rows = int((span[1] - span[0]) / (time_s[-1] - time_s[0] + 1e-9) * len(time_s))  # of a line from end to end
-        axis.plot(*thinned(shown_s, shown, every=2 * rows // _POINTS), lw=1.0, color=tint, label=label)
+        axis.plot(*thinned(shown_s, shown, every=2 * rows // _POINTS), lw=width, color=tint, label=label)
 
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:

@@ -47,13 +47,13 @@ def beside_labels(count: int) -> tuple[float, float]:
     return width, height * max(count / _MOST_LABELS, 1.0)
 
 
-def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int) -> None:
-    """Give a figure one legend, below it: what stands on several axes is named once."""
+def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int, where: str = "outside lower center") -> None:
+    """Give a figure one legend, outside of its axes: what stands on several axes is named once."""
     shown: dict[str, Artist] = {}
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             shown.setdefault(label, handle)
-    figure.legend(handles=list(shown.values()), labels=list(shown), loc="outside lower center", ncols=columns)
+    figure.legend(handles=list(shown.values()), labels=list(shown), loc=where, ncols=columns)
 
 
 def as_it_is(text: str) -> str:

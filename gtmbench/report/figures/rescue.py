@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtmbench.channels import unit_of
+from gtmbench.detectors.virtual import ANGLES
 from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.rescued import TINTS, moments, shown_flight
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 _APART_S = 2.5  # between two aircraft on a way
 _SHARE = 0.14  # of the greatest extent: an aircraft's length
 _DARK, _LIGHT = "#3c4650", "#aab4be"
+_HALF_TURN_DEG = 180.0
 _LINES = {"unaided": -1.0, "rescued": 1.0}  # whether moments are told below the way or above
 
 
@@ -102,15 +104,22 @@ def _draw_moments(space: Axes3D, scene: Scene, way: FloatArray, beyond_ft: float
     space.text(x, y, z + beyond_ft, words, color=scene.tint, fontsize=9, **where)
 
 
+def _parted(angle_deg: FloatArray) -> FloatArray:
+    """Return an angle with no value where it goes round, so that no line is drawn from 180 to -180 deg."""
+    goes_round = np.abs(np.diff(angle_deg, prepend=angle_deg[0])) > _HALF_TURN_DEG
+    return np.where(goes_round, np.nan, angle_deg)
+
+
 def _draw_channel(axis: Axes, rescue: Rescue, name: str, *, is_last: bool) -> None:
     for which in rescue.flights:
         flight = shown_flight(rescue, which)
-        axis.plot(flight.time_s - rescue.onset_s, flight[name], color=TINTS[which], lw=1.2)
+        values = _parted(flight[name]) if name in ANGLES else flight[name]
+        axis.plot(flight.time_s - rescue.onset_s, values, color=TINTS[which], lw=1.2)
     for time_s, _ in moments(rescue)["rescued"]:
         axis.axvline(time_s - rescue.onset_s, color=TINTS["rescued"], lw=0.8, ls=":")
     axis.set_ylabel(with_unit(name, unit_of(name)))
     axis.grid(alpha=0.3)
     if is_last:
-        axis.set_xlabel("s after the fault began")
+        axis.set_xlabel("s after the fault began; dotted: alarm and name")
     else:
         axis.tick_params(labelbottom=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import groupby
@@ -15,7 +16,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Span
+from gtmbench.record import Span
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
 from gtmbench.report.scores import LOWEST, around, level, norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
@@ -28,7 +29,7 @@ from gtmbench.report.words.judgement import (
     trial_text,
 )
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
 
 if TYPE_CHECKING:
@@ -39,8 +40,10 @@ _SHOWN_S = (280.0, 285.0)  # Fig. 4.2
 _DPI = 130
 _STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
 _MOST_TRIALS = 15  # of a figure with a place for each
+_MOST_NAMED = 20  # in a legend, one by one
 _COLUMNS = 3
 _TITLE = 62  # letters in a line
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
 def write_figures(study: Study, folder: Path) -> list[Path]:
@@ -129,45 +132,48 @@ def _prediction(monitor: NormMonitor, baseline: Baseline) -> Figure:
     return figure
 
 
-_SOURCES = {"drift": " (Fig. 4.3)", "deadzone": " (Fig. 4.4)"}
+_SOURCES = {
+    "drift": " (Fig. 4.3, there at the start of the window)",
+    "deadzone": " (Fig. 4.4, there at the start of the window)",
+}
 
 
 def _norm(scenario: str, trials: list[Trial]) -> Figure:
-    """Draw a score in its unit: of the healthy record, and of every trial of a scenario."""
+    """Draw a score in its unit, at the times when it is known: of the healthy record, and of every trial."""
     baseline = trials[0].baseline
     monitor, healthy = baseline.monitor, norm_of(baseline.watch)
     assert healthy is not None
-    figure, axes = panels(1, 1, (9.0, 4.5))
+    figure, axes = panels(1, 1, (9.5, 4.5))
     axis = axes[0][0]
-    axis.plot(*_score_line(baseline), color=COLOURS["healthy"], lw=1.0, label="healthy", zorder=3)
+    axis.plot(healthy.known_s, healthy.values, color=COLOURS["healthy"], lw=2.2, label="healthy")
+    channels = list(dict.fromkeys(trial.channel for trial in trials))
+    counts = Counter(trial.channel for trial in trials)
     for i, (trial, repetition) in enumerate(zip(trials, repetitions(trials), strict=True)):
+        score = norm_of(trial.watch)
+        assert score is not None
         tint = colour(trial.channel, i)
-        style = _STYLES[repetition % len(_STYLES)]
-        axis.plot(*_score_line(trial), style, color=tint, lw=1.2, label=trial_label(trial))
+        style = _STYLES[(channels.index(trial.channel) + repetition) % len(_STYLES)]
+        every = f"{trial.channel}: {counted(counts[trial.channel], 'trial')}"
+        label = trial_label(trial) if len(trials) <= _MOST_NAMED else every
+        axis.plot(score.known_s, score.values, style, color=tint, lw=1.2, label=as_it_is(label))
         if trial.alarm_time_s is not None:
             axis.plot(trial.alarm_time_s, healthy.threshold, "v", color=tint, mec="k", ms=8, zorder=4)
     axis.axhline(healthy.threshold, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
+    axis.plot([], [], "v", color="w", mec="k", ms=8, label="alarm")
     for onset in sorted({trial.onset_s for trial in trials}):
         axis.axvline(onset, color="k", lw=0.8, ls=":", label=f"onset, {onset:g} s")
     axis.set_yscale("log")
     own = isinstance(monitor, NormMonitor)
-    when = "k Ts (s): start of the window" if own else "time (s) at which the score is known"
     window = f", w = {monitor.window}" if isinstance(monitor, NormMonitor) else ""
-    axis.set_xlabel(f"{when}; triangles: when the alarm could be raised")
+    axis.set_xlabel(f"time at which {as_it_is(healthy.name)} is known (s)")
     axis.set_ylabel(as_it_is(f"{healthy.name}{window} ({healthy.unit})"))
-    axis.legend(loc="upper left", fontsize="small")
+    one_legend(figure, [axis], columns=1, where="outside right upper")
     kinds = sorted({trial.fault for trial in trials})
     source = _SOURCES.get(kinds[0], "") if own and len(kinds) == 1 else ""
     under = ", ".join(kind.replace("_", " ") for kind in kinds)
-    figure.suptitle(as_it_is(f"{scenario}: {healthy.name} under {under}{source}"))
+    of = "" if under == scenario.replace("_", " ") else f"{scenario}: "
+    figure.suptitle(as_it_is(f"{of}{healthy.name} under {under}{source}"))
     return figure
-
-
-def _score_line(of: Baseline | Trial) -> tuple[FloatArray, FloatArray]:
-    """Return the one score over time: E(k) at k Ts, as the dissertation draws it, another when it is known."""
-    score = norm_of(of.watch)
-    assert score is not None
-    return (of.watch.record.time_s if isinstance(of.watch.monitor, NormMonitor) else score.known_s), score.values
 
 
 def _trials_figure(kind: str, scenario: str, trials: Sequence[Trial]) -> Figure:
@@ -216,9 +222,10 @@ def _shown_s(trial: Trial) -> Span:
 def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw levels on a logarithmic axis."""
     axis, colours, levels = axes[0], tints(trial.watch), []
-    for name, score in trial.watch.scores.items():
+    for i, (name, score) in enumerate(trial.watch.scores.items()):
         time_s, values = part(score.known_s, level(score), span)
-        axis.plot(time_s, np.maximum(values, LOWEST), color=colours[name], lw=1.1, label=as_it_is(f"level of {name}"))
+        style, label = _STYLES[i % len(_STYLES)], as_it_is(f"level of {name}")
+        axis.plot(time_s, np.maximum(values, LOWEST), style, color=colours[name], lw=1.1, label=label)
         levels.append(values)
     draw_threshold(axis, levels)
     axis.set_ylabel("level (alarm above 1)")
@@ -228,8 +235,8 @@ def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw the broken channel and the truth."""
     axis, name, flight = axes[0], trial.channel, trial.flight
     measured = part(trial.record.time_s, trial.record[name], span)
-    axis.plot(*measured, ".", color=COLOURS["healthy"], ms=2.5, label="measured")
-    axis.plot(*part(flight.time_s, flight[name], span), color="k", alpha=0.35, lw=2.4, label="true")
+    axis.plot(*measured, ".", color=COLOURS["healthy"], ms=3.5, label="measured")
+    axis.plot(*part(flight.time_s, flight[name], span), color="k", lw=0.8, zorder=3, label="true")
     axis.set_ylabel(with_unit(name, unit_of(name)))
 
 
@@ -240,10 +247,10 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     name, watch = trial.channel, trial.watch
     begun_s, virtual = part(watch.record.time_s, watch.virtual(name), span)
     if np.isfinite(watch.virtual(name)).any():
-        upper.plot(begun_s, virtual, color=COLOURS["virtual"], lw=1.2, label="virtual sensor")
+        upper.plot(begun_s, virtual, color=COLOURS["virtual"], lw=2.0, label="virtual sensor")
     else:
         note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
-        upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small")
+        upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small", bbox=_PAPER)
     time_s, true = part(trial.flight.time_s, trial.flight[name], span)
     _, measured = part(trial.record.time_s, trial.record[name], span)
     lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
