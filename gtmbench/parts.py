@@ -310,8 +310,9 @@ def _grown(known: Parts, items: Sequence[Any]) -> Parts:
     given, there = ({dumps(item): item for item in each} for each in (items, known.items))
     missing = next((item for key, item in there.items() if key not in given), None)
     if missing is not None:
+        name = missing[0] if isinstance(missing, list) else missing  # of a list, the first says which it is
         raise InputError(
-            f"{known.folder} holds another {known.what}: {shown(missing)} was there, and isn't (so) any more; put it "
+            f"{known.folder} holds another {known.what}: {name} was there, and isn't (so) any more; put it "
             "back, or give another --out"
         )
     new = [item for key, item in given.items() if key not in there]

@@ -138,7 +138,7 @@ def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, l
 
 
 BAD = {
-    "no log": (["nowhere.csv"], "nowhere.csv: No such file"),
+    "no log": (["nowhere.csv"], "nowhere.csv: no such file"),
     "no bank": (["log1.csv", "--bank", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
     "no json": (["log1.csv", "--out", "m.pkl"], "a monitor's file ends in .json"),
     "no folder": (["log1.csv", "--out", "nowhere/m.json"], "doesn't exist; create it first"),
@@ -160,7 +160,7 @@ BAD = {
     "no flights": (["--flights", "0"], "flights is 0; it must be a whole number, 1 or more"),
     "no excitation": (["--excitation", "loop"], "no excitation 'loop'"),
     "no seed": (["--seed", "-1"], "seed is -1"),
-    "a flight too long": (["--duration", "1e9"], "duration_s is 1000000000"),
+    "a flight too long": (["--duration", "1e9"], "--duration is 1e+09"),
     "a flight too short": (["--duration", "0.05", "--flights", "1"], "too short"),
 }
 

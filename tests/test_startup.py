@@ -49,7 +49,7 @@ def test_the_package_alone_loads_nothing():
 
 
 def first_lines(objects):
-    return {name: of.__doc__.strip().splitlines()[0] for name, of in objects.items()}
+    return {name: of.__doc__.strip().splitlines()[0].replace("``", "") for name, of in objects.items()}
 
 
 @pytest.mark.parametrize(
