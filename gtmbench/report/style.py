@@ -23,6 +23,12 @@ EVENTS = {  # of a log
 }
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 
+# of many lines in one plot of a recording, on black and on white
+HUES = (
+    *("#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#edc948", "#b07aa1", "#ff9da7", "#9c755f", "#8c8c8c"),
+    *("#1b9e77", "#d95f02", "#7570b3", "#e7298a", "#66a61e", "#e6ab02", "#a6761d", "#56b4e9", "#0072b2", "#cc79a7"),
+)
+
 # of lines that are told apart whoever looks: Okabe and Ito's colours, and strokes that print in black
 _HUES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 _DASHES = ("-", "--", "-.", ":")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -47,7 +47,13 @@ def beside_labels(count: int) -> tuple[float, float]:
     return width, height * max(count / _MOST_LABELS, 1.0)
 
 
-def one_legend(figure: Figure, axes: Sequence[Axes], *, columns: int, where: str = "outside lower center") -> None:
+def one_legend(
+    figure: Figure,
+    axes: Sequence[Axes],
+    *,
+    columns: int,
+    where: Literal["outside lower center", "outside right upper"] = "outside lower center",
+) -> None:
     """Give a figure one legend, outside of its axes: what stands on several axes is named once."""
     shown: dict[str, Artist] = {}
     for axis in axes:

@@ -12,7 +12,7 @@ from gtmbench.detectors.virtual import ANGLES
 from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.rescued import TINTS, moments, shown_flight
-from gtmbench.report.scene import PLANE, Scene
+from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.rescue import Rescue
@@ -86,9 +86,10 @@ def _draw_aircraft(space: Axes3D, scene: Scene, heading_deg: float, length: floa
     rows = np.arange(every // 2, len(flight), every)
     turns = Rotation.from_quat(scene.quaternions[rows])
     for i, row in enumerate(rows):
-        parts = [_drawn(turns[i].apply(length * part) + place_ft[row], heading_deg) for part in PLANE.values()]
-        plane = Poly3DCollection(parts, facecolors=[_LIGHT, scene.tint, _DARK], edgecolors=_DARK, linewidths=0.3)
-        space.add_collection3d(plane)
+        for part, tint in zip(AIRCRAFT.values(), (_LIGHT, scene.tint, _DARK), strict=True):
+            corners = turns[i].apply(length * part.reshape(-1, 3)) + place_ft[row]
+            triangles = list(_drawn(corners, heading_deg).reshape(part.shape))
+            space.add_collection3d(Poly3DCollection(triangles, facecolors=tint, edgecolors=tint, linewidths=0.2))
 
 
 def _draw_moments(space: Axes3D, scene: Scene, way: FloatArray, beyond_ft: float) -> None:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import cycle, groupby
 
 import rerun as rr
 import rerun.blueprint as rrb
 
+from gtmbench.bench.attitude_filter import ATTITUDE
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Score, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
 from gtmbench.record import Record, Span
-from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, sensor_entity, whole
+from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
+from gtmbench.report.style import HUES
 from gtmbench.report.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
@@ -24,6 +26,8 @@ from gtmbench.study.trial import Baseline, Trial
 
 _BESIDE = 3  # trials on a page
 _MOST_SIGNALS = 6  # of a log on a page
+_EYE = (-1.1, 0.7, -0.6)  # of who looks at the aircraft, in its lengths: behind, to the right, above
+_LEGEND = 0.3  # of a plot's span, before its beginning
 
 Page = Sequence[tuple[Trial, str]]  # trials of a scenario, each with its entity
 
@@ -44,14 +48,27 @@ def opened(*tabs: rrb.Container) -> rrb.Blueprint:
 
 
 def plot(
-    name: str, entities: Sequence[str], shown_s: Span, *, top: float | None = None, legend: bool = True
+    name: str,
+    entities: Sequence[str],
+    shown_s: Span,
+    *,
+    top: float | None = None,
+    legend: bool = True,
+    told_apart: Sequence[str] = (),
 ) -> rrb.TimeSeriesView:
-    """Return a plot over a span in seconds; with `top`, its axis runs from 0 to it."""
+    """Return a plot over a span in seconds; with `top`, its axis runs from 0 to it. A legend has room of its own.
+
+    Entities that are `told_apart` have a colour each in this plot, whatever theirs is elsewhere.
+    """
+    start_s, end_s = shown_s
+    if legend:
+        start_s -= _LEGEND * (end_s - start_s)
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
         contents=shown(entities),
-        axis_x=_time_axis(shown_s),  # without it a plot shows a minute around the cursor
+        overrides={path: rr.SeriesLines(colors=rgb(tint)) for path, tint in zip(told_apart, cycle(HUES), strict=False)},
+        axis_x=_time_axis((start_s, end_s)),  # without it a plot shows a minute around the cursor
         axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
     )
@@ -72,8 +89,12 @@ def event_log(*entities: str) -> rrb.TextLogView:
     columns = [
         rrb.encodings.TextLogColumn(kind, visible=kind != "EntityPath") for kind in ("EntityPath", "LogLevel", "Body")
     ]
+    hidden = rrb.encodings.TimelineColumn(TIMELINE, visible=False)  # it counts from the cursor; the words hold seconds
     return rrb.TextLogView(
-        name="events", origin="/", contents=shown(entities), columns=rrb.TextLogColumns(text_log_columns=columns)
+        name="events",
+        origin="/",
+        contents=shown(entities),
+        columns=rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=columns),
     )
 
 
@@ -161,7 +182,7 @@ def _norms(placed: Placed, norm: Score) -> rrb.Container:
         residuals += [f"{path}/residual" for path in paths]
     if baseline.watch.residuals:
         entities = [*residuals, f"{root}/healthy/residual"]
-        plots.append(plot(f"residual e(k) ({norm.unit})", entities, shown_s, legend=False))
+        plots.append(plot(f"residual e(k) ({norm.unit})", entities, shown_s, told_apart=residuals))
     grid = rrb.Grid(*plots, grid_columns=2 if len(plots) > 2 else 1)
     return beside(grid, event_log(f"{root}/events"), "Alarms")
 
@@ -226,15 +247,37 @@ def _flight_sensors(placed: Placed) -> rrb.Container:
     plots = [plot(f"{group}: true and measured", [f"/sensors/{group}", f"/truth/{group}"], shown_s) for group in GROUPS]
     surfaces = plot("surface commands", ["/surfaces"], shown_s)
     measured = [f"{path}/measured" for _, path in placed.trials]
-    broken = plot("broken channels, one trial each", measured, shown_s, legend=False)
+    broken = plot("broken channels, one trial each", measured, shown_s, told_apart=measured)
     return _in_pairs([*plots, surfaces, broken], "Sensors")
 
 
 def _path() -> rrb.Container:
-    """Return the flight in space: the way flown, and the aircraft from near by."""
-    path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/path")
-    attitude = rrb.Spatial3DView(name="attitude: north, east, down", origin="/attitude")
-    return rrb.Horizontal(path, attitude, column_shares=[3, 2], name="Path")
+    """Return the flight in space: the way flown, the aircraft from near by, and its attitude in figures."""
+    path = rrb.Spatial3DView(
+        name="flight path (ft), the aircraft drawn large", origin="/path", line_grid=rrb.LineGrid3D(visible=True)
+    )
+    return rrb.Horizontal(path, _attitude(["/truth/attitude"], ["/truth/heading"]), column_shares=[3, 2], name="Path")
+
+
+def _attitude(angles: Sequence[str], heading: Sequence[str]) -> rrb.Container:
+    """Return the aircraft from near by, above what its angles read about the cursor."""
+    turned = rrb.Spatial3DView(
+        name="attitude",
+        origin="/attitude",
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, -1.0)),
+    )
+    plots = [
+        rrb.TimeSeriesView(name=in_unit(name, "phi"), origin="/", contents=shown(entities), axis_x=_about_cursor())
+        for name, entities in (("attitude", angles), ("heading", heading))
+    ]
+    return rrb.Vertical(turned, *plots, row_shares=[4, 1, 1], name="Attitude")
+
+
+def _about_cursor() -> rrb.TimeAxis:
+    sides = (rr.TimeRangeBoundary.cursor_relative(seconds=time_s) for time_s in (-10.0, 10.0))
+    start, end = sides
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
 # a watched log
@@ -251,7 +294,14 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     residuals, scores = residuals_of(watched), scores_of(watched)
     roots = {name: [""] for name in [*scores, *residuals]}
     plots = _judged(roots, residuals, scores, "/threshold", span)
-    return opened(*pages, *([_in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span))
+    turned = [_log_attitude()] if set(ATTITUDE) <= set(watched.log.channels) else []
+    return opened(*pages, *([_in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span), *turned)
+
+
+def _log_attitude() -> rrb.Container:
+    """Return a log's aircraft as it is turned, with what was said beside it."""
+    angles, heading = [sensor_entity("phi"), sensor_entity("theta")], [sensor_entity("psi")]
+    return beside(_attitude(angles, heading), event_log("/events"), "Attitude")
 
 
 def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:

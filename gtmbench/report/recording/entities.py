@@ -29,8 +29,10 @@ TIMELINE = "time"  # seconds of the flight, to the nanosecond
 GROUPS = {
     "rates": ("p", "q", "r"),
     "wind": ("alpha", "beta"),
-    "attitude": ("phi", "theta", "psi"),
-    "load": ("nx", "ny", "nz"),
+    "attitude": ("phi", "theta"),
+    "heading": ("psi",),  # goes round, and nz is 1 g and more: what moves less would lie flat beside them
+    "load": ("nx", "ny"),
+    "lift": ("nz",),
     "speed": ("tas",),
     "altitude": ("altitude",),
 }
@@ -163,10 +165,18 @@ def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def log_line(
-    recording: rr.RecordingStream, entity: str, signal: Signal, name: str, tint: str, *, channel: str = ""
+    recording: rr.RecordingStream,
+    entity: str,
+    signal: Signal,
+    name: str,
+    tint: str,
+    *,
+    channel: str = "",
+    width: float = 1.5,
 ) -> None:
     """Send one line, as `log_lines` does several."""
-    log_lines(recording, entity, *signal, [name], [tint], channels=[channel] if channel else ())
+    channels = [channel] if channel else ()
+    log_lines(recording, entity, *signal, [name], [tint], channels=channels, width=width)
 
 
 def joined(parts: Sequence[Signal], sample_period_s: float) -> Signal:

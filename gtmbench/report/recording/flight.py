@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import rerun as rr
 
+from gtmbench.bench.attitude_filter import ATTITUDE
 from gtmbench.channels import SURFACES
 from gtmbench.record import Record
 from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, rgb, set_time, times
-from gtmbench.report.scene import PLANE, Scene
+from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.style import colour
 
 _STEP = 10  # samples between two poses: 10 a second
 _SHARE_OF_PATH = 0.12  # the aircraft's size on the path, so that it is seen where the whole path fits
+_POSE_S, _MOST_POSES = 0.1, 20_000  # of a log
+_AXES = [150, 150, 150]
 _TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}
 
 
@@ -50,10 +53,12 @@ def log_scene(recording: rr.RecordingStream, *scenes: Scene) -> None:
     size = max(_SHARE_OF_PATH * max(float(np.ptp(scene.place_ft, axis=0).max()) for scene in scenes), 1.0)
     for root in ("/path", "/attitude"):
         recording.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
+    _log_axes(recording, "/path/axes", 0.8 * size)
+    _log_axes(recording, "/attitude/axes", 0.8)
     for i, scene in enumerate(scenes):
         below, shown = f"/{scene.name}" * bool(scene.name), slice(None, None, _STEP)
         when, place = times(scene.flight.time_s[shown]), scene.place_ft[shown]
-        turn = scene.quaternions[shown]
+        turn = scene.turned(shown)
         way = rr.LineStrips3D([place], colors=[rgb(scene.tint)], radii=rr.Radius.ui_points(1.5))
         recording.log(f"/path{below}/flown", way, static=True)
         _log_moments(recording, f"/path{below}/moments", scene, 0.7 * size * (1.0 if i % 2 == 0 else -1.0))
@@ -79,10 +84,37 @@ def _log_moments(recording: rr.RecordingStream, entity: str, scene: Scene, apart
         recording.log(f"{entity}/{i}/told", told)
 
 
+def log_attitude(recording: rr.RecordingStream, segments: Sequence[Record]) -> None:
+    """Log ``/attitude``, the aircraft of a log as it is turned, as far as the log has phi, theta and psi."""
+    recording.log("/attitude", rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
+    recording.log("/attitude/aircraft", _aircraft(1.0, _TINTS), static=True)
+    _log_axes(recording, "/attitude/axes", 0.8)
+    samples = sum(map(len, segments))
+    for flight in segments:
+        step = max(round(_POSE_S / flight.sample_period_s), samples // _MOST_POSES, 1)
+        shown = slice(None, None, step)
+        known = np.isfinite(flight.matrix(ATTITUDE)[shown]).all(axis=1)
+        if known.any():
+            poses = rr.Transform3D.columns(quaternion=Scene(flight=flight).turned(shown)[known])
+            recording.send_columns("/attitude/aircraft", indexes=[times(flight.time_s[shown][known])], columns=poses)
+
+
+def _log_axes(recording: rr.RecordingStream, entity: str, length: float) -> None:
+    """Log which way is north, east and down."""
+    arrows = rr.Arrows3D(
+        vectors=length * np.eye(3), labels=["north", "east", "down"], colors=[_AXES], radii=rr.Radius.ui_points(1.0)
+    )
+    recording.log(entity, arrows, static=True)
+
+
 def _aircraft(scale: float, tints: Mapping[str, list[int]]) -> rr.Mesh3D:
-    corners = np.concatenate(list(PLANE.values())) * scale
+    triangles = np.concatenate(list(AIRCRAFT.values()))
+    corners = scale * triangles.reshape(-1, 3)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return rr.Mesh3D(
         vertex_positions=corners,
         triangle_indices=np.arange(len(corners)).reshape(-1, 3),
-        vertex_colors=[tints[part] for part in PLANE for _ in range(3)],
+        vertex_normals=np.repeat(normals / lengths, 3, axis=0),
+        vertex_colors=[tints[part] for part, of in AIRCRAFT.items() for _ in range(3 * len(of))],
     )

@@ -17,7 +17,7 @@ entity                                      holds
 A study holds shared signals once, and every trial under ``/trials/SCENARIO/LABEL``:
 
 ==========================================  ===========================================================
-``/truth/GROUP``, ``/sensors/GROUP``        channels of a group (rates, wind, attitude, load, speed, altitude)
+``/truth/GROUP``, ``/sensors/GROUP``        channels of a group: rates, wind, attitude, heading, ...
 ``/surfaces``                               elevator, aileron and rudder commands, deg
 ``/path``, ``/attitude``                    the way flown in ft (north, east, down); the aircraft's attitude
 ``/healthy/verdict``                        false alarms and the hours watched
@@ -55,6 +55,7 @@ A watched log, on the log's clock; no line runs over a gap between samples or se
 ==========================================  ===========================================================
 ``/sensors/GROUP/CHANNEL``                  the log's channels; GROUP: rates, wind, attitude, ..., other
 ``/virtual/CHANNEL``                        what those that are predicted, or failed, should have read
+``/attitude``                               the aircraft as it is turned, where the log says that
 ``/began``, ``/alarm``, ``/named``          a point an alarm; ``named``: when the sensor was named
 ``/state``                                  what became of every stretch: watched, or why not
 ``/events``                                 remarks, a log's events, stretches, alarms, judgements, the outcome
@@ -70,6 +71,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from gtmbench.bench.attitude_filter import ATTITUDE
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
@@ -102,7 +104,7 @@ from gtmbench.report.recording.entities import (
     trial_tints,
     whole,
 )
-from gtmbench.report.recording.flight import log_scene, log_sensors
+from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.scene import Scene
 from gtmbench.report.scores import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
@@ -128,6 +130,8 @@ from gtmbench.study.log.watch import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
+_MEASURED, _VIRTUAL = 2.5, 1.0  # of lines that lie on each other: both are to be seen
+_MOST_ONSETS = 3  # on the way flown
 _OUTCOME = (
     "outcome",
     "exit_code",
@@ -150,13 +154,22 @@ def write_recording(study: Study, path: Path) -> None:
     name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
     with recorded(path, name, study_blueprint(placed)) as recording:
         log_sensors(recording, baseline.flight, baseline.healthy)
-        log_scene(recording, Scene(flight=baseline.flight))
+        log_scene(recording, Scene(flight=baseline.flight, moments=_moments(study)))
         for detector in placed:
             norm = norm_of(detector.baseline.watch)
             if norm is None:
                 _log_scores(recording, detector)
             else:
                 _log_norm(recording, detector, norm)
+
+
+def _moments(study: Study) -> list[tuple[float, str]]:
+    """Return what is marked on the way: when faults begin, and the first alarm of all trials."""
+    onsets_s = sorted({trial.onset_s for trial in study.trials})
+    alarms_s = [trial.alarm_time_s for trial in study.trials if trial.alarm_time_s is not None]
+    flown = [time_s for time_s in onsets_s if time_s <= study.baseline.flight.end_s]
+    marks = [(time_s, f"faults begin, {time_s:g} s") for time_s in flown[:_MOST_ONSETS]]
+    return marks + [(time_s, f"first alarm, {time_s:.2f} s") for time_s in sorted(alarms_s)[:1]]
 
 
 def _placed(study: Study, baseline: Baseline) -> Placed:
@@ -254,7 +267,7 @@ def _log_measured(
     recording: rr.RecordingStream, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
     measured = part(trial.record.time_s, trial.record[trial.channel], span)
-    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel)
+    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel, width=_MEASURED)
 
 
 def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
@@ -268,14 +281,15 @@ def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span
 def _log_virtual(recording: rr.RecordingStream, entity: str, virtual: Signal, name: str, channel: str) -> None:
     """Log what a channel should have read, where that is known of any sample."""
     if np.isfinite(virtual[1]).any():
-        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel)
+        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel, width=_VIRTUAL)
 
 
 def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: str, watch: Watch) -> None:
     """Log e(k) of every output, where there are residuals, in one colour."""
     outputs = list(watch.residuals)
     if outputs:
-        names = [in_unit(f"{label}, e of {output}", output) for output in outputs]
+        several = len(outputs) > 1
+        names = [in_unit(f"{label}, e of {output}" if several else label, output) for output in outputs]
         values = np.column_stack([watch.residuals[output] for output in outputs])
         colours = [tint] * len(outputs)
         log_lines(recording, f"{root}/residual", watch.record.time_s, values, names, colours, channels=outputs)
@@ -297,6 +311,8 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
     name = f"{printable(watched.log.path.name)}: {title_text(watched.monitor)}"
     with recorded(path, name, log_blueprint(watched)) as recording:
         _log_segments(recording, watched)
+        if set(ATTITUDE) <= set(watched.log.channels):
+            log_attitude(recording, watched.log.segments)
         if watched.watches:
             _log_virtual_sensors(recording, watched)
             colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
@@ -314,7 +330,7 @@ def _log_segments(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     for name in log.channels:
         measured = joined([(segment.time_s, segment[name]) for segment in log.segments], log.sample_period_s)
         label = in_unit(f"{name} measured", name)
-        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name)
+        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name, width=_MEASURED)
 
 
 def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
