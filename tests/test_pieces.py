@@ -8,6 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench import pieces as by_piece
 from gtmbench.channels import header_of
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.open import open_log
 from gtmbench.pieces import deviation, pieces, rms
@@ -175,6 +176,33 @@ def test_a_record_that_nobody_can_write_to_is_not_copied():
     kept = gb.Record(view, channels=whole.channels, sample_period_s=0.02)
     writable[0, 0] = 99.0
     assert kept.values[0, 0] != 99.0
+
+
+def test_witnesses_are_laid_beside_the_channels_without_a_copy(tmp_path):
+    columns = (*CHANNELS, *ACCELEROMETERS)
+    values = np.random.default_rng(6).standard_normal((3000, len(columns)))
+    path = tmp_path / "log.parquet"
+    gb.write_log(gb.Record(values, channels=columns, sample_period_s=0.01), path)
+    (segment,) = open_log(path, needs=CHANNELS, witnesses=ACCELEROMETERS).segments
+    assert segment.channels == columns
+    np.testing.assert_array_equal(segment.values, values)
+    assert segment.values.base is not None  # what was read, seen as a record
+
+
+def test_a_witness_with_samples_missing_stands_where_it_stood(tmp_path):
+    frame = _frame(record(3000, seed=74)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2, nz_g=1.0)
+    frame["nz_g"] += np.linspace(0.0, 1.0, 3000)
+    frame.loc[100:400, "nz_g"] = np.nan  # it keeps its table's stamps; ny has stamps of its own
+    frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
+    path = tmp_path / "log.parquet"
+    frame.to_parquet(path, index=False)
+    (segment,) = open_log(path, needs=CHANNELS, witnesses=("nz", "ny", "nx")).segments
+    (alone,) = open_log(path, needs=CHANNELS).segments
+    assert segment.channels == (*CHANNELS, "nz", "ny", "nx")
+    np.testing.assert_array_equal(segment.matrix(CHANNELS), alone.values)
+    np.testing.assert_array_equal(segment["nz"], frame["nz_g"])
+    np.testing.assert_allclose(segment["nx"], 0.1)
+    assert np.nanmax(np.abs(segment["ny"] - 0.2)) < 1e-12
 
 
 def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
