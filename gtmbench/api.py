@@ -78,7 +78,8 @@ from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
 from gtmbench.study.log.inject import ChangedColumn, inject_log
 from gtmbench.study.log.truth import ScoredLog, score_log
-from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
+from gtmbench.study.log.watch import bank_between, watch_log
+from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score

@@ -22,7 +22,7 @@ from gtmbench.record import Span
 
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
-    from gtmbench.study.log.watch import WatchedLog
+    from gtmbench.study.log.watched import WatchedLog
 
 
 @click.command("monitor")
