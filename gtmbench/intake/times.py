@@ -38,20 +38,31 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     """
     if raw.clocks and mapped is None:
         return raw
+    series, stated, per_second = time_column(raw, mapped)
+    beyond = beyond_seconds(raw, series)
+    if beyond is not None:
+        return _in_two_columns(raw, series, *beyond)
+    clocks, since = in_seconds({series.clock: series.load()}, per_second)
+    rest = tuple(other for other in raw.series if other is not series)
+    return replace(raw, series=rest, time=(series.name, stated)).with_clocks(
+        clocks, f"time: column '{series.name}' in {stated}", *since
+    )
+
+
+def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:
+    """Return the column that tells the time, or its whole seconds, its unit, and how many of it are a second."""
     series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
     known = unit(meaning.unit)
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     if meaning.late_s:
         raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    beyond = _beyond_seconds(series, _by_lower_name(raw))
-    if beyond is not None:
-        return _in_two_columns(raw, series, *beyond)
-    clocks, since = in_seconds({series.clock: series.load()}, known.factor)
-    rest = tuple(other for other in raw.series if other is not series)
-    return replace(raw, series=rest, time=(series.name, meaning.unit)).with_clocks(
-        clocks, f"time: column '{series.name}' in {meaning.unit}", *since
-    )
+    return series, meaning.unit, known.factor
+
+
+def beyond_seconds(raw: RawLog, seconds: RawSeries) -> tuple[RawSeries, float] | None:
+    """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
+    return _beyond_seconds(seconds, _by_lower_name(raw))
 
 
 def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
@@ -59,7 +70,6 @@ def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
 
 
 def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple[RawSeries, float] | None:
-    """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
     told = _WHOLE.fullmatch(seconds.name)
     if told is None:
         return None
