@@ -281,3 +281,13 @@ def test_a_csv_is_not_read_row_by_row(tmp_path):
     gb.write_log(record(500), tmp_path / "log.csv")
     with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
         list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))
+
+
+def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pieces):
+    frame = _frame(record(900, seed=76)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2)
+    frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
+    frame.to_parquet(tmp_path / "log.parquet", index=False)
+    in_pieces(400)
+    chunks = list(live_chunks(tmp_path / "log.parquet", 0.02, needs=CHANNELS, witnesses=ACCELEROMETERS))
+    assert {chunk.channels for chunk in chunks} == {(*CHANNELS, "nx")}
+    assert sum(map(len, chunks)) == 900

@@ -144,7 +144,7 @@ def live_chunks(
     """
     path, columns = Path(path), split_mapping(mapping)
     raw = read_raw(path)
-    with naming(path), np.errstate(all="ignore"):
+    with naming(path):
         time, per_second = _time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, needs)
         chosen += choose_of([name for name in witnesses if name not in needs], raw, columns)
@@ -154,18 +154,17 @@ def live_chunks(
         turns, origin = Turns(), None
         for batch in _batches(raw, [time, *(choice.series.name for choice in chosen)]):
             stamps = batch[time]
-            values = np.column_stack([_brought(choice, batch, turns) for choice in chosen])
-            if clock is None:
-                origin = origin_of(stamps, per_second)
-                chosen_rows = [place for place, choice in enumerate(chosen) if _fits(stamps, values[:, place])]
-                absent = [choice.channel for place, choice in enumerate(chosen) if place not in chosen_rows]
-                if set(absent) & {*needs}:
-                    raise InputError(f"{', '.join(absent)}: samples at stamps of their own; {_WHOLE}")
-                channels = [chosen[place].channel for place in chosen_rows]
-                _check_fresh(channels, values[:, chosen_rows])
-                clock = LiveClock(channels, sample_period_s)
-            time_s = (stamps if origin is None else stamps - origin).astype(np.float64) / per_second
-            yield from clock.push(time_s, values[:, chosen_rows])
+            with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
+                values = np.column_stack([_brought(choice, batch, turns) for choice in chosen])
+                if clock is None:
+                    origin = origin_of(stamps, per_second)
+                    chosen, values = _shared(chosen, needs, stamps, values)
+                    channels = [choice.channel for choice in chosen]
+                    _check_fresh(channels, values)
+                    clock = LiveClock(channels, sample_period_s)
+                time_s = (stamps if origin is None else stamps - origin).astype(np.float64) / per_second
+                chunks = clock.push(time_s, values)
+            yield from chunks
 
 
 def _time(raw: RawLog, mapped: str | None) -> tuple[str, float]:
@@ -191,9 +190,16 @@ def _brought(choice: Chosen, batch: Mapping[str, NDArray[Any]], turns: Turns) ->
     return values
 
 
-def _fits(stamps: NDArray[Any], values: FloatArray) -> bool:
-    """Tell whether a column shares the table's stamps, as far as its first piece shows."""
-    return own_rows(stamps.astype(np.float64), np.isfinite(values)) is None
+def _shared(
+    chosen: Sequence[Chosen], needs: Sequence[str], stamps: NDArray[Any], values: FloatArray
+) -> tuple[list[Chosen], FloatArray]:
+    """Return the channels that share the table's stamps, as far as their first piece shows; a needed one has to."""
+    at = stamps.astype(np.float64)
+    own = [own_rows(at, np.isfinite(column)) is not None for column in values.T]
+    alone = [choice.channel for choice, is_own in zip(chosen, own, strict=True) if is_own and choice.channel in needs]
+    if alone:
+        raise InputError(f"{', '.join(alone)}: samples at stamps of their own; {_WHOLE}")
+    return [choice for choice, is_own in zip(chosen, own, strict=True) if not is_own], values[:, ~np.array(own)]
 
 
 def _check_fresh(channels: Sequence[str], values: FloatArray) -> None:

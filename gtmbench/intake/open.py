@@ -108,7 +108,7 @@ def _opened(
 ) -> FlightLog:
     raw = with_time(raw, columns.pop("time", None))
     chosen = choose(raw, columns, needs)
-    left_out = of_no_use(chosen, raw.clocks)
+    left_out = of_no_use(chosen, raw)
     if needs is None:
         chosen = [choice for choice in chosen if choice.channel not in left_out] or chosen
     elif left_out and len(left_out) < len(chosen):

@@ -144,14 +144,13 @@ def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
     return {name: spans[name] for _, names in groups[1:] for name in names}
 
 
-def of_no_use(chosen: Sequence[Chosen], clocks: Mapping[str, FloatArray]) -> dict[str, str]:
+def of_no_use(chosen: Sequence[Chosen], raw: RawLog) -> dict[str, str]:
     """Return the channels that can't be brought to the others' clock, and why: another time, or hardly a sample."""
-    away = elsewhere(
-        {choice.series.clock: clocks[choice.series.clock] for choice in chosen if choice.series.clock in clocks}
-    )
+    clocks = {choice.series.clock for choice in chosen} & raw.clocks.keys()
+    away = elsewhere({name: time_s for name, time_s in raw.clocks.items() if name in clocks})
     no_use = {}
     for choice in chosen:
-        count = int(np.count_nonzero(np.isfinite(choice.series.values())))
+        count = _counted(raw, choice.series)
         if choice.series.clock in away:
             start_s, end_s = away[choice.series.clock]
             no_use[choice.channel] = (
@@ -160,3 +159,13 @@ def of_no_use(chosen: Sequence[Chosen], clocks: Mapping[str, FloatArray]) -> dic
         elif count < FEWEST:
             no_use[choice.channel] = f"'{choice.series.name}' holds {count} samples; at least {FEWEST} are needed"
     return no_use
+
+
+def _counted(raw: RawLog, series: RawSeries) -> int:
+    """Return how many samples a column holds, as far as that they are few."""
+    count = 0
+    for values in raw.parts(series):
+        count += int(np.count_nonzero(np.isfinite(values)))
+        if count >= FEWEST:
+            break
+    return count

@@ -45,7 +45,7 @@ def read_parquet(path: Path) -> RawLog:
 def _batches(path: Path, names: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:
     import pyarrow.parquet as pq
 
-    with reading(path, "Parquet table"), pq.ParquetFile(path) as table:
+    with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
         for batch in table.iter_batches(columns=list(names), batch_size=rows_of_piece()):
             yield {name: _numbers(batch.column(name), None) for name in names}
 
@@ -54,7 +54,7 @@ def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with reading(path, "Parquet table"), pq.ParquetFile(path) as table:
+    with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
         values: NDArray[Any] | None = None
         first = 0
         for batch in table.iter_batches(
