@@ -27,7 +27,7 @@ from gtmbench.processes import spread
 from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
 from gtmbench.report.tables.targets import Target, held, is_missed
-from gtmbench.study.log.watch import Outcome
+from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 from recorded.faults import CANT_TELL, EITHER_OR, NAMED, NOTHING, WRONG
 from recorded.flights import LogFile, SyntheticLog

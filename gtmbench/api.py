@@ -77,8 +77,10 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
 from gtmbench.study.log.inject import ChangedColumn, inject_log
+from gtmbench.study.log.live import watch_live
 from gtmbench.study.log.truth import ScoredLog, score_log
-from gtmbench.study.log.watch import Outcome, WatchedLog, bank_between, watch_log
+from gtmbench.study.log.watch import bank_between, watch_log
+from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
@@ -231,6 +233,7 @@ __all__ = [
     "trim",
     "watch",
     "watch_fleet",
+    "watch_live",
     "watch_log",
     "windowed_norm",
     "write_log",

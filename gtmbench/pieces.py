@@ -40,6 +40,43 @@ def joined(parts: Sequence[NDArray[Any]], empty: DTypeLike) -> NDArray[Any]:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=empty)
 
 
+def beside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return columns beside each other, as a matrix nobody can write to; without a copy where they lie so already.
+
+    >>> whole = np.zeros((100, 3), order="F")
+    >>> np.shares_memory(beside([whole[10:, :2], whole[10:, 2:]]), whole), beside([whole[:, :1], whole[:, 2:]]).shape
+    (True, (100, 2))
+    """
+    count = sum(part.shape[1] for part in parts)
+    matrix = parts[0] if len(parts) == 1 else _as_they_lie(parts, count)
+    if matrix is None:
+        matrix = np.empty((len(parts[0]), count), dtype=parts[0].dtype, order="F")
+        first = 0
+        for part in parts:
+            matrix[:, first : first + part.shape[1]] = part
+            first += part.shape[1]
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _as_they_lie(parts: Sequence[NDArray[Any]], count: int) -> NDArray[Any] | None:
+    """Return the columns of one matrix that some parts of it are, one after the other; None where they aren't."""
+    base = parts[0].base
+    if not isinstance(base, np.ndarray) or base.ndim != 2 or not base.flags.f_contiguous:
+        return None
+    places = [divmod((_address(part) - _address(base)) // base.itemsize, len(base)) for part in parts]
+    (first, row), column = places[0], places[0][0]
+    for part, place in zip(parts, places, strict=True):
+        if part.base is not base or place != (column, row) or part.strides != base.strides:
+            return None
+        column += part.shape[1]
+    return base[row : row + len(parts[0]), first : first + count]
+
+
+def _address(array: NDArray[Any]) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
 def deviation(columns: Iterable[FloatArray]) -> float:
     """Return the standard deviation of columns that follow each other, their missing samples left out; NaN of none.
 

@@ -15,7 +15,8 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.segments import Track, cut
 from gtmbench.study.healthy_records import logged_records
-from gtmbench.study.log.watch import Outcome, watch_log
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import Outcome
 from tests import clocked_logs as logs
 from tests.clocked_logs import ATTITUDE, GYRO, messages, without
 

@@ -14,7 +14,8 @@ import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.records import first_part, healthy_spans, within, without
-from gtmbench.study.log.watch import Outcome, bank_between, watch_log
+from gtmbench.study.log.watch import bank_between, watch_log
+from gtmbench.study.log.watched import Outcome
 from tests.airliner import airliner
 
 C = gb.load_bank("C")

@@ -8,11 +8,15 @@ import pytest
 import gtmbench as gb
 from gtmbench import pieces as by_piece
 from gtmbench.channels import header_of
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.errors import InputError
 from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.live import LiveClock, live_chunks
 from gtmbench.intake.open import open_log
 from gtmbench.pieces import deviation, pieces, rms
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
+from gtmbench.study.log.live import watch_live
 from gtmbench.study.log.self_check.motion import slow_motion, slow_pieces
 from gtmbench.study.log.watch import watch_log
 from tests.monitors import monitor, record
@@ -177,6 +181,33 @@ def test_a_record_that_nobody_can_write_to_is_not_copied():
     assert kept.values[0, 0] != 99.0
 
 
+def test_witnesses_are_laid_beside_the_channels_without_a_copy(tmp_path):
+    columns = (*CHANNELS, *ACCELEROMETERS)
+    values = np.random.default_rng(6).standard_normal((3000, len(columns)))
+    path = tmp_path / "log.parquet"
+    gb.write_log(gb.Record(values, channels=columns, sample_period_s=0.01), path)
+    (segment,) = open_log(path, needs=CHANNELS, witnesses=ACCELEROMETERS).segments
+    assert segment.channels == columns
+    np.testing.assert_array_equal(segment.values, values)
+    assert segment.values.base is not None  # what was read, seen as a record
+
+
+def test_a_witness_with_samples_missing_stands_where_it_stood(tmp_path):
+    frame = _frame(record(3000, seed=74)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2, nz_g=1.0)
+    frame["nz_g"] += np.linspace(0.0, 1.0, 3000)
+    frame.loc[100:400, "nz_g"] = np.nan  # it keeps its table's stamps; ny has stamps of its own
+    frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
+    path = tmp_path / "log.parquet"
+    frame.to_parquet(path, index=False)
+    (segment,) = open_log(path, needs=CHANNELS, witnesses=("nz", "ny", "nx")).segments
+    (alone,) = open_log(path, needs=CHANNELS).segments
+    assert segment.channels == (*CHANNELS, "nz", "ny", "nx")
+    np.testing.assert_array_equal(segment.matrix(CHANNELS), alone.values)
+    np.testing.assert_array_equal(segment["nz"], frame["nz_g"])
+    np.testing.assert_allclose(segment["nx"], 0.1)
+    assert np.nanmax(np.abs(segment["ny"] - 0.2)) < 1e-12
+
+
 def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
     path, whole, _ = log
     in_pieces(2048)
@@ -186,3 +217,77 @@ def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
     assert seconds == sorted(seconds)
     assert len(seconds) > 5
     assert told[-1][1] == told[-1][2] == round(sum(len(each) for each in whole.log.segments) * 0.02)
+
+
+def _told(pieces_of_alarms):
+    """Return alarms as they were last told, one stream after the other."""
+    return {(alarm.number, alarm.time_s): alarm for piece in pieces_of_alarms for alarm in piece}
+
+
+@pytest.mark.parametrize("rows", AWKWARD)
+@pytest.mark.parametrize("make", [_healthy, _faulty])
+def test_a_log_that_comes_in_row_by_row_raises_the_alarms_of_the_whole(make, rows, tmp_path, in_pieces):
+    path = tmp_path / "log.parquet"
+    frame = make()
+    frame = frame.drop(index=[2000, 4444, *range(11_000, 11_100)])  # two samples left out, and a gap
+    frame = pd.concat([frame, frame.iloc[[700]]]).sort_values("time_s", kind="stable")  # and a row sent twice
+    frame.rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
+    in_pieces(ALL)
+    whole = watch_log(path, monitor())
+    in_pieces(rows)
+    told = _told(watch_live(path, monitor()))
+    alarms = [alarm for watch in whole.watches for alarm in watch.alarms]
+    assert [(alarm.time_s, alarm.source, alarm.sensor) for alarm in told.values()] == [
+        (alarm.time_s, alarm.source, alarm.sensor) for alarm in alarms
+    ]
+    assert bool(alarms) == (make is _faulty)
+    joined = list(live_chunks(path, 0.02, needs=CHANNELS))
+    for segment in whole.log.segments:
+        own = [chunk for chunk in joined if segment.start_s - 0.01 < chunk.start_s < segment.end_s]
+        np.testing.assert_array_equal(np.concatenate([chunk.values for chunk in own]), segment.select(CHANNELS).values)
+        np.testing.assert_array_equal(np.concatenate([chunk.there for chunk in own]), segment.select(CHANNELS).there)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda frame: frame.assign(time_s=frame["time_s"] * 1.001), "drifts; open the log as a whole"),
+        (lambda frame: frame.iloc[[*range(100), 101, 100, *range(102, 300)]], "comes after"),
+        (lambda frame: frame.assign(phi=frame["phi"].where(frame.index % 5 == 0)), "phi: samples at stamps of their"),
+        (
+            lambda frame: frame.assign(**{n: frame[n].to_numpy()[frame.index // 5 * 5] for n in CHANNELS[3:]}),
+            "phi, theta, psi: readings are repeated",
+        ),
+    ],
+)
+def test_what_only_the_whole_log_can_mend_is_refused_row_by_row(change, said, tmp_path):
+    path = tmp_path / "log.parquet"
+    change(_frame(record(1500, seed=75))).rename(columns=header_of).to_parquet(path, index=False)
+    with pytest.raises(InputError, match=said):
+        list(live_chunks(path, 0.02, needs=CHANNELS))
+
+
+def test_a_clock_is_the_same_after_rows_that_it_refused():
+    clock = LiveClock(["p"], 0.1)
+    rows = np.arange(20.0)[:, np.newaxis]
+    clock.push(np.arange(5) * 0.1, rows[:5])
+    with pytest.raises(InputError, match="beside the monitor's clock"):
+        clock.push(np.array([0.5, 0.65]), rows[5:7])
+    (chunk,) = clock.push(np.array([0.5, 0.6]), rows[5:7])
+    assert (chunk.start_s, chunk["p"].tolist()) == (0.5, [5.0, 6.0])
+
+
+def test_a_csv_is_not_read_row_by_row(tmp_path):
+    gb.write_log(record(500), tmp_path / "log.csv")
+    with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
+        list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))
+
+
+def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pieces):
+    frame = _frame(record(900, seed=76)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2)
+    frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
+    frame.to_parquet(tmp_path / "log.parquet", index=False)
+    in_pieces(400)
+    chunks = list(live_chunks(tmp_path / "log.parquet", 0.02, needs=CHANNELS, witnesses=ACCELEROMETERS))
+    assert {chunk.channels for chunk in chunks} == {(*CHANNELS, "nx")}
+    assert sum(map(len, chunks)) == 900

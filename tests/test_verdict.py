@@ -14,7 +14,8 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.study.log.regime import FAILURE, IMPACT, MOTION, RESET, TOUCHDOWN, Regime
 from gtmbench.study.log.starts import DOUBT, steady
-from gtmbench.study.log.watch import Outcome, watch_log
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")

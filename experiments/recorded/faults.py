@@ -11,7 +11,7 @@ import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.study.log.certificate import KINDS, Smallest
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 
 TIMES = (1, 3)  # the certificate's size
 LEFT_S = 12.0  # of a stretch, after the onset: time to judge

@@ -11,7 +11,8 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
-from gtmbench.study.log.watch import WatchedLog, watch_log
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.testing.mutations import Mutation
 

@@ -20,7 +20,7 @@ from gtmbench.progress import progress_bar
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
     from gtmbench.record import Span
-    from gtmbench.study.log.watch import WatchedLog
+    from gtmbench.study.log.watched import WatchedLog
 
 
 _DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # how else people write a span

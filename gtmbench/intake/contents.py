@@ -201,7 +201,7 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
 
 def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, ...], Span | None]:
     """Return what there is to say of channels, one clock at a time, and from when until when those of use run."""
-    no_use = of_no_use(chosen, raw.clocks)
+    no_use = of_no_use(chosen, raw)
     told, spans = [], []
     tracks: dict[str, Track] = {}
     for clock in dict.fromkeys(choice.series.clock for choice in chosen if choice.series.clock in raw.clocks):

@@ -7,6 +7,7 @@ don't.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -14,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray
+from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
+from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.mapping import Chosen
 from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import ANGLES, GYROS, Track
@@ -26,34 +29,58 @@ _REGULAR = 0.8  # of the readings stand as long as the others; the rest are paus
 _LOOSE = 0.25  # of that length, either way: a slow task's beat against the logger's
 _USUAL = 2.0  # times the median: what stands longer says nothing about the rate
 
+_Groups = dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray]]]  # stamps, and columns, by clock
+
 
 def tracks_of(
-    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float]
-) -> tuple[list[Track], list[Remark]]:
-    """Return the channels by their stamps, every sample once and none that only repeats another; and remarks."""
-    groups: dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray]]] = {}
+    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float], witnesses: Sequence[Chosen] = ()
+) -> tuple[list[Track], list[Track], list[Remark]]:
+    """Return the channels by their stamps, every sample once and none that only repeats another; and remarks.
+
+    Between them, the witnesses that can be read. Theirs lie in memory behind the channels of the same stamps, so that
+    they can stand beside them without a copy; what becomes of the channels doesn't depend on them.
+    """
+    groups: _Groups = {}
     for choice in chosen:
-        clock = clocks[choice.series.clock]
-        values = choice.values()[clock.rows]
-        own = own_rows(clock.time_s, np.isfinite(values))
-        key = choice.series.clock if own is None else own.tobytes()
-        at_s = clock.time_s if own is None else clock.time_s[own]
-        at_s = at_s - choice.late_s if choice.late_s else at_s
-        groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
-    tracks, remarks = [], []
+        _group(choice, clocks, groups)
+    for choice in witnesses:
+        with contextlib.suppress(InputError):
+            check_values(len(clocks[choice.series.clock].time_s), "a witness")
+            _group(choice, clocks, groups)
+    names = {choice.channel for choice in witnesses}
+    tracks: list[Track] = []
+    apart: list[Track] = []
+    remarks: list[Remark] = []
     for (key, late_s), (at_s, columns) in groups.items():
-        channels = tuple(columns)
-        label = f"{key}: " if isinstance(key, str) and key else "" if isinstance(key, str) else f"{channels[0]}: "
-        _, time_s, values, told = single(
-            label,
-            at_s,
-            _as_matrix(columns),
-            [break_s - late_s for break_s in breaks_s],
-        )
-        tracks.append(Track(channels=channels, time_s=time_s, values=values))
-        remarks += told
+        channels = tuple(name for name in columns if name not in names)
+        of_witnesses = tuple(name for name in columns if name in names)
+        matrix = _as_matrix(columns)
+        breaks_at_s = [break_s - late_s for break_s in breaks_s]
+        alone = of_witnesses  # each is judged by itself
+        if channels:
+            own = f"{channels[0]}: " if isinstance(key, bytes) else f"{key}: " if key else ""
+            rows, time_s, values, told = single(own, at_s, matrix[:, : len(channels)], breaks_at_s)
+            tracks.append(Track(channels=channels, time_s=time_s, values=values))
+            remarks += told
+            if of_witnesses and len(rows) == len(at_s) and np.may_share_memory(time_s, at_s):  # whatever they hold
+                apart.append(Track(channels=of_witnesses, time_s=time_s, values=matrix[:, len(channels) :]))
+                alone = ()
+        for place, name in enumerate(alone, len(channels)):
+            _, time_s, values, _ = single("", at_s, matrix[:, place : place + 1], breaks_at_s)
+            apart.append(Track(channels=(name,), time_s=time_s, values=values))
     tracks, held = fresh(tracks)
-    return tracks, remarks + held
+    return tracks, apart, remarks + held
+
+
+def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> None:
+    """Put a channel's samples to those of the same stamps."""
+    clock = clocks[choice.series.clock]
+    values = choice.values()[clock.rows]
+    own = own_rows(clock.time_s, np.isfinite(values))
+    key = choice.series.clock if own is None else own.tobytes()
+    at_s = clock.time_s if own is None else clock.time_s[own]
+    at_s = at_s - choice.late_s if choice.late_s else at_s
+    groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
 
 
 def _as_matrix(columns: dict[str, FloatArray]) -> FloatArray:

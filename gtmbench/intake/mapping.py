@@ -44,23 +44,33 @@ class Chosen:
 
     def values(self) -> FloatArray:
         """Return the channel in its unit; psi runs through 360 deg and on."""
-        values = self.series.values()
+        values, turns = self.series.values(), Turns()
+        for rows in pieces(len(values)):
+            self.bring(values[rows], turns)
+        return values
+
+    def bring(self, values: FloatArray, turns: Turns) -> None:
+        """Bring the next of the column's values to the channel's unit, in place."""
         if self.factor != 1.0:
             values *= self.factor
         if self.channel == "psi":
-            _unwrap(values)
-        return values
+            turns.undo(values)
 
 
-def _unwrap(angles: FloatArray) -> None:
-    """Let angles in deg run on where they jump by a turn, in place; those that are missing are passed over."""
-    turns, last = 0.0, np.zeros(0)
-    for rows in pieces(len(angles)):
-        there = np.flatnonzero(np.isfinite(angles[rows])) + rows.start
+class Turns:
+    """Angles in deg that run on where they jump by a turn, a piece at a time; missing ones are passed over."""
+
+    def __init__(self) -> None:
+        self._turns, self._last = 0.0, np.zeros(0)
+
+    def undo(self, angles: FloatArray) -> None:
+        """Let the next angles run on, in place."""
+        there = np.flatnonzero(np.isfinite(angles))
         if len(there):
             read = angles[there]
-            run = turns + np.cumsum(np.rint(np.diff(read, prepend=last if len(last) else read[:1]) / 360.0))
-            turns, last = run[-1], read[-1:]
+            before = self._last if len(self._last) else read[:1]
+            run = self._turns + np.cumsum(np.rint(np.diff(read, prepend=before) / 360.0))
+            self._turns, self._last = run[-1], read[-1:]
             angles[there] = read - 360.0 * run
 
 

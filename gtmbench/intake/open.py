@@ -26,6 +26,8 @@ from gtmbench.intake.quaternions import with_quaternions
 from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.intake.times import of_no_use, with_time
+from gtmbench.intake.tracks import Track
+from gtmbench.pieces import beside
 from gtmbench.record import Record
 
 _ATTITUDE = ("phi", "theta", "psi")
@@ -106,7 +108,7 @@ def _opened(
 ) -> FlightLog:
     raw = with_time(raw, columns.pop("time", None))
     chosen = choose(raw, columns, needs)
-    left_out = of_no_use(chosen, raw.clocks)
+    left_out = of_no_use(chosen, raw)
     if needs is None:
         chosen = [choice for choice in chosen if choice.channel not in left_out] or chosen
     elif left_out and len(left_out) < len(chosen):
@@ -114,7 +116,10 @@ def _opened(
     used = dict.fromkeys(choice.series.clock for choice in chosen)
     clocks, breaks_s, remarks = cleaned({name: raw.clocks[name] for name in used})
     check_values(sum(len(clocks[choice.series.clock].time_s) for choice in chosen), "its channels")
-    tracks, told = tracks_of(chosen, clocks, breaks_s)
+    others = choose_of([name for name in witnesses if name not in {choice.channel for choice in chosen}], raw, columns)
+    known = _clocks_of(others, raw, clocks, breaks_s)
+    others = [choice for choice in others if choice.series.clock in known]
+    tracks, apart, told = tracks_of(chosen, known, breaks_s, others)
     remarks += told
     suspects = [
         choice.channel
@@ -129,14 +134,10 @@ def _opened(
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
         taken.append(f"by their own names, values as they are: {', '.join(own[:40])}{' ...' if len(own) > 40 else ''}")
-    beyond = []
-    for choice in choose_of([name for name in witnesses if name not in segments[0]], raw, columns):
-        beside = _laid(choice, raw, clocks, breaks_s, made)
-        if any(np.isfinite(values).any() for values in beside):
-            segments = [_beside(*each, choice.channel) for each in zip(segments, beside, strict=True)]
-            beyond.append(f"{choice.channel} = {choice.how}")
+    segments, beyond = _with_witnesses(segments, [choice.channel for choice in others], apart, breaks_s, made)
     if beyond:
-        taken.append(f"witnesses, which diagnoses read and no alarm stands on: {'; '.join(beyond)}")
+        read = "; ".join(f"{choice.channel} = {choice.how}" for choice in others if choice.channel in beyond)
+        taken.append(f"witnesses, which diagnoses read and no alarm stands on: {read}")
     events, unplaced = _events(raw, breaks_s, segments)
     left = []
     if needs is None:
@@ -181,28 +182,41 @@ def _time_source(raw: RawLog) -> list[Source]:
     return [] if raw.time is None else [Source(channel="time", column=raw.time[0], unit=raw.time[1])]
 
 
-def _laid(
-    choice: Chosen, raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...], made: Cut
-) -> list[FloatArray]:
-    """Return a witness on every record's clock; nothing where it can't be had there."""
-    name = choice.series.clock
-    with contextlib.suppress(InputError):
-        if name not in clocks:
+def _clocks_of(
+    witnesses: Sequence[Chosen], raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...]
+) -> dict[str, Clock]:
+    """Return clocks with those of the witnesses beside them; without those that were set back."""
+    known = dict(clocks)
+    for name in {choice.series.clock for choice in witnesses} - known.keys():
+        with contextlib.suppress(InputError):
             own, own_breaks_s, _ = cleaned({name: raw.clocks[name]})
-            if breaks_s or own_breaks_s:  # which stretches belong together?
-                return []
-            clocks = own
-        check_values(len(clocks[name].time_s), "a witness")
-        (track,), _ = tracks_of([choice], clocks, breaks_s)
-        return [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered)[:, 0] for record in made.records]
-    return []
+            known |= {} if breaks_s or own_breaks_s else own
+    return known
 
 
-def _beside(record: Record, values: FloatArray, channel: str) -> Record:
+def _with_witnesses(
+    segments: list[Record], order: Sequence[str], tracks: Sequence[Track], breaks_s: tuple[float, ...], made: Cut
+) -> tuple[list[Record], list[str]]:
+    """Return segments with the witnesses behind the channels, in their order, and which these are."""
+    laid: dict[str, list[FloatArray]] = {}
+    for track in tracks:
+        with contextlib.suppress(InputError):
+            of = [laid_beside(track, record, breaks_s=breaks_s, filtered=made.filtered) for record in made.records]
+            laid |= {name: [values[:, i : i + 1] for values in of] for i, name in enumerate(track.channels)}
+    names = [name for name in order if any(np.isfinite(values).any() for values in laid.get(name, ()))]
+    if not names:
+        return segments, []
+    return [_beside(record, [laid[name][i] for name in names], names) for i, record in enumerate(segments)], names
+
+
+def _beside(record: Record, columns: Sequence[FloatArray], channels: Sequence[str]) -> Record:
+    there = None
+    if record.is_in_part_unknown:
+        there = beside([record.there, *(np.isfinite(values) for values in columns)])
     return Record(
-        np.column_stack([record.values, values]),
-        channels=[*record.channels, channel],
+        beside([record.values, *columns]),
+        channels=[*record.channels, *channels],
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
-        there=np.column_stack([record.there, np.isfinite(values)]),
+        there=there,
     )

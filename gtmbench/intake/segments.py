@@ -14,10 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
@@ -28,7 +26,7 @@ from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
-from gtmbench.pieces import joined
+from gtmbench.pieces import beside, joined
 from gtmbench.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
@@ -328,18 +326,13 @@ def _add_record(made: Cut, parts: Sequence[_Parts], span: Span, reference: _Part
         return
     values, there = zip(*(_laid(made, part, span, first_s, period_s, count) for part in parts), strict=True)
     record = Record(
-        _beside(values),
+        beside(values),
         channels=[channel for part in parts for channel in part.track.channels],
         sample_period_s=period_s,
         start_s=first_s,
-        there=_beside(there),
+        there=beside(there),
     )
     made.records.append(record)
-
-
-def _beside(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return columns of several tracks beside each other; those of one as they are."""
-    return columns[0] if len(columns) == 1 else np.hstack(columns)
 
 
 def _laid(

@@ -20,8 +20,8 @@ from gtmbench.record import BoolArray
 IntArray = NDArray[np.int64]
 
 FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
-_LATEST_S = 1e14  # three million years; what is later is no time
-_NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
+LATEST_S = 1e14  # three million years; what is later is no time
+NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
 _MORE_EVEN = 0.5  # of the unevenness of all of a table's rows: a column's own stamps
 _FEW = 10  # samples: what goes astray and comes back within so few isn't a clock that was set
 _MOST_STEPS_BACK = 0.1  # of the samples
@@ -90,14 +90,14 @@ def _is_in_order(time_s: FloatArray) -> bool:
     for rows in pieces(len(time_s) - 1):
         part = time_s[rows.start : rows.stop + 1]
         steps = np.diff(part)
-        if not np.all((np.abs(part[1:]) < _LATEST_S) & (steps >= 0.0) & (steps <= FAR_S)):
+        if not np.all((np.abs(part[1:]) < LATEST_S) & (steps >= 0.0) & (steps <= FAR_S)):
             return False
-    return bool(abs(time_s[0]) < _LATEST_S)
+    return bool(abs(time_s[0]) < LATEST_S)
 
 
 def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     stretches = _Stretches()
-    rows = np.flatnonzero(np.abs(time_s) < _LATEST_S)
+    rows = np.flatnonzero(np.abs(time_s) < LATEST_S)
     if len(rows) < 2:
         raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
     if len(rows) < len(time_s):
@@ -262,7 +262,7 @@ def _single(
     period_s = float(np.median(forwards, overwrite_input=True)) if len(forwards) else 0.0
     del steps, forwards
     rows = np.arange(len(time_s))
-    if least_s >= _NEAR * period_s:
+    if least_s >= NEAR * period_s:
         return rows, time_s, values
     slipped_s = _in_their_places(time_s, values, period_s)
     moved = np.flatnonzero(slipped_s != time_s)
@@ -272,7 +272,7 @@ def _single(
         )
         remarks.append(remark("slipped", float(slipped_s[moved[0]]), float(slipped_s[moved[-1]]), text))
     steps = np.diff(slipped_s)
-    doubled = np.flatnonzero(steps < _NEAR * period_s) + 1
+    doubled = np.flatnonzero(steps < NEAR * period_s) + 1
     if not len(doubled):
         return rows, slipped_s, values
     first_s, last_s = float(time_s[doubled[0]]), float(time_s[doubled[-1]])
@@ -301,7 +301,7 @@ def _first_numbers(values: FloatArray, starts: IntArray) -> FloatArray:
 
 def _in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) -> FloatArray:
     """Return stamps where rows of one time that hold different samples are put into the pause before them."""
-    near = np.concatenate([[False], np.diff(time_s) < _NEAR * period_s])
+    near = np.concatenate([[False], np.diff(time_s) < NEAR * period_s])
     if not near.any():
         return time_s
     starts = np.flatnonzero(~near)
@@ -311,7 +311,7 @@ def _in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) ->
     same = (values[1:] == values[:-1]) | ~np.isfinite(values[1:]) | ~np.isfinite(values[:-1])
     repeats = near & np.append(False, np.all(same, axis=1))
     own = (counts > 1) & (counts <= _FEW) & ~np.logical_or.reduceat(repeats, starts)
-    own &= np.abs(pauses_s / period_s - counts) <= 2 * _NEAR
+    own &= np.abs(pauses_s / period_s - counts) <= 2 * NEAR
     left = np.repeat(starts + counts, counts) - np.arange(len(time_s)) - 1  # rows behind, of the same time
     spread_s = np.repeat(ends_s, counts) - left * np.repeat(pauses_s / counts, counts)
     return np.where(np.repeat(own, counts), spread_s, time_s)

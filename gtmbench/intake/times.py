@@ -38,20 +38,31 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     """
     if raw.clocks and mapped is None:
         return raw
+    series, stated, per_second = time_column(raw, mapped)
+    beyond = beyond_seconds(raw, series)
+    if beyond is not None:
+        return _in_two_columns(raw, series, *beyond)
+    clocks, since = in_seconds({series.clock: series.load()}, per_second)
+    rest = tuple(other for other in raw.series if other is not series)
+    return replace(raw, series=rest, time=(series.name, stated)).with_clocks(
+        clocks, f"time: column '{series.name}' in {stated}", *since
+    )
+
+
+def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:
+    """Return the column that tells the time, or its whole seconds, its unit, and how many of it are a second."""
     series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
     known = unit(meaning.unit)
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     if meaning.late_s:
         raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    beyond = _beyond_seconds(series, _by_lower_name(raw))
-    if beyond is not None:
-        return _in_two_columns(raw, series, *beyond)
-    clocks, since = in_seconds({series.clock: series.load()}, known.factor)
-    rest = tuple(other for other in raw.series if other is not series)
-    return replace(raw, series=rest, time=(series.name, meaning.unit)).with_clocks(
-        clocks, f"time: column '{series.name}' in {meaning.unit}", *since
-    )
+    return series, meaning.unit, known.factor
+
+
+def beyond_seconds(raw: RawLog, seconds: RawSeries) -> tuple[RawSeries, float] | None:
+    """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
+    return _beyond_seconds(seconds, _by_lower_name(raw))
 
 
 def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
@@ -59,7 +70,6 @@ def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
 
 
 def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple[RawSeries, float] | None:
-    """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
     told = _WHOLE.fullmatch(seconds.name)
     if told is None:
         return None
@@ -134,14 +144,13 @@ def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
     return {name: spans[name] for _, names in groups[1:] for name in names}
 
 
-def of_no_use(chosen: Sequence[Chosen], clocks: Mapping[str, FloatArray]) -> dict[str, str]:
+def of_no_use(chosen: Sequence[Chosen], raw: RawLog) -> dict[str, str]:
     """Return the channels that can't be brought to the others' clock, and why: another time, or hardly a sample."""
-    away = elsewhere(
-        {choice.series.clock: clocks[choice.series.clock] for choice in chosen if choice.series.clock in clocks}
-    )
+    clocks = {choice.series.clock for choice in chosen} & raw.clocks.keys()
+    away = elsewhere({name: time_s for name, time_s in raw.clocks.items() if name in clocks})
     no_use = {}
     for choice in chosen:
-        count = int(np.count_nonzero(np.isfinite(choice.series.values())))
+        count = _counted(raw, choice.series)
         if choice.series.clock in away:
             start_s, end_s = away[choice.series.clock]
             no_use[choice.channel] = (
@@ -150,3 +159,13 @@ def of_no_use(chosen: Sequence[Chosen], clocks: Mapping[str, FloatArray]) -> dic
         elif count < FEWEST:
             no_use[choice.channel] = f"'{choice.series.name}' holds {count} samples; at least {FEWEST} are needed"
     return no_use
+
+
+def _counted(raw: RawLog, series: RawSeries) -> int:
+    """Return how many samples a column holds, as far as that they are few."""
+    count = 0
+    for values in raw.parts(series):
+        count += int(np.count_nonzero(np.isfinite(values)))
+        if count >= FEWEST:
+            break
+    return count

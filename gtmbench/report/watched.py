@@ -17,7 +17,7 @@ from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import Record, Span
 from gtmbench.report.style import colours
 from gtmbench.study.log.records import whole_s
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 
 _BEFORE_S, _AFTER_S, _LONGEST_S = 5.0, 15.0, 90.0  # about a fault, shown large
 _MOST_SIGNALS = 6

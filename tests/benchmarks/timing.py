@@ -52,15 +52,16 @@ def peak_memory(work: Work) -> int:
     gc.collect()
     glibc.malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew from here
-    before = _status("VmRSS")
+    before = status_bytes("VmRSS")
     kept = work()
-    grown = _status("VmHWM") - before
+    grown = status_bytes("VmHWM") - before
     del kept
     glibc.mallopt(MMAP_THRESHOLD, 1 << 25)  # what a process that handles large arrays comes to by itself
     glibc.mallopt(TRIM_THRESHOLD, 1 << 26)
     return max(grown, 0)
 
 
-def _status(key: str) -> int:
+def status_bytes(key: str) -> int:
+    """Return a size of this process: ``VmHWM`` is its peak (what `getrusage` tells is its parent's, where higher)."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(key))

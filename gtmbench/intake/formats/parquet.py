@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,14 +38,23 @@ def read_parquet(path: Path) -> RawLog:
                 series.append(RawSeries(name=field.name, load=partial(_column, path, field.name, None)))
             else:
                 ignored.append(field.name)
-    return RawLog(kind="Parquet", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
+    batches = partial(_batches, path)
+    return RawLog(kind="Parquet", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes), batches=batches)
+
+
+def _batches(path: Path, names: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:
+    import pyarrow.parquet as pq
+
+    with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
+        for batch in table.iter_batches(columns=list(names), batch_size=rows_of_piece()):
+            yield {name: _numbers(batch.column(name), None) for name in names}
 
 
 def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with reading(path, "Parquet table"), pq.ParquetFile(path) as table:
+    with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
         values: NDArray[Any] | None = None
         first = 0
         for batch in table.iter_batches(

@@ -5,7 +5,7 @@ And what several formats store otherwise than channels are: stamps in ticks, dat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -67,9 +67,13 @@ class RawSeries:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
         values = self.load().astype(np.float64)
         for rows in pieces(len(values)):
-            part = values[rows]
-            part[~(np.abs(part) < _GREATEST)] = np.nan
+            measured(values[rows])
         return values
+
+
+def measured(values: FloatArray) -> None:
+    """Put NaN where values are beyond all measure, in place."""
+    values[~(np.abs(values) < _GREATEST)] = np.nan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +101,8 @@ class RawLog:
         Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
     injections : function
         Gives the failures that the log says were injected, likewise.
+    batches : function or None
+        Gives some columns a batch of rows after the other, by name; of a format that can be read so.
     """
 
     kind: str
@@ -109,10 +115,21 @@ class RawLog:
     attitude_from_gyros: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
     injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
+    batches: Callable[[Sequence[str]], Iterator[Mapping[str, NDArray[Any]]]] | None = field(default=None, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
         """Return the log with these clocks beside its own, and with notes on them."""
         return replace(self, clocks={**self.clocks, **clocks}, notes=(*self.notes, *notes))
+
+    def parts(self, series: RawSeries) -> Iterator[FloatArray]:
+        """Give a column's values a part after the other, where the format can: who has seen enough reads no further."""
+        if self.batches is None or series.made_of or series.unit:  # worked out, or dates
+            yield series.values()
+            return
+        for batch in self.batches([series.name]):
+            values = batch[series.name].astype(np.float64)
+            measured(values)
+            yield values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,7 +182,7 @@ def documented_first(series: Iterable[RawSeries], documented: Iterable[tuple[str
 
 def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return stamps in seconds, counted from the first where they count from 1970, and a note that says so."""
-    firsts = [_first_since_1970(stamps, per_second) for stamps in clocks.values() if len(stamps)]
+    firsts = [origin_of(stamps, per_second) for stamps in clocks.values() if len(stamps)]
     since = [first for first in firsts if first is not None]
     if 2 * len(since) <= len(firsts):  # most of them count from when the logger was switched on
         return {name: stamps / per_second for name, stamps in clocks.items()}, ()
@@ -177,10 +194,11 @@ def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[d
 
 def first_since_1970(seconds: FloatArray) -> float:
     """Return the first of some stamps in seconds that counts from 1970 where most do, else 0."""
-    return float(_first_since_1970(seconds, 1.0) or 0.0)
+    return float(origin_of(seconds, 1.0) or 0.0)
 
 
-def _first_since_1970(stamps: NDArray[Any], per_second: float) -> Any | None:
+def origin_of(stamps: NDArray[Any], per_second: float) -> Any | None:
+    """Return the first of some stamps that counts from 1970, in their unit, where most do; else None."""
     known = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
     late = known[known > _EPOCH_S * per_second]
     return late[0] if 2 * len(late) > len(known) else None

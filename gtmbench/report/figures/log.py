@@ -35,7 +35,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

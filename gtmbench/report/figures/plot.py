@@ -28,7 +28,7 @@ from gtmbench.report.style import COLOURS, strokes
 from gtmbench.report.words.judgement import MOST_ALARMS, trial_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, with_unit
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Study, Trial
 
 if TYPE_CHECKING:

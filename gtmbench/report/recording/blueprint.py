@@ -21,7 +21,7 @@ from gtmbench.report.style import HUES
 from gtmbench.report.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Trial
 
 _BESIDE = 3  # trials on a page

@@ -126,7 +126,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, tr
 from gtmbench.report.words.log import event_text, outcome_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.log.watch import Outcome, WatchedLog
+from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it

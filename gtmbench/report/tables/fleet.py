@@ -18,7 +18,7 @@ from gtmbench.study.log.autopilot import of_sensors, words_of
 from gtmbench.study.log.fleet import SCHEMA
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.self_check.motion import GYROS
-from gtmbench.study.log.watch import Outcome, WatchedLog
+from gtmbench.study.log.watched import Outcome, WatchedLog
 
 ERROR = "error"
 NONE_WATCHED = 2  # an exit code

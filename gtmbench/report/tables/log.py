@@ -27,7 +27,7 @@ from gtmbench.study.log.autopilot import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from gtmbench.intake.injections import Injection
 from gtmbench.report.words.units import counted
 from gtmbench.study.log.autopilot import SENSORS, Beside, beside, of_sensors, words_of
 from gtmbench.study.log.truth import Scored, ScoredLog, scored
-from gtmbench.study.log.watch import WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 
 _MOST = 6
 

@@ -34,7 +34,7 @@ from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.study.log.self_check.explained import Explained
-from gtmbench.study.log.watch import Outcome, WatchedLog
+from gtmbench.study.log.watched import Outcome, WatchedLog
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3

@@ -30,7 +30,8 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Span
 from gtmbench.shipped import code_facts
 from gtmbench.study.calibration import prepared
-from gtmbench.study.log.watch import WatchedLog, watch_log
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import WatchedLog
 
 WHAT, SCHEMA = "fleet", 1
 LIMIT_S = 900.0

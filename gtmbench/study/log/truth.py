@@ -33,7 +33,8 @@ from gtmbench.record import Span
 from gtmbench.study.calibration import prepared
 from gtmbench.study.log.autopilot import first_between, of_sensors, words_of
 from gtmbench.study.log.records import whole_s
-from gtmbench.study.log.watch import WatchedLog, watch_log
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import WatchedLog
 
 NAMED, EITHER_OR, CANT_TELL, WRONG, PASSED = "named", "either-or", "can't tell", "named wrong", "passed"
 _AFTER_S = 10.0

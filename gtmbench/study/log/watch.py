@@ -1,22 +1,15 @@
-"""A recorded flight, watched: by a monitor that is ready, or identified on one part of it or on other logs.
-
-`WatchedLog` says what the monitor was, what it said, and what that means.
-"""
+"""A recorded flight, watched: by a monitor that is ready, or identified on one part of it or on other logs."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import IntEnum
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.checks import number
-from gtmbench.deprecation import renamed
-from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
@@ -29,14 +22,12 @@ from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
-from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.auto import bank_for_logs
-from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
-from gtmbench.study.log.identified import LeftOut, healthy_stretches, undisturbed
-from gtmbench.study.log.imus import Comparison, beside, compare, further
+from gtmbench.study.log.identified import healthy_stretches, undisturbed
+from gtmbench.study.log.imus import beside, compare
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
 from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
@@ -52,135 +43,12 @@ from gtmbench.study.log.self_check.check import (
 )
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 from gtmbench.study.log.starts import steady
+from gtmbench.study.log.watched import WatchedLog
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
-
-
-class Outcome(IntEnum):
-    """What a log comes to; the value is the command's exit code.
-
-    Unknown: nothing could have alarmed, or a score couldn't, or the log isn't what the monitor expects.
-
-    Examples
-    --------
-    >>> import gtmbench as gb
-    >>> [(outcome.name, outcome.value) for outcome in gb.Outcome]  # the exit codes of `gtmbench monitor`
-    [('HEALTHY', 0), ('FAILED', 1), ('UNKNOWN', 3)]
-    """
-
-    HEALTHY = 0
-    FAILED = 1
-    UNKNOWN = 3
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WatchedLog:
-    """What a monitor said of a log.
-
-    Attributes
-    ----------
-    log : FlightLog
-    monitor : Monitor or Detector
-        The detector as it came where the self-check stopped it before it was calibrated.
-    identified_s : tuple of (start, end)
-        The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
-    watches : tuple of Watch
-        One a stretch that was watched, in time.
-    reasons : tuple of str
-        Why it can't be told, where it can't; what limits what was said, where it can.
-    check : SelfCheck
-        Whether the log is what the monitor expects.
-    excursions : tuple of Excursion
-        The stretches in which nothing can be told: the motion is beyond what was identified.
-    asks_names : bool
-        Whether its certificate says what would have been named, too.
-    left_out : tuple of LeftOut
-        What of the healthy spans, and of other logs, wasn't identified on.
-    comparison : Comparison or None
-        What several IMUs say of each other; None where the log has one, or they can't be compared.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> import gtmbench as gb
-    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
-    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    >>> broken = gb.inject(record, gb.Noise(channel="q", onset_s=45.0, deviation=3.0))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     gb.write_log(broken, f"{folder}/flight.csv")
-    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-    >>> watched.outcome.name, watched.alarms[0].doubt  # an operator between gyros may not know this motion
-    ('UNKNOWN', 'motion or model')
-    """
-
-    log: FlightLog
-    monitor: Monitor | Detector
-    identified_s: tuple[Span, ...]
-    watches: tuple[Watch, ...] = field(repr=False)
-    reasons: tuple[str, ...]
-    check: SelfCheck = field(default=SelfCheck(), repr=False)
-    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
-    asks_names: bool = field(default=False, repr=False)
-    left_out: tuple[LeftOut, ...] = ()
-    comparison: Comparison | None = field(default=None, repr=False)
-
-    def _repr_html_(self) -> str:
-        facts = {
-            "outcome": self.outcome.name.lower(),
-            "watched by": self.monitor.name,
-            "watched": f"{3600.0 * self.armed_hours:.1f} s",
-            **{f"reason {number}": reason for number, reason in enumerate(self.reasons, 1)},
-        }
-        return card(f"WatchedLog {self.log.path.name}", facts, columns=SAID, rows=said_of(self.alarms))
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm that first told of a fault, in time; those that count to another's fault are left out."""
-        told = [alarm for watch in self.watches for alarm in watch.faults]
-        return tuple(sorted([*told, *further(told, self.comparison)], key=lambda alarm: alarm.time_s))
-
-    @property
-    def armed_hours(self) -> float:
-        """Hours watched: how long an alarm was possible."""
-        return sum(watch.armed_hours for watch in self.watches)
-
-    @property
-    def stuck_above(self) -> tuple[str, ...]:
-        """The scores that stood above their thresholds all through a stretch: nothing is told of them."""
-        scores = [score for watch in self.watches for score in watch.scores.values() if score.is_stuck_above]
-        return tuple(dict.fromkeys(score.name for score in scores))
-
-    @property
-    def outcome(self) -> Outcome:
-        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
-
-        Unknown, too, where an alarm may be no fault's, or silence says nothing: by the self-check, or the certificate.
-        """
-        left = [alarm for alarm in self.alarms if not alarm.has_passed]
-        if any(not alarm.doubt for alarm in left):
-            return Outcome.FAILED
-        could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
-        return Outcome.HEALTHY if could_tell and not self.hardly_watched else Outcome.UNKNOWN
-
-    @cached_property
-    def certificate(self) -> Certificate:
-        """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
-        return certificate_of(self.monitor, self.watches, named=self.asks_names)
-
-    @property
-    def hardly_watched(self) -> tuple[str, ...]:
-        """The gyros whose silence says nothing, by the certificate."""
-        return hardly_watched(self.certificate, self.watches)
-
-    def with_names(self) -> WatchedLog:
-        """Return the same with a certificate that says what would have been named, too: that takes seconds."""
-        return replace(self, asks_names=True)
-
-    findings = renamed("WatchedLog.findings", "alarms")
 
 
 def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:

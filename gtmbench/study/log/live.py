@@ -1,0 +1,68 @@
+"""A log watched as a live source would send it: alarms as they come, nothing of it kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from gtmbench.clock import SLACK
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.isolation.case import WITNESSES
+from gtmbench.detectors.protocol import Monitor, Stream
+from gtmbench.errors import InputError
+from gtmbench.intake.live import live_chunks
+
+
+def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = ()) -> Iterator[tuple[Alarm, ...]]:
+    """Give what a monitor says of a table's rows as they come in, at the monitor's rate: a piece after the other.
+
+    Alarms are those of `watch_log`: the same engine hears the same samples. What looks at a log as a whole isn't there:
+    the self-check, stretches in which nothing can be told, the certificate, the verdict. After a gap a fresh stream
+    begins, and its alarms are counted anew.
+
+    Parameters
+    ----------
+    path : str or Path
+        A Parquet table; its stamps have to stand on the monitor's clock.
+    monitor : Monitor
+        Calibrated before.
+    mapping : sequence of str
+        As `open_log` takes it.
+
+    Yields
+    ------
+    tuple of Alarm
+        Of each piece: those that are new, and those of which more is known, by the same number.
+
+    Raises
+    ------
+    InputError
+        Where the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((6000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> monitor = gb.calibrate(record.between(0, 120), bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> broken = gb.inject(record.between(120, 239), gb.Noise(channel="q", onset_s=180.0, deviation=2.0))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(broken, Path(folder, "flight.parquet"))
+    ...     told = [alarm for piece in gb.watch_live(Path(folder, "flight.parquet"), monitor) for alarm in piece]
+    >>> told[0].source, 180.0 < told[0].time_s < 182.0
+    ('q', True)
+    """
+    period_s = monitor.sample_period_s
+    if period_s is None or not monitor.channels:
+        raise InputError(f"{monitor.name} has no rate, or no channels, of its own; open the log as a whole")
+    witnesses = WITNESSES if hasattr(monitor, "bank") else ()
+    stream: Stream | None = None
+    due_s = 0.0
+    for chunk in live_chunks(path, period_s, needs=monitor.channels, witnesses=witnesses, mapping=mapping):
+        if stream is None or chunk.start_s > due_s + SLACK * period_s:
+            stream = monitor.stream()
+        due_s = chunk.end_s + period_s
+        yield stream.push(chunk)
