@@ -197,15 +197,15 @@ def _log_norm(recording: rr.RecordingStream, placed: Placed, norm: Score) -> Non
     events = _healthy_events(baseline)
     for trial, path, tint in _tinted(placed):
         label, score = trial_label(trial), trial.watch.scores[norm.name]
-        full = f"{trial.scenario}: {label}"
-        _log_measured(recording, trial, path, f"{full} broken ({trial.unit})", tint)
+        full = f"{trial.scenario} {path.rsplit('/', 1)[1]}"  # short, for the legend of all trials
+        _log_measured(recording, trial, path, with_unit(full, trial.unit), tint)
         _log_also(recording, trial, path)
         _log_residual(recording, path, full, tint, trial.watch)
         log_line(recording, f"{path}/norm", (score.known_s, score.values), label, tint)
-        log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, f"{label} onset", tint, SHAPES.Up)
+        log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, label, tint, SHAPES.Up)
         if trial.alarm_time_s is not None:
             at = trial.alarm_time_s, norm.threshold
-            log_mark(recording, f"{path}/alarm", *at, f"{label} alarm", tint, SHAPES.Down)
+            log_mark(recording, f"{path}/alarm", *at, label, tint, SHAPES.Down)
         log_verdict(recording, f"{path}/verdict", trial.row())
         events += trial_events(trial)
     log_events(recording, f"{root}/events", events)
@@ -289,7 +289,7 @@ def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: st
     outputs = list(watch.residuals)
     if outputs:
         several = len(outputs) > 1
-        names = [in_unit(f"{label}, e of {output}" if several else label, output) for output in outputs]
+        names = [f"{label}, e of {output}" if several else label for output in outputs]
         values = np.column_stack([watch.residuals[output] for output in outputs])
         colours = [tint] * len(outputs)
         log_lines(recording, f"{root}/residual", watch.record.time_s, values, names, colours, channels=outputs)
