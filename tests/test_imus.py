@@ -81,6 +81,19 @@ def test_a_gyro_that_stands_still_is_named_at_once():
     assert next(alarm for alarm in comparison.alarms if alarm.test == HELD).time_s <= ONSET_S + 4.0
 
 
+def test_at_rest_a_coarse_gyro_that_reads_one_value_is_healthy():
+    """After landing, the noise of one stays below its step, and that of the others doesn't."""
+    values = np.array(beside_each_other(*imus(2, seed=1)).values)
+    record = beside_each_other(*imus(2, seed=1))
+    rest, random = record.time_s > ONSET_S, np.random.default_rng(5)
+    values[rest] = values[np.argmax(rest)]
+    for name, noise in zip(record.channels[:6], [0.0] * 3 + [0.02] * 3, strict=True):
+        values[rest, record.channels.index(name)] = noise * random.standard_normal(rest.sum())
+    landed = gb.Record(values, channels=record.channels, sample_period_s=record.sample_period_s)
+    alarms = compared([landed], NAMES[:2], healthy=HEALTHY).alarms
+    assert [alarm for alarm in alarms if alarm.test == HELD] == []
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_was_there_when_healthy_isnt_told(seed):
     early = (1, gb.Bias(channel="p", onset_s=0.0, size=3.0))

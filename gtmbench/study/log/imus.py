@@ -41,7 +41,7 @@ _LATE = (15, 40)  # blocks after the onset: an estimator has been corrected
 _ENOUGH_LATE, _FEWEST_SHIFTS, _ABOVE = 15, 3, 4.0
 _WAVERS, _WAVERS_LATE = 0.75, 0.5  # of its late mean, what differs may in five seconds
 _LIES, _TELLS_TRUTH = 0.8, 0.2  # shares of the difference that a gyro's distance from the attitude has
-_STILL, _HELD_BLOCKS = 1e-3, 2
+_STILL, _MOVES, _HELD_BLOCKS = 1e-3, 0.25, 2  # of what a gyro ranges over in a block, where healthy
 _SOON_S = 10.0
 _QUIET, _LOUD = 0.25, 3.0
 
@@ -467,15 +467,19 @@ def _usual_shift(values: FloatArray, onset: int) -> float:
 
 
 def _held(blocks: _Blocks, imus: Sequence[Imu]) -> Iterator[Alarm]:
-    """Give the gyros whose readings stand still while others' of the same axis move."""
+    """Give the gyros whose readings stand still while others' of the same axis move, not just by their noise.
+
+    On the ground, noise of less than a step leaves a healthy gyro's readings at one value for seconds.
+    """
     for number, imu in enumerate(imus):
         for axis, channel in enumerate(GYROS):
             spans = [each[:, axis] for each in blocks.ranges]
-            still = [each <= _STILL * np.nanmedian(each[blocks.healthy]) for each in spans]
+            usual = [np.nanmedian(each[blocks.healthy]) for each in spans]
+            still = spans[number] <= _STILL * usual[number]
             others = np.logical_and.reduce(
-                [~still[other] & np.isfinite(spans[other]) for other in _others(imus, number)]
+                [spans[other] >= _MOVES * usual[other] for other in _others(imus, number)]  # not where there is none
             )
-            rows = np.flatnonzero(still[number] & others & ~blocks.healthy)
+            rows = np.flatnonzero(still & others & ~blocks.healthy)
             runs = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1)
             run = next((run for run in runs if len(run) >= _HELD_BLOCKS), None)
             if run is not None:
