@@ -13,6 +13,7 @@ from gtmbench.detectors.protocol import watch
 from gtmbench.detectors.statistics.statistic import STATISTICS
 from gtmbench.errors import InputError
 from gtmbench.record import Record
+from tests.monitors import record as made_up
 
 SENSORS = ("inlet", "outlet", "wall")
 
@@ -118,7 +119,8 @@ def test_the_seen_records_themselves_are_quiet():
     records = [plant(6000, 0), jolted.replace("wall", wall), plant(6000, 2)]
     for name in STATISTICS:
         used = bank(statistic=name)
-        assert false_alarms(calibrate(records[::2], bank=used), records[1:2]) > 0
+        # one sample that is far off is clipped where the noise is learnt
+        assert (false_alarms(calibrate(records[::2], bank=used), records[1:2]) > 0) == (name == "energy")
         assert false_alarms(calibrate(records, bank=used), records[1:]) == 0
 
 
@@ -169,7 +171,8 @@ def test_a_monitor_lives_with_the_imperfections_it_was_calibrated_with(imperfect
     perfect = calibrate(healthy, bank=bank())
     used_to_it = calibrate([worn(one, seed) for seed, one in enumerate(healthy)], bank=bank())
     fresh = [worn(plant(6000, 50 + seed), 50 + seed) for seed in range(6)]
-    assert false_alarms(perfect, fresh) > 0
+    # lag and quantum colour what is left of the noise, which is learnt; a bias that wanders isn't noise
+    assert (false_alarms(perfect, fresh) > 0) == (imperfections.wander > 0.0)
     assert false_alarms(used_to_it, fresh) == 0
 
 
@@ -195,6 +198,13 @@ def test_a_window_longer_than_the_healthy_records_doesnt_alarm():
         assert thresholds["mean 100 s"] == np.inf
         assert thresholds["mean 0.8 s"] < np.inf
     assert watch(monitor, plant(6000, 9)).alarms == ()
+
+
+def test_a_bank_may_be_named():
+    records = [made_up(3000, seed) for seed in (1, 2)]
+    assert calibrate(records, bank="C").thresholds == calibrate(records, bank=gb.load_bank("C")).thresholds
+    with pytest.raises(InputError, match="no bank"):
+        calibrate(records, bank="Q")
 
 
 def test_missing_channels_are_named():

@@ -52,13 +52,13 @@ def test_a_minute_will_do_as_well():
 
 AIRLINER_FAULTS = [
     gb.Jam(channel="p", onset_s=14.0),
-    gb.Jam(channel="q", onset_s=6.0),
+    gb.Jam(channel="q", onset_s=12.0),
     gb.Jam(channel="r", onset_s=14.0),
     gb.Drift(channel="p", onset_s=12.0, slope=0.3),
     gb.Drift(channel="q", onset_s=12.0, slope=-0.3),
     gb.Drift(channel="r", onset_s=12.0, slope=0.3),
     gb.Saturation(channel="p", onset_s=8.0, limit=2.0),
-    gb.Saturation(channel="q", onset_s=1.0, limit=1.5),
+    gb.Saturation(channel="q", onset_s=8.0, limit=1.5),
     gb.Saturation(channel="r", onset_s=15.0, limit=2.0),
 ]
 
@@ -236,5 +236,5 @@ def test_scores_stand_on_the_record_up_to_the_time_they_are_known_at(bank, missi
     for cut_s in (18.6, 18.68, 19.88, 20.0, 20.12, 20.2):
         for output, score in gb.watch(monitor, flight.between(0.0, cut_s)).scores.items():
             known = score.known_s <= cut_s
-            assert np.isfinite(score.values[known]).sum() > 300
+            assert np.isfinite(score.values[known]).sum() > 280
             np.testing.assert_allclose(score.values[known], whole[output].values[: len(known)][known], rtol=1e-9)

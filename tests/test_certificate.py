@@ -123,6 +123,15 @@ def test_nothing_is_certified_where_no_alarm_was_possible_or_nothing_says_how_sc
     assert "what would have been seen can't be told: nothing is no bank" in outcome_text(silent())
 
 
+def test_nothing_is_certified_of_a_log_that_was_watched_for_some_samples_only():
+    few = np.arange(len(flight().record)) < np.argmax(flight().armed) + 3
+    scores = {name: replace(score, armed=score.armed & few) for name, score in flight().scores.items()}
+    watch = replace(flight(), scores=scores)
+    assert np.count_nonzero(watch.armed) == 3
+    said = certificate_of(monitor(), [watch])
+    assert (said.rows, said.missing) == ((), "too little of it was watched")
+
+
 def test_a_sensor_that_is_no_longer_watched_isnt_seen():
     """q is jammed at 170 s of 146.5..239 s, and stays disarmed; p isn't touched by that."""
     watch = jammed().watches[1]

@@ -14,6 +14,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
+from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
@@ -82,6 +83,23 @@ def test_processes_side_by_side_fly_the_same():
     assert told == [("flying", done, 3) for done in range(4)]
 
 
+def test_it_says_what_thresholds_owe_to_luck(cli, logs):
+    code, out, _ = cli("calibrate", *logs)
+    assert code == 0
+    luck = Luck.told(gb.load_monitor("monitor.json").provenance)
+    assert f"luck: other records like these would set thresholds {luck.median:.2g} times as high or low in the" in out
+    assert f"95 % stay within {luck.within:.2g} times" in out
+    assert f"95 % stay within {luck.within:.2g} times" in cli("bank", "monitor.json")[1]
+
+
+def test_thresholds_that_are_luck_are_refused_and_leave_nothing(cli, logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(HealthyMaxima, "luck", lambda *_: Luck(median=4.2, within=20.0))
+    before = names(tmp_path)
+    code, out, err = cli("calibrate", *logs)
+    assert (code, out, names(tmp_path)) == (2, "", before)
+    assert "3 other logs like these would set them 4.2 times as high or low, in the median; give about 7 logs" in err
+
+
 def test_with_logs_it_reads_them_and_keeps_their_names_and_digests(cli, logs, tmp_path):
     code, out, err = cli("calibrate", *logs, "--bank", "paper", "--out", "p.json")
     assert (code, err) == (0, "")
@@ -118,9 +136,13 @@ def test_json_is_one_object_with_the_same_facts(cli, logs):
     assert printed["out"] == "monitor.json"
     assert printed["provenance"]["false_alarms_per_hour"] == 0.5
     assert printed["residuals"]["q"]["inputs"] == ["q_att"]
-    # of the gyro's 0.5 and the attitude's 0.02 deg, differenced over 0.04 s
-    noise = np.hypot(0.5, 0.02 * np.sqrt(2.0) / 0.04)
-    assert printed["residuals"]["q"]["rms_residual"] == pytest.approx(noise, rel=0.1)
+    # of the gyro's 0.5 and the attitude's 0.02 deg: its rate has a gain of 1, no delay and no curvature, and the least
+    # noise; that is the slope of the cubic through 13 attitudes, those of 11 central differences
+    time_s = 0.02 * np.arange(-6, 7)
+    slope = np.linalg.pinv(np.vander(time_s, 4, increasing=True))[1]
+    noise = np.hypot(0.5, 0.02 * np.linalg.norm(slope))
+    # chance of 9000 samples: 0.7 %
+    assert printed["residuals"]["q"]["rms_residual"] == pytest.approx(noise, rel=0.03)
     assert json.loads(cli("bank", "monitor.json", "--json")[1])["monitor"] == {
         key: value for key, value in printed.items() if key != "out"
     }
@@ -286,6 +308,8 @@ ODD = [
     {"source": "flights", "seeds": 3, "duration_s": "long"},
     {"source": "logs", "logs": ["a"]},
     {"records": None, "threshold_hours": "many", "false_alarms_per_hour": True},
+    {"threshold_spread": {"median": "much", "within": None}},
+    {"threshold_spread": {"median": 1.0, "within": None}},
     {},
 ]
 

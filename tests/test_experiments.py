@@ -92,6 +92,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "real_logs",
         "log_samples",
         "several_imus",
+        "lost_samples",
+        "yardstick",
         "__main__",
     }
 
@@ -135,7 +137,9 @@ def test_a_study_beyond_the_dissertation_runs(script, tmp_path):
 
 def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     (tmp_path / "logs").mkdir()
-    flown = gb.fly(excitation="multisine", duration_s=41.0, seed=90005).select(["p", "q", "r", "phi", "theta", "psi"])
+    # with noise: without any, a residual is the operator's error, as unsteady as motion, and hardly watched
+    sensed = gb.measure(gb.fly(excitation="multisine", duration_s=41.0, seed=90005), noise="t2", seed=1)
+    flown = sensed.select(["p", "q", "r", "phi", "theta", "psi"])
     gb.write_log(gb.decimate(flown, 4), tmp_path / "logs/flight.csv")
     (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
     done = run("real_logs", "logs", "--quick", "--out", "report", cwd=tmp_path)
@@ -144,7 +148,10 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     assert said.strip() in done.stdout
     assert "1 flights, 0.01 h watched, end 1 with 0; of them the self-check refuses 0." in said
     faults = pd.read_csv(tmp_path / "report/faults.csv")
-    assert len(faults) == 2 * 15  # of both sizes, one of each of five kinds of three gyros
+    # of both sizes, one of each of five kinds of three gyros, but of some gyro's noise: in half a minute that noise is
+    # steady isn't known yet, and what the certificate finds no size of isn't tried
+    assert 2 * 12 <= len(faults) <= 2 * 15
+    assert faults[faults["times"] == 3].groupby("sensor").size().min() >= 4
     assert faults.loc[faults["times"] == 3, "found"].all()
     assert not (faults["said"] == "named wrong").any()
     assert re.search(r"\| flight.csv +\| 25 +\| 37 .* no fault found +\| 0.0 .* \| 0: no fault found", said)

@@ -80,13 +80,22 @@ def test_a_gyro_at_its_limit_is_remarked(flight, remarked, factor):
         assert (remark.start_s, remark.end_s) == (flight.time_s[cut_off[0]], flight.time_s[cut_off[-1]])
 
 
-def test_missing_samples_are_counted_and_stay_missing(flight, remarked):
+def test_missing_samples_are_counted_and_stay_missing_but_single_ones(flight, tmp_path):
+    """One is told by its neighbours, three in a row aren't, nor those of a sensor that loses every other one."""
     values = flight["q"].copy()
     values[500:503], values[2000], values[4000:4100:2] = np.nan, np.inf, -np.inf
-    (remark,) = remarked(flight.replace("q", values))
+    gb.write_log(flight.replace("q", values), tmp_path / "log.csv")
+    log = gb.open_log(tmp_path / "log.csv")
+    (remark,) = log.remarks
     assert (remark.kind, remark.channel) == ("missing", "q")
     assert "54 of 6001 samples are missing (NaN or infinite), in 52 places, at most 3 in a row" in remark.text
     assert (remark.start_s, remark.end_s) == (5.0, 40.98)
+    (record,) = log.segments
+    there = np.isfinite(values)
+    np.testing.assert_array_equal(record["q"][there], values[there])
+    assert np.isnan(record["q"][500:503]).all()
+    assert abs(record["q"][2000] - flight["q"][2000]) < 4 * np.std(np.diff(flight["q"])) / np.sqrt(2)
+    assert np.isnan(record["q"][4050:4100:2]).all()
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.channels import header_of
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.records import first_part, healthy_spans, within, without
 from gtmbench.study.log.watch import bank_between, watch_log
 from gtmbench.study.log.watched import Outcome
+from tests import monitors as made_up
 from tests.airliner import airliner
 
 C = gb.load_bank("C")
@@ -196,6 +198,27 @@ def test_rates_follow_the_log_up_to_100_hz_and_the_monitor(logs, folder):
     assert (again.log.sample_period_s, again.outcome) == (0.01, Outcome.HEALTHY)
     slower = watch_log(logs("healthy"), QUICK, healthy=[logs("fast")])
     assert slower.monitor.sample_period_s == 0.04
+
+
+def test_samples_far_slower_than_the_monitor_are_refused_in_a_line(folder):
+    """What lies between a 10 Hz attitude's samples isn't in them; gyros beside it at the monitor's rate don't help."""
+    slow = made_up.record(3000, seed=91).frame().reset_index()
+    slow.loc[slow.index % 5 != 0, ["phi", "theta", "psi"]] = np.nan
+    slow.rename(columns=header_of).to_csv(folder / "slow.csv", index=False)
+    with pytest.raises(InputError, match=r"slow.csv: samples of phi come at 10 Hz, and the monitor watches at 50 Hz"):
+        watch_log(folder / "slow.csv", made_up.monitor())
+
+
+def test_a_log_that_loses_every_fiftieth_row_is_watched_throughout(folder):
+    whole = made_up.record(12_000, seed=92).frame().reset_index()
+    kept = np.random.default_rng(1).random(len(whole)) >= 0.02
+    spans = []
+    for name, rows in (("whole.csv", whole), ("lossy.csv", whole[kept])):
+        rows.rename(columns=header_of).to_csv(folder / name, index=False)
+        watched = watch_log(folder / name, made_up.monitor())
+        assert watched.outcome is Outcome.HEALTHY
+        spans.append(watched.armed_hours)
+    assert spans[1] > 0.95 * spans[0]
 
 
 def test_nothing_left_and_too_little_left_cant_be_told(logs):

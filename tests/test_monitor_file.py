@@ -70,10 +70,22 @@ def test_another_process_sees_the_same(saved):
 
 
 def test_an_infinite_threshold_survives_as_the_word_inf(tmp_path):
-    never = {output: dict.fromkeys(of, math.inf) for output, of in monitor().thresholds.items()}
-    gb.save_monitor(replace(monitor(), thresholds=never), tmp_path / "m.json")
+    long = {"mean 20.48 s", "energy 20.48 s"}  # of which the records hold too few windows
+    some = {
+        output: {label: math.inf if label in long else value for label, value in of.items()}
+        for output, of in monitor().thresholds.items()
+    }
+    gb.save_monitor(replace(monitor(), thresholds=some), tmp_path / "m.json")
     assert '"inf"' in (tmp_path / "m.json").read_text()
-    assert dict(gb.load_monitor(tmp_path / "m.json").thresholds) == never
+    assert dict(gb.load_monitor(tmp_path / "m.json").thresholds) == some
+
+
+def test_a_residual_that_never_judges_is_refused(tmp_path):
+    never = {output: dict.fromkeys(of, math.inf) for output, of in monitor().thresholds.items()}
+    with pytest.raises(
+        gb.InputError, match=r"residuals\.p\.thresholds are blind: a step of 20 deviations for 5 s passes"
+    ):
+        gb.save_monitor(replace(monitor(), thresholds=never), tmp_path / "m.json")
 
 
 def test_figures_at_the_edge_of_floats_come_back(tmp_path):
@@ -189,6 +201,14 @@ BAD = {
     "threshold as text": (
         change(*P, "thresholds", "mean 0.64 s", to="much"),
         "residuals.p.thresholds, 'mean 0.64 s' is",
+    ),
+    "a threshold that nothing reaches": (
+        change(*P, "thresholds", "energy 0.64 s", to=1e308),
+        "residuals.p.thresholds, 'energy 0.64 s' is 1e+308; nothing passes that",
+    ),
+    "a negative threshold": (
+        change(*P, "thresholds", "mean 0.64 s", to=-1.0),
+        "residuals.p.thresholds, 'mean 0.64 s' is -1; the test is never below 0",
     ),
     "no threshold": (drop(*P, "thresholds", "mean 0.64 s"), "residuals.p.thresholds: key 'mean 0.64 s' is missing"),
     "a threshold of nothing": (change(*P, "thresholds", "mean 7 s", to=1.0), "unknown key 'mean 7 s'"),
@@ -357,6 +377,10 @@ def test_the_norms_monitor_comes_back_bit_for_bit(tmp_path):
 
 BAD_NORM = {
     "window": (change("figures", "window", to=-1), "window is -1"),
+    "a threshold that nothing reaches": (
+        change("figures", "threshold", to=1e308),
+        "threshold is 1e+308; a residual of 10000 all over",
+    ),
     "threshold": (change("figures", "threshold", to=0), "threshold is 0; it must be a finite number greater than 0"),
     "inputs": (change("figures", "operator", "inputs", to=["p"]), "operator.markov holds a list of 3 where 1"),
     "no outputs": (change("figures", "operator", "outputs", to=[]), "operator.outputs is []"),

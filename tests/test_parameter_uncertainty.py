@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, SpreadStream
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import Record
@@ -310,8 +311,8 @@ def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
     for _ in range(60):
         error = record.matrix(["p", "q"]) @ (0.5 * random.standard_normal(2)) + random.standard_normal(1500)
         drawn.append(error)
-        scaled = test.scores(error, error / spread.white, 0.01, tolerance)
-        known = test.scores(error, error, 0.01, tolerance, spread)
+        scaled = test.scores(error, White.steady(error / spread.white), 0.01, tolerance)
+        known = test.scores(error, White.steady(error), 0.01, tolerance, spread)
         greatest.append(np.nanmax(scaled[0].values))
         judged.append([np.nanmax(score.values) for score in known])
     assert np.median(greatest) > 20.0  # samples over their spread alone: most draws would alarm
@@ -328,8 +329,8 @@ def test_a_shift_in_known_motion_alarms_as_without_doubt():
     uncertainty = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0)
     spread = uncertainty.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
     for score, other in zip(
-        test.scores(noise, shifted, 0.01, Tolerance()),
-        test.scores(noise, shifted, 0.01, Tolerance(), spread),
+        test.scores(noise, White.steady(shifted), 0.01, Tolerance()),
+        test.scores(noise, White.steady(shifted), 0.01, Tolerance(), spread),
         strict=True,
     ):
         np.testing.assert_array_equal(score.values, other.values)

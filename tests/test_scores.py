@@ -1,16 +1,20 @@
 """Scores: known rows, known answers; intervals that hold what they promise; no score without quiet; ties as ties."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.stats import beta, binomtest, chi2
 
 from gtmbench.errors import InputError
+from gtmbench.report.tables.scores import tables
 from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.compare import compared, holm, ranks
 from gtmbench.study.scores.curves import characteristic
 from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
+from gtmbench.study.scores.luck import delays_at
 from gtmbench.study.scores.scoring import CANT_TELL, MISSED, scored
 
 
@@ -385,3 +389,53 @@ def test_searches_are_no_trials():
 
 def test_beta_is_what_the_exact_interval_stands_on():
     assert exact_interval(2.5, 7.5)[0] == pytest.approx(beta.ppf(0.025, 2.5, 6.0))
+
+
+# ---- luck ----
+
+
+def test_delays_between_factors_lie_between_theirs():
+    nan = np.nan
+    ladder = {
+        0.8: np.array([0.1, 0.5, 2.0, nan]),
+        1.0: np.array([0.2, 0.5, 4.0, nan]),
+        1.25: np.array([0.3, 0.5, nan, nan]),
+    }
+    for factor, delays_s in ladder.items():
+        np.testing.assert_array_equal(delays_at(ladder, factor), np.nan_to_num(delays_s, nan=np.inf))
+    np.testing.assert_allclose(delays_at(ladder, math.sqrt(0.8)), [0.15, 0.5, 3.0, np.inf])
+    np.testing.assert_allclose(delays_at(ladder, math.sqrt(1.25)), [0.25, 0.5, np.inf, np.inf])
+    np.testing.assert_array_equal(delays_at(ladder, 9.0), [0.3, 0.5, np.inf, np.inf])  # beyond what was watched
+    along = np.array([delays_at(ladder, factor) for factor in np.geomspace(0.8, 1.25, 30)])
+    assert (np.diff(along[:, :2], axis=0) >= 0.0).all()
+
+
+def with_ladder(detector, seed, delay_s, steep=1.0):
+    """Return a trial whose delay grows as thresholds do, to a power."""
+    delays = {name: delay_s * factor**steep for factor, name in LADDER.items()}
+    return trial(detector, seed, delay_s) | delays
+
+
+def test_other_calibrations_move_delays_alarms_and_places():
+    rows = [healthy("C", seed, peak_ratio=0.95 if seed < 3 else 0.4) for seed in range(10)]
+    rows += [healthy("slow", seed) for seed in range(10)]
+    rows += [with_ladder("C", seed, 1.0) for seed in range(10)]
+    rows += [with_ladder("slow", seed, 1.05) for seed in range(10)]
+    C, slow = scores_of(rows, spreads={"C": 1.2}).detectors
+    assert slow.luck is None
+    assert C.luck.median_s == pytest.approx((1.0 / 1.2, 1.2), rel=0.02)
+    assert C.luck.detected == (10, 10)
+    assert C.luck.alarmed == (0, 3)  # whose peaks lie above 1 / 1.2
+    assert (C.luck.place.best, C.luck.place.worst) == (1, 2)  # it is sooner, and with higher thresholds later
+    (shown,) = [
+        table for table in tables(scores_of(rows, spreads={"C": 1.2})) if table.title == "Luck of the calibration"
+    ]
+    assert [cell.text for cell in shown.rows[0]] == ["C", "1.20", "0.83 to 1.20", "10 to 10", "0 to 3", "1-2"]
+    assert "| 1 | C | 10 of 10 | 1.00 (0.83 to 1.20) |" in who_sees_what(scores_of(rows, spreads={"C": 1.2}))
+
+
+def test_without_spread_or_ladder_nothing_is_said_of_luck():
+    rows = [healthy("C", seed) for seed in range(6)] + [trial("C", seed, 1.0) for seed in range(6)]
+    assert scores_of(rows).detectors[0].luck is None
+    assert scores_of(rows, spreads={"C": 1.2}).detectors[0].luck is None
+    assert all(table.title != "Luck of the calibration" for table in tables(scores_of(rows)))

@@ -58,7 +58,11 @@ def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name
     mutation = ALL[name]
     found = watched(mutation.mutate(flight()), tmp_path)
     if "attitude held" in name:  # all axes alike: the intake takes what is fresh
-        assert (found.outcome, [each.kind for each in found.log.remarks]) == (Outcome.HEALTHY, ["held"])
+        # at 6 samples a second half a minute is too short to see the faults of every gyro, and the certificate says so
+        seen = Outcome.UNKNOWN if name == "attitude held for 0.16 s" else Outcome.HEALTHY
+        assert (found.outcome, [each.kind for each in found.log.remarks]) == (seen, ["held"])
+        assert found.alarms == ()
+        assert bool(found.hardly_watched) == (seen is Outcome.UNKNOWN)
         return
     assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
     if mutation.dead:
@@ -142,6 +146,9 @@ def test_a_fault_that_comes_in_is_watched_and_named_not_taken_for_a_wrong_mappin
     assert cause_of([broken]) == []
     found = watched(broken, tmp_path)
     assert (found.check.causes, found.check.stops) == ((), ())
+    if fault.kind in ("lag", "delay"):  # attitude filters and mounts do as much, so it can't be told from them
+        assert (found.outcome, found.alarms[0].last.kind) == (Outcome.UNKNOWN, fault.kind)
+        return
     assert found.outcome is Outcome.FAILED
     assert {alarm.sensor for alarm in found.alarms} <= {fault.channel, getattr(fault, "other", None), None}
     assert any(fault.channel in alarm.verdict for alarm in found.alarms)

@@ -7,6 +7,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.shipped import shipped_banks
 from tests.monitors import monitor, record
 
@@ -124,7 +125,7 @@ def test_the_slowest_drift_is_where_a_noiseless_ramp_begins_to_cross(output):
 
     def crosses(times):
         white = used.whiteners[output].whiten(times * slope * time_s)
-        series = test.scores(white, white, period_s, used.tolerances[output])
+        series = test.scores(white, White.steady(white), period_s, used.tolerances[output])
         means = [score for score in series if score.label.startswith("mean")]
         return any(np.nanmax(score.values) > used.thresholds[output][score.label] for score in means)
 

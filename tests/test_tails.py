@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gtmbench.detectors.statistics.thresholds import block_maxima, rate_bound, tail_threshold
+from gtmbench.detectors.statistics.thresholds import (
+    HealthyMaxima,
+    Luck,
+    ScoreMaxima,
+    block_maxima,
+    common_scale,
+    common_shape,
+    rate_bound,
+    tail_threshold,
+)
+from gtmbench.errors import InputError
 
 REPEATS = 300
 LENGTH = 1000  # samples a block
@@ -17,8 +27,7 @@ def exceeded(distribution, blocks, share, seed):
     rng = np.random.default_rng(seed)
     passed = []
     for _ in range(REPEATS):
-        # the greatest of LENGTH draws, by its distribution function F^LENGTH
-        maxima = distribution.isf(-np.expm1(np.log(rng.uniform(size=blocks)) / LENGTH))
+        maxima = drawn_maxima(distribution, blocks, rng)
         threshold = tail_threshold(maxima, crossings_per_block=share)
         passed.append(-math.expm1(LENGTH * math.log1p(-distribution.sf(threshold))))
     return np.array(passed)
@@ -54,16 +63,62 @@ def test_many_blocks_of_an_exponential_tail_give_about_what_was_asked(distributi
     assert math.exp(-4.0 * math.hypot(0.17, 0.5)) < np.median(passed) / 1e-3 < math.exp(4.0 * 0.17)
 
 
-def test_a_heavy_tail_is_extrapolated_further_than_an_exponential_one():
+def drawn_maxima(distribution, blocks, rng):
+    """Return the greatest of LENGTH draws, by its distribution function F^LENGTH."""
+    return distribution.isf(-np.expm1(np.log(rng.uniform(size=blocks)) / LENGTH))
+
+
+def test_a_heavy_tail_that_many_tests_share_is_extrapolated_further_than_an_exponential_one():
     heavy = stats.genpareto(0.25)
     rng = np.random.default_rng(5)
-    thresholds, exponential = [], []
-    for _ in range(100):
-        maxima = np.sort(heavy.isf(-np.expm1(np.log(rng.uniform(size=400)) / LENGTH)))
-        thresholds.append(tail_threshold(maxima, crossings_per_block=1e-4))
-        exponential.append(maxima[-101] + np.mean(maxima[-100:] - maxima[-101]) * math.log(0.25 / 1e-4))
+    tests = [drawn_maxima(heavy, 400, rng) for _ in range(50)]
+    shape = common_shape(tests)
+    assert 0.15 < shape < 0.25  # 500 values of theory beside 5,000 that were seen
+    thresholds = [tail_threshold(maxima, crossings_per_block=1e-4, shape=shape) for maxima in tests]
+    exponential = [tail_threshold(maxima, crossings_per_block=1e-4) for maxima in tests]
     exact = heavy.isf(1e-4 / LENGTH)
     assert abs(math.log(np.median(thresholds) / exact)) < abs(math.log(np.median(exponential) / exact)) / 2.0
+
+
+@pytest.mark.parametrize("blocks", [40, 400])
+def test_exponential_tails_have_no_shape_however_few_they_are(blocks):
+    rng = np.random.default_rng(blocks)
+    shapes = [common_shape([drawn_maxima(stats.expon(), blocks, rng) for _ in range(tests)]) for tests in (1, 5, 50)]
+    assert max(shapes) < 0.04
+
+
+def test_tests_that_hardly_leave_their_floor_have_no_say_in_the_shape():
+    rng = np.random.default_rng(2)
+    light = [drawn_maxima(stats.expon(), 400, rng) for _ in range(10)]
+    at_floor = [np.where(rng.uniform(size=400) < 0.1, rng.exponential(size=400), 0.0) for _ in range(40)]
+    assert common_shape([*light, *at_floor]) == common_shape(light)
+    assert common_scale([*light, *at_floor]) == common_scale(light)
+
+
+def test_no_test_is_dead_by_chance():
+    # fifty tests of one law, forty blocks each: nobody's threshold is twice another's
+    rng = np.random.default_rng(8)
+    tests = [drawn_maxima(stats.expon(), 40, rng) for _ in range(50)]
+    shape, scale = common_shape(tests), common_scale(tests)
+    alone = [tail_threshold(maxima, crossings_per_block=1e-6) for maxima in tests]
+    together = [tail_threshold(maxima, crossings_per_block=1e-6, shape=shape, scale=scale) for maxima in tests]
+    assert max(together) / min(together) < 2.0 < max(alone) / min(alone)
+    exact = stats.expon().isf(1e-6 / LENGTH)
+    assert 1.0 < np.median(together) / exact < 1.5 < np.median(alone) / exact
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.22])
+def test_a_scale_that_others_lend_keeps_the_rate_where_tests_differ_as_assumed(spread):
+    # the scales of forty tests scatter by `spread`; what fresh blocks pass is what was asked, in the mean over tests
+    rng = np.random.default_rng(11)
+    passed = []
+    for _ in range(60):
+        scales = np.maximum(1.0 + spread * rng.standard_normal(40), 0.3)
+        tests = [scale * rng.exponential(size=40) for scale in scales]
+        common = common_scale(tests)
+        thresholds = [tail_threshold(maxima, crossings_per_block=1e-4, scale=common) for maxima in tests]
+        passed.append(np.mean(np.exp(-np.array(thresholds) / scales)))
+    assert np.mean(passed) < 1.3e-4
 
 
 def test_a_tail_beyond_the_shapes_it_knows_is_passed_more_often():
@@ -141,3 +196,76 @@ def test_the_bound_of_a_rate_is_that_of_poisson_tables(events, bound):
 
 def test_without_hours_there_is_no_bound():
     assert rate_bound(0, 0.0) is None
+
+
+@pytest.mark.parametrize("samples", [8, 64])
+def test_too_little_energy_has_a_threshold_that_silence_passes_and_noise_hardly(samples):
+    # the RMS of n samples lies below x with a probability that goes as x^n: exactly known, and never below 0
+    law = stats.chi2(samples)
+    draw = np.random.default_rng(samples)
+    blocks, looks, wanted = 400, 500, 1e-3
+    least = np.sqrt(law.ppf(-np.expm1(np.log(draw.uniform(size=(20, blocks))) / looks)) / samples)
+    passed = []
+    for maxima in -least:
+        test = ScoreMaxima(
+            maxima=[maxima], greatest=[maxima.max()], reach=1.0, least=lambda _: -math.inf, in_nats=False, most=0.0
+        )
+        limit = test.threshold(tail_threshold(test.tail(), crossings_per_block=wanted), -math.inf)
+        assert limit < 0.0
+        passed.append(-np.expm1(looks * np.log1p(-law.cdf(samples * limit**2))))
+    assert 0.2 * wanted < np.mean(passed) < 2.0 * wanted
+
+
+def test_what_is_at_its_greatest_when_healthy_isnt_judged():
+    at_most = np.append(-np.random.default_rng(1).exponential(size=50), 0.0)
+    test = ScoreMaxima(maxima=[at_most], greatest=[0.0], reach=1.0, least=lambda _: -math.inf, in_nats=False, most=0.0)
+    assert test.threshold(tail_threshold(test.tail(), crossings_per_block=1e-3), -math.inf) == math.inf
+
+
+# luck
+
+
+def seen_on(flights, seed=0, *, heavy=False):
+    """Return maxima of twenty tests on flights of ten blocks each."""
+    draw = np.random.default_rng(seed)
+    tests = {}
+    for i in range(20):
+        parts = [draw.pareto(0.6, size=10) if heavy else draw.exponential(size=10) for _ in range(flights)]
+        greatest = [float(part.max()) for part in parts]
+        tests["p", f"test {i}"] = ScoreMaxima(
+            maxima=parts, greatest=greatest, reach=1.0, least=lambda _: -math.inf, in_nats=not heavy
+        )
+    return HealthyMaxima(tests=tests, rows=100, sample_period_s=0.01)
+
+
+@pytest.mark.parametrize("flights", [1, 3, 10, 40])
+def test_redrawn_flights_tell_what_other_flights_would_have_done(flights):
+    redrawn = seen_on(flights).luck(0.01)
+    others = [seen_on(flights, seed).thresholds(0.01)["p"].values() for seed in range(1, 11)]
+    real = Luck.of(np.array([list(of) for of in others]))
+    assert math.log(redrawn.within) == pytest.approx(math.log(real.within), rel=0.6)
+    assert redrawn.within < 1.5
+
+
+def test_more_flights_leave_less_to_luck():
+    few, many = (np.mean([seen_on(flights, seed).luck(0.01).within for seed in range(8)]) for flights in (6, 96))
+    assert 1.0 < many < few
+
+
+def test_redraws_are_the_same_every_time():
+    assert seen_on(8).redrawn(0.01) == seen_on(8).redrawn(0.01)
+
+
+def test_thresholds_that_are_chance_are_refused_with_how_many_flights_would_do():
+    luck = Luck(median=9.0, within=20.0)
+    assert luck.enough(5) == 5 * 4 + 1  # half the logarithm of 9 is that of 3
+    with pytest.raises(InputError, match=r"5 other flights .* 9 times .* give about 21 flights"):
+        luck.check(5, "flights")
+    Luck(median=3.0, within=20.0).check(5)
+    assert seen_on(5, heavy=True).luck(1e-3).within > 10.0 * seen_on(5).luck(1e-3).within
+
+
+def test_a_window_that_no_calibration_judges_owes_nothing_to_luck():
+    inf = math.inf
+    assert Luck.of(np.array([[inf, 2.0], [inf, 2.0]])) == Luck(median=1.0, within=1.0)
+    assert Luck.of(np.array([[inf, 2.0], [5.0, 2.0], [5.0, 2.0]])).within == inf

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.greatest import greatest_score
-from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
 from gtmbench.detectors.trials import WatchedTrials, stretches, trials_on
 from tests.monitors import monitor, record, truth
 
@@ -107,25 +105,6 @@ def test_any_other_detector_is_watched():
     limit = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 40.0][:1], name="limit")
     ready = limit.calibrate([record(500, seed=1)])
     assert trials_on(ready, record(2000, seed=2)).first_alarm_s(gb.Bias(channel="p", onset_s=20.0, size=99.0)) == 20.0
-
-
-@pytest.mark.parametrize("two_sided", [True, False])
-@pytest.mark.parametrize("start", [0, 300, 2000])
-def test_the_greatest_score_is_that_of_the_rows(two_sided, start):
-    random = np.random.default_rng(start)
-    w = random.standard_normal(6000) * np.repeat([1.0, 1.4, 0.3], 2000) + np.repeat([0.0, 0.2, -1.0], 2000)
-    test, tolerance = Statistic(two_sided=two_sided, baseline_s=8.0), Tolerance(mean=0.05, low=0.8, high=1.3)
-    labels = [score.label for score in test.of(Given(values=w, plain=w, means={}, uncertain=w), 0.02, tolerance)]
-    thresholds = {label: float(random.uniform(3.0, 20.0)) for label in labels}
-    spread = Spread(
-        raw=np.full(6000, 2.0), white=np.full(6000, 1.5), means={rows: np.full(6000, 0.1) for rows in test.rows(0.02)}
-    )
-    for uncertain in (None, spread):
-        _, given = test.given(w, w, uncertain)
-        at = range(start, 6000)
-        rows = [over(score.values, thresholds[score.label]) for score in test.of(given, 0.02, tolerance, at=at)]
-        wanted = float(np.nanmax(rows))
-        assert greatest_score(test, given, 0.02, tolerance, thresholds, at) == pytest.approx(wanted, rel=1e-9)
 
 
 def test_stretches_cover_all_rows_once():

@@ -53,12 +53,22 @@ def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
     """
     random = np.random.default_rng(seed)
     watches = [watch for watch in said.watches if isinstance(watch, BankWatch)]
+    before = _before(said)
     for row in said.certificate.rows:
         for i in range(count if row.size is not None else 0):
             place = _drawn(watches, row.within_s, (i + random.random()) / count)
             is_turned = bool(random.integers(2))
             if place is not None:
-                yield from (_tried(*place, row, times, is_turned=is_turned) for times in TIMES)
+                yield from (_tried(*place, before, row, times, is_turned=is_turned) for times in TIMES)
+
+
+def _before(said: WatchedLog) -> gb.Record | None:
+    """Return the last stretch that was identified on: the noise was learnt there, before watching began."""
+    for first_s, last_s in said.identified_s[-1:]:
+        for segment in said.log.segments:
+            if segment.start_s <= last_s and segment.end_s >= first_s:
+                return segment.between(max(first_s, segment.start_s), min(last_s, segment.end_s))
+    return None
 
 
 def _drawn(watches: Sequence[BankWatch], within_s: float, share: float) -> tuple[BankWatch, float] | None:
@@ -89,13 +99,15 @@ def _own_s(watch: BankWatch) -> np.ndarray:
     return np.array([*sorted(alarm.time_s for alarm in watch.alarms), np.inf])
 
 
-def _tried(watch: BankWatch, onset_s: float, row: Smallest, times: int, *, is_turned: bool) -> Tried:
+def _tried(
+    watch: BankWatch, onset_s: float, before: gb.Record | None, row: Smallest, times: int, *, is_turned: bool
+) -> Tried:
     """Put a fault, watch anew, and sum up what is said until an alarm comes that would have come without it."""
     assert isinstance(watch.monitor, BankMonitor)
     assert row.size is not None
     size = times * row.size
     fault = _KIND[row.kind].at(row.sensor, onset_s, size, is_turned=is_turned)
-    again = watch.monitor.watch(gb.inject(watch.record, fault), outside=watch.outside)
+    again = watch.monitor.watch(gb.inject(watch.record, fault), outside=watch.outside, before=before)
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
     alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank.bank import Bank
     from gtmbench.detectors.bank.detectability import Signatures
     from gtmbench.detectors.bank_detector import BankMonitor
-    from gtmbench.detectors.protocol import Detector
+    from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.record import Record
 
 
@@ -76,12 +76,13 @@ def calibrate_command(
 
     Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
     The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
+    It says what thresholds owe to the luck of these flights, and refuses where that is more than three times.
     """
     from gtmbench.bench.imperfections import parse_imperfections
     from gtmbench.detectors.auto import AutoDetector
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.files import save_monitor
-    from gtmbench.report.words.monitor import facts
+    from gtmbench.report.words.monitor import facts, origin_text
     from gtmbench.study.calibration import with_provenance
     from gtmbench.study.healthy_records import CalibrationFlights, logged_records
     from gtmbench.study.log.auto import bank_for_logs
@@ -113,6 +114,7 @@ def calibrate_command(
             records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
             origin = wanted.provenance()
         monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
+        _check_luck(monitor, len(records), "logs" if logs else "flights")
         save_monitor(monitor, out)
     if as_json:
         print_json(facts(monitor) | {"out": str(out)})
@@ -121,6 +123,8 @@ def calibrate_command(
             _print_monitor(monitor)
         else:
             echo(f"{monitor.name}: calibrated on {len(records)} records of {', '.join(records[0].channels)}")
+            for line in origin_text(monitor)[1:]:
+                echo(line)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
 
@@ -132,6 +136,14 @@ def _uncalibrated(source: str) -> Detector:
     if is_recipe(recipe):
         return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
+
+
+def _check_luck(monitor: Monitor, records: int, what: str) -> None:
+    from gtmbench.detectors.statistics.thresholds import Luck
+
+    luck = Luck.told(monitor.provenance)
+    if luck is not None:
+        luck.check(records, what)
 
 
 def _print_monitor(monitor: BankMonitor) -> None:

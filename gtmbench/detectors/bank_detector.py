@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.clock import even_times_s
-from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.bank import Bank, load_bank
+from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
@@ -41,11 +42,14 @@ class BankWatch(Watch):
     ----------
     spread : mapping of output to Spread
         How far residuals may be off, as the statistics take it; empty where nothing is uncertain.
+    before : mapping of output to array
+        Healthy residuals on which the noise was learnt before the record began; empty where it was learnt on it.
     outside : tuple of Excursion
         The stretches whose residuals weren't judged.
     """
 
     spread: Mapping[str, Spread] = field(repr=False)
+    before: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     outside: tuple[Excursion, ...] = field(default=(), repr=False)
 
 
@@ -118,6 +122,7 @@ class BankMonitor(CalibratedBank):
         *,
         without: Iterable[str] = (),
         outside: Sequence[Excursion] = (),
+        before: Record | None = None,
         progress: Progress = silent,
     ) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
@@ -132,6 +137,8 @@ class BankMonitor(CalibratedBank):
             that nobody wrote a hypothesis for.
         outside : sequence of Excursion
             Stretches that say nothing: an alarm in one can't be told.
+        before : Record, optional
+            Healthy, of the same sensors: their noise is learnt on its last 20 s, so that watching begins at once.
         progress : callable
             Told ``watch``, how many rows are done, and of how many.
 
@@ -142,11 +149,12 @@ class BankMonitor(CalibratedBank):
         """
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
-        tracks = {output: Track(self, output) for output in self.operators}
+        learnt = {} if before is None else dict(bank_residuals(self, before).raw)
+        tracks = {output: Track(self, output, learnt.get(output)) for output in self.operators}
         memory = Memory.of(self, record, residuals.spread)
         for output, rows in out:
             memory.blot(output, rows)
-        excursions = Excursions(self, record, residuals.as_told, outside)
+        excursions = Excursions(self, record, residuals.as_told, outside, learnt)
         logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
         values = {output: np.full(len(record), np.nan) for output in tracks}
         reach, columns = reach_of(self), record.columns(self.bank.channels)
@@ -172,7 +180,11 @@ class BankMonitor(CalibratedBank):
             residuals=residuals.raw,
             predictions=residuals.predicted,
             spread=residuals.spread,
+            before=MappingProxyType(learnt),
             outside=tuple(outside),
+            noise_levels=MappingProxyType(
+                {output: track.level for output, track in tracks.items() if track.level > 0.0}
+            ),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 
@@ -284,7 +296,7 @@ def restore_bank(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> B
 def calibrate(
     records: Records,
     *,
-    bank: Bank,
+    bank: Bank | str | Path,
     false_alarms_per_hour: float | None = None,
     estimator: Estimator | None = None,
     provenance: Mapping[str, Any] | None = None,
@@ -296,7 +308,8 @@ def calibrate(
     ----------
     records : Record or sequence of Record
         Healthy measurements with the bank's channels, all of one sample period.
-    bank : Bank
+    bank : Bank, str or Path
+        Or what `load_bank` takes: a name, such as ``C``, or a TOML file.
     false_alarms_per_hour : float, optional
         Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
         tails.
@@ -324,7 +337,7 @@ def calibrate(
     """
     calibrated = calibrate_bank(
         as_records(records),
-        bank,
+        bank if isinstance(bank, Bank) else load_bank(bank),
         false_alarms_per_hour=RATE if false_alarms_per_hour is None else false_alarms_per_hour,
         estimator=estimator,
         provenance=provenance,

@@ -256,6 +256,8 @@ class Watch:
     widening : mapping of sensor to array of shape (samples,)
         By which what is normal of a residual is widened, where the motion is beyond what identification held; 1 where
         nothing is. Empty where that doesn't arise.
+    noise_levels : mapping of score to float
+        Of those whose noise is learnt on the record: its deviation at the beginning over that of the calibration.
 
     Examples
     --------
@@ -275,6 +277,7 @@ class Watch:
     residuals: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     predictions: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    noise_levels: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def _repr_html_(self) -> str:
         record, faults = self.record, self.faults

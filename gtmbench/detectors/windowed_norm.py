@@ -26,6 +26,7 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Record, Span, check_record
 
 SCORE = "E(k)"
+_GROSS = 1e4  # in the outputs' unit: a residual that no detector may overlook
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,10 +318,18 @@ def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> N
     table = keys("operator", figures["operator"], OPERATOR_KEYS)
     inputs, outputs = (names_of(f"operator.{key}", table[key]) for key in ("inputs", "outputs"))
     period_s = number("sample_period_s", figures["sample_period_s"], *PERIODS_S)
+    window = whole("window", figures["window"])
+    limit = number("threshold", figures["threshold"], 0.0, above=True)
+    reach = _GROSS * np.sqrt(window + 1.0)
+    if limit > reach:
+        raise InputError(
+            f"threshold is {limit:.3g}; a residual of {_GROSS:g} all over the window reaches {reach:.3g}, so nothing "
+            "would alarm; calibrate anew"
+        )
     return NormMonitor(
         name=text("name", figures["name"]),
         operator=operator_of("operator", table, inputs, outputs, period_s, "the file"),
-        window=whole("window", figures["window"]),
-        threshold=number("threshold", figures["threshold"], 0.0, above=True),
+        window=window,
+        threshold=limit,
         provenance=dict(provenance),
     )

@@ -18,7 +18,8 @@ from gtmbench.intake.lattice import JITTER
 from gtmbench.intake.resampling import HOLE, PAUSE, resampled
 from gtmbench.record import BoolArray
 
-_FASTER = 2.0  # times: an interval has to hold two samples to be integrated over
+_FASTER = 1.96  # times: an interval has to hold two samples to be integrated over; periods are measured
+_LOST = HOLE + 1.0  # periods of the gyros, at least: a line over one lost sample, and jitter, is within the noise
 _SAME = 0.1  # of the record's period: the attitude comes at its rate
 
 
@@ -31,7 +32,7 @@ def is_integrated(gyros_s: Sequence[float], attitude_s: float, period_s: float) 
     (True, False, False)
     """
     slow = abs(attitude_s / period_s - 1.0) <= _SAME
-    return bool(gyros_s) and slow and all(_FASTER * gyro_s <= period_s * (1.0 + 1e-3) for gyro_s in gyros_s)
+    return bool(gyros_s) and slow and all(_FASTER * gyro_s <= period_s for gyro_s in gyros_s)
 
 
 def mean_rates(
@@ -76,7 +77,7 @@ def mean_rates(
         turned = integral(of_s, of, attitude_s)[:, np.newaxis]
         laid, _ = resampled(attitude_s, turned, at_s[0], period_s, len(at_s), filtered=False)
         like_attitude, own = _slope(laid[:, 0], period_s), _slope(integral(of_s, of, at_s), period_s)
-        before_s, after_s = _without_samples(of_s, max(HOLE * typical_s, period_s))
+        before_s, after_s = _without_samples(of_s, max(_LOST * typical_s, period_s))
         lost = _met(at_s[:-2] - beside_s, at_s[2:] + beside_s, before_s[1:-1], after_s[1:-1])
         means[:, column] = np.where(lost, np.nan, np.where(np.isfinite(like_attitude), like_attitude, own))
         there[:, column] = np.isfinite(means[:, column]) | (~away & known.all())

@@ -62,12 +62,15 @@ class Source:
     channel, column, unit : str
     sign : float
         -1 where it is read with its sign turned.
+    period_s : float, optional
+        How far apart its samples are, at the median, whatever the record's rate.
     """
 
     channel: str
     column: str
     unit: str
     sign: float = 1.0
+    period_s: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

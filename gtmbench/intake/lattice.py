@@ -14,7 +14,7 @@ from gtmbench.pieces import joined, pieces
 JITTER = 0.02  # of a period, either way: an interpolation's error would be greater
 _EXACT_S = 2e-9  # stamps of an exact clock are rounded to the nanosecond
 _DISTINCT = 0.9  # of the samples: with more stamps than that, equal ones are doubles and not rounded
-_GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)
+GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ def find_lattice(spans: Sequence[FloatArray]) -> Lattice | None:
     >>> round(1 / find_lattice([stamps]).period_s, 9)
     60.0
     """
-    period_s = _typical(joined([np.diff(span) for span in spans], np.float64))
+    period_s = typical_period(joined([np.diff(span) for span in spans], np.float64))
     if period_s is None:
         return None
     places = [_places(span, period_s) for span in spans]
@@ -68,8 +68,12 @@ def find_lattice(spans: Sequence[FloatArray]) -> Lattice | None:
     return Lattice(period_s=period_s, times=times, jitter_s=0.0 if exact else jitter_s)
 
 
-def _typical(steps: FloatArray) -> float | None:
-    """Return the mean of the steps that are one or two of the median; None where there are none."""
+def typical_period(steps: FloatArray) -> float | None:
+    """Return the mean of the steps that are one or two of the median; None where there are none.
+
+    >>> round(typical_period(np.array([0.01, 0.0101, 0.0099, 0.0199, 0.5])), 6)
+    0.00998
+    """
     if not len(steps):
         return None
     few = steps / float(np.median(steps))
@@ -141,15 +145,16 @@ def _middle(values: NDArray[np.float64]) -> float:
 
 def _tolerance(spans: Sequence[FloatArray], period_s: float) -> float:
     """Return how far stamps may be from an even clock: rounding, where all are rounded, and a little jitter."""
-    for grain_s in _GRAINS_S:
+    for grain_s in GRAINS_S:
         if grain_s <= 0.4 * period_s and all(
-            _is_rounded(span[rows], grain_s) for span in spans for rows in pieces(len(span))
+            is_rounded(span[rows], grain_s) for span in spans for rows in pieces(len(span))
         ):
             return max(0.51 * grain_s, JITTER * period_s)
     return JITTER * period_s
 
 
-def _is_rounded(time_s: FloatArray, grain_s: float) -> bool:
+def is_rounded(time_s: FloatArray, grain_s: float) -> bool:
+    """Tell whether stamps are whole numbers of a grain."""
     stamps = time_s / grain_s
     return bool(np.all(np.abs(stamps - np.rint(stamps)) < 1e-3))
 

@@ -1,9 +1,10 @@
 """Rows as they come in, laid on a clock that is known before: a monitor's. Nothing waits for the end of a log.
 
 `open_log` looks at all of a clock before it says what it is. A live source has no end, so here the clock is given, and
-stamps have to stand on it: samples may be left out and rows sent twice, what is longer than that is a gap. Everything
-else (another rate, a clock that drifts, late rows, readings that are only repeated) is refused, with the reason:
-`open_log` mends it, and needs the whole log to.
+rows are laid on it as `open_log` lays a log's (`resampling.laid`): as they are where they stand on it, else by cubics
+and, where they come faster, a low-pass, so a clock may drift, stamps may jitter, and rows may be lost or sent twice; a
+pause is a gap. A row waits for the few samples behind it that it depends on. Late rows, readings that are only repeated
+and columns with stamps of their own are refused, with the reason: `open_log` mends them, and needs the whole log to.
 """
 
 from __future__ import annotations
@@ -17,23 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.checks import naming
-from gtmbench.clock import FloatArray
+from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, measured, origin_of
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import SENSORS, fresh_rows
-from gtmbench.intake.lattice import JITTER
+from gtmbench.intake.lattice import GRAINS_S, JITTER, is_rounded, typical_period
+from gtmbench.intake.laying import Laying, Rows
 from gtmbench.intake.mapping import Chosen, Turns, choose, choose_of, split_mapping
-from gtmbench.intake.resampling import PAUSE
-from gtmbench.intake.stamps import LATEST_S, NEAR, own_rows
+from gtmbench.intake.resampling import PAUSE, nominal
+from gtmbench.intake.stamps import LATEST_S, NEAR, in_their_places, is_waited_for, own_rows
 from gtmbench.intake.times import beyond_seconds, time_column
 from gtmbench.record import Record
 
 _WHOLE = "open the log as a whole"
+_EXACT_S = 1e-9  # of stamps: their rounding
+_SURE = 30  # steps, by which a source's period is known
+_RawRows = tuple[FloatArray, FloatArray]  # times, and values
+_SELDOM = 0.45  # of a monitor's rate: what comes more seldom isn't watched by it
 
 
 class LiveClock:
     """An even clock on which rows are laid as they come in.
+
+    How often they come is known from the first two, where they are a period apart, or else from the first thirty.
 
     Parameters
     ----------
@@ -51,70 +59,165 @@ class LiveClock:
 
     def __init__(self, channels: Sequence[str], sample_period_s: float) -> None:
         self._channels, self._period_s = tuple(channels), sample_period_s
-        self._start_s, self._count = 0.0, 0  # of the stretch since the last gap
-        self._last_s, self._last = np.zeros(0), np.zeros((0, len(self._channels)))  # the row before, where there is one
+        self._typical_s: float | None = None  # the rows' own period
+        self._held = np.zeros(0), np.zeros((0, len(self._channels)))  # until that is known
+        self._last = self._held  # the row before, where there is one
+        self._stamps = _Stamps(sample_period_s)
+        self._laying: Laying | None = None  # since the last gap
+        self._start_s = 0.0
 
     def push(self, time_s: FloatArray, values: FloatArray) -> tuple[Record, ...]:
-        """Return what some rows make: a record, more where there are gaps; none where they only repeat the one before.
+        """Return what some rows complete: a record, more where there are gaps; often none.
 
         A record continues the one before where it begins a sample after it; else there is a gap.
 
         Raises
         ------
         InputError
-            Where stamps don't stand on the clock; nothing is changed then.
+            Where a row is late, or rows come too seldom; nothing is changed then.
         """
         known = np.abs(time_s) < LATEST_S
-        time_s = np.concatenate([self._last_s, time_s[known]])
-        values = np.concatenate([self._last, values[known]])
-        kept = self._once(time_s, values)
-        time_s, values, begins = time_s[kept], values[kept], len(self._last_s)
-        if len(time_s) == begins:
+        time_s = np.concatenate([self._held[0], time_s[known]])
+        values = np.concatenate([self._held[1], values[known]])
+        typical_s = self._typical_s or self._typical_of(time_s)
+        if typical_s is None:
+            self._held = time_s, values
             return ()
-        gaps = np.flatnonzero(np.diff(time_s) > PAUSE * self._period_s) + 1
-        chunks, start_s, count = [], self._start_s, self._count
-        for first, stop in pairwise([begins, *gaps[gaps > begins].tolist(), len(time_s)]):
-            if first == 0 or first in gaps:
-                start_s, count = float(time_s[first]), 0
-            chunk = self._laid(time_s[first:stop], values[first:stop], start_s, count)
-            chunks.append(chunk)
-            count += len(chunk)
-        self._start_s, self._count, self._last_s, self._last = start_s, count, time_s[-1:], values[-1:]
+        return self._taken(time_s, values, typical_s)
+
+    def end(self) -> tuple[Record, ...]:
+        """Return what is left to be told, now that no row follows."""
+        return (*self._taken(*self._held, self._typical_s or self._period_s, is_last=True), *self._ended())
+
+    def _typical_of(self, time_s: FloatArray) -> float | None:
+        steps = np.diff(time_s)
+        if len(steps) and np.all(np.abs(steps[:_SURE] - self._period_s) <= 2.0 * JITTER * self._period_s):
+            return self._period_s
+        forwards = steps[steps > 0]
+        own_s = typical_period(forwards) if len(forwards) >= _SURE else None
+        return None if own_s is None else nominal(own_s, self._period_s)
+
+    def _taken(
+        self, time_s: FloatArray, values: FloatArray, typical_s: float, *, is_last: bool = False
+    ) -> tuple[Record, ...]:
+        check_rate(typical_s, self._period_s)
+        time_s, values, waiting = self._once(time_s, values, typical_s, is_last)
+        self._typical_s, self._held = typical_s, waiting
+        if not len(time_s):
+            return ()
+        longest_s = PAUSE * max(typical_s, self._period_s)
+        gaps = np.flatnonzero(np.diff(time_s, prepend=self._last[0]) > longest_s) + 1 - len(self._last[0])
+        self._last = time_s[-1:], values[-1:]
+        chunks: list[Record] = []
+        for first, stop in pairwise([0, *gaps[gaps > 0].tolist(), len(time_s)]):
+            if self._laying is None or first in gaps:
+                chunks += self._ended()
+                self._start_s = float(time_s[first])
+                self._stamps.begin(self._start_s)
+                self._laying = Laying(self._start_s, self._period_s, typical_s, len(self._channels))
+            at_s = time_s[first:stop]
+            if same_period(typical_s, self._period_s):
+                at_s = self._stamps.even(at_s)
+            chunks += self._record(self._laying.count, self._laying.push(at_s, values[first:stop]))
         return tuple(chunks)
 
-    def _once(self, time_s: FloatArray, values: FloatArray) -> NDArray[np.int64]:
-        """Return the rows that aren't the one before, sent again."""
-        steps = np.diff(time_s)
-        near = np.abs(steps) < NEAR * self._period_s
-        same = np.all((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1])), axis=1)
-        wrong = np.flatnonzero((near & ~same) | (~near & (steps < 0.0)))
-        if len(wrong):
-            row_s, after_s = time_s[wrong[0] + 1], time_s[wrong[0]]
-            raise InputError(f"a row of {row_s:.10g} s comes after {after_s:.10g} s: late, or another; {_WHOLE}")
-        return np.flatnonzero(np.concatenate([[True], ~near])) if len(time_s) else np.zeros(0, dtype=np.int64)
+    def _ended(self) -> list[Record]:
+        """End the stretch, where there is one."""
+        if self._laying is None:
+            return []
+        count, rows = self._laying.count, self._laying.end()
+        self._laying = None
+        return self._record(count, rows)
 
-    def _laid(self, time_s: FloatArray, values: FloatArray, start_s: float, count: int) -> Record:
-        places = (time_s - start_s) / self._period_s
-        nearest = np.rint(places)
-        off = np.abs(places - nearest) > JITTER
-        if off.any():
-            place = int(np.argmax(off))
-            raise InputError(
-                f"the stamp {time_s[place]:.10g} s stands {abs(places[place] - nearest[place]):.2g} of a sample beside "
-                f"the monitor's clock, every {self._period_s:g} s since {start_s:.10g} s: another rate, or one that "
-                f"drifts; {_WHOLE}"
-            )
-        rows = nearest.astype(np.int64) - count
-        laid = np.full((int(rows[-1]) + 1, len(self._channels)), np.nan, order="F")
-        laid[rows] = values
-        there = np.ones(laid.shape, dtype=bool)  # a sample that was left out of all channels is no sensor's
-        there[rows] = np.isfinite(values)
-        return Record(
-            laid,
+    def _record(self, count: int, rows: Rows) -> list[Record]:
+        if not len(rows[0]):
+            return []
+        chunk = Record(
+            rows[0],
             channels=self._channels,
             sample_period_s=self._period_s,
-            start_s=start_s + round(count * self._period_s, 9),
-            there=there,
+            start_s=self._start_s + round(count * self._period_s, 9),
+            there=rows[1],
+        )
+        return [chunk]
+
+    def _once(
+        self, time_s: FloatArray, values: FloatArray, typical_s: float, is_last: bool
+    ) -> tuple[FloatArray, FloatArray, _RawRows]:
+        """Return rows without those that are stamped as the one before is, and such as wait for the next.
+
+        As `single` has it: rows of one time after a pause as long as all of them were measured in it.
+        """
+        before, near_s = len(self._last[0]), NEAR * typical_s
+        if before and len(time_s):
+            own = np.diff(time_s, prepend=self._last[0])
+            if own.min() >= near_s and not is_waited_for(float(own[-1]), typical_s):
+                return time_s, values, (time_s[:0], values[:0])  # as nearly always
+        time_s, values = np.concatenate([self._last[0], time_s]), np.concatenate([self._last[1], values])
+        latest_s = np.maximum.accumulate(time_s)
+        steps = time_s[1:] - latest_s[:-1]
+        lacks = np.any(np.isnan(values[:-1]) & np.isfinite(values[1:]), axis=1)
+        wrong = np.flatnonzero((steps < near_s) & (lacks | (steps <= -near_s)))
+        if len(wrong):
+            row_s, after_s = time_s[wrong[0] + 1], latest_s[wrong[0]]
+            raise InputError(f"a row of {row_s:.10g} s comes after {after_s:.10g} s: late, or another; {_WHOLE}")
+        apart = np.flatnonzero(np.append(True, steps >= near_s)[: len(time_s)])
+        stop = len(time_s)
+        if not is_last and len(apart) > 1 and apart[-1] >= before and is_waited_for(steps[apart[-1] - 1], typical_s):
+            stop = int(apart[-1])
+        waiting = time_s[stop:], values[stop:]
+        values = values[:stop]
+        moved_s = in_their_places(time_s[:stop], values, typical_s)
+        kept = np.flatnonzero(np.append(True, np.diff(np.maximum.accumulate(moved_s)) >= near_s)[:stop])
+        kept = kept[kept >= before]
+        return moved_s[kept], values[kept], waiting
+
+
+class _Stamps:
+    """Stamps that stand on an even clock but for rounding, or a little jitter, as `find_lattice` takes them.
+
+    Once they don't, they are as they are from then on.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._grains_s = [each_s for each_s in GRAINS_S if JITTER * period_s < 0.51 * each_s <= 0.51 * 0.4 * period_s]
+        self._is_even = True
+        self.begin(0.0)
+
+    def begin(self, start_s: float) -> None:
+        """Begin after a gap."""
+        self._start_s, self._least_s, self._most_s = start_s, -_EXACT_S, _EXACT_S
+
+    def even(self, time_s: FloatArray) -> FloatArray:
+        """Return where some stamps stand."""
+        if not self._is_even:
+            return time_s
+        self._grains_s = [grain_s for grain_s in self._grains_s if is_rounded(time_s, grain_s)]
+        places = np.rint((time_s - self._start_s) / self._period_s)
+        even_s = self._start_s + places * self._period_s
+        off_s = time_s - even_s
+        if np.abs(off_s).max(initial=0.0) <= min(-self._least_s, self._most_s):
+            return even_s
+        most_s = np.maximum.accumulate(np.append(self._most_s, off_s))[1:]
+        least_s = np.minimum.accumulate(np.append(self._least_s, off_s))[1:]
+        tolerance_s = max([0.51 * grain_s for grain_s in self._grains_s[:1]] + [JITTER * self._period_s])
+        stands = 0.5 * (most_s - least_s) <= tolerance_s
+        self._most_s, self._least_s, self._is_even = float(most_s[-1]), float(least_s[-1]), bool(stands.all())
+        return np.where(stands, even_s, time_s)
+
+
+def check_rate(source_s: float, sample_period_s: float, what: str = "the rows") -> None:
+    """Refuse samples that come too seldom for a monitor.
+
+    >>> check_rate(0.1, 0.01)
+    Traceback (most recent call last):
+    gtmbench.errors.InputError: the rows come at 10 Hz, and the monitor watches at 100 Hz: what is so fast isn't in ...
+    """
+    if source_s * _SELDOM > sample_period_s:
+        raise InputError(
+            f"{what} come at {1.0 / source_s:.3g} Hz, and the monitor watches at {1.0 / sample_period_s:.3g} Hz: what "
+            "is so fast isn't in them; take a monitor of their rate, or one that is identified on the log"
         )
 
 
@@ -165,6 +268,8 @@ def live_chunks(
                 time_s = (stamps if origin is None else stamps - origin).astype(np.float64) / per_second
                 chunks = clock.push(time_s, values)
             yield from chunks
+        if clock is not None:
+            yield from clock.end()
 
 
 def _time(raw: RawLog, mapped: str | None) -> tuple[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,8 @@ def open_log(
     Columns become channels where name and unit leave no doubt (``p_rad_s``, ``roll [deg]``, ``GyrX (deg/s)``), or where
     the format documents them; the channel table's units are made of theirs. Records split at gaps; while a channel
     pauses and others live on, it's NaN. An evenly sampled log comes through bit for bit; other stamps are interpolated
-    between, mixed rates are brought to the slowest.
+    between, and a lost sample or two where those beside tell them within the noise; mixed rates are brought to the
+    slowest.
     What was wrong is in ``remarks``, what was done in ``method``.
 
     Parameters
@@ -148,7 +150,10 @@ def _opened(
         segments=tuple(segments),
         remarks=summed_up(remarks + made.remarks),
         method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method, *unplaced))),
-        sources=(*(choice.source for choice in chosen), *_time_source(raw)),
+        sources=(
+            *(replace(choice.source, period_s=made.periods_s[choice.channel]) for choice in chosen),
+            *_time_source(raw),
+        ),
         events=events,
         injections=_injections(raw, breaks_s, segments),
         imus=imus_of(raw),

@@ -1,8 +1,9 @@
 """From channels with stamps of their own to records of one even clock, split at gaps, never bridged over one.
 
-A step of a track that is longer than usual is a pause. While another track lives on, the record goes on and the paused
-channels are missing; where all pause there is a gap, and the record is split. A log begins when the last of its tracks
-does; one that ends, or is back after a gap, no more than `SHORTEST_S` apart from the others cuts the record there.
+A step of a track that is longer than usual is a pause; one that only misses a sample or two isn't (`resampling`). While
+another track lives on, the record goes on and the paused channels are missing; where all pause there is a gap, and the
+record is split. A log begins when the last of its tracks does; one that ends, or is back after a gap, no more than
+`SHORTEST_S` apart from the others cuts the record there.
 Where a track comes slower than usual for long, nothing is missing: there is no record of that rate, as in a gap.
 """
 
@@ -23,7 +24,7 @@ from gtmbench.intake.delta_angle import is_integrated, mean_rates
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.resampling import HALF, PAUSE, oversampling, resampled
+from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
 from gtmbench.pieces import beside, joined
@@ -86,7 +87,7 @@ class _Parts:
     ) -> tuple[FloatArray, BoolArray]:
         """Return the values on another clock, made of the samples in a span, and where a sample is there."""
         used = self.around(*span)
-        return resampled(used.time_s, used.values, first_s, period_s, count, filtered=filtered)
+        return resampled(used.time_s, used.values, first_s, period_s, count, filtered=filtered, typical_s=self.period_s)
 
     def around(self, start_s: float, end_s: float) -> Track:
         """Return the samples from start to end and some beside them, none of them beyond a pause."""
@@ -120,6 +121,7 @@ class Cut:
     remarks: list[Remark]
     method: list[str]
     filtered: bool
+    periods_s: dict[str, float]  # of the samples, by channel
     by_attitude: _Parts | None = None
 
     @property
@@ -148,7 +150,8 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
     period_s = _common_period(reference, rate_hz)
     by = None if attitude is None else laid[id(attitude)]
     filtered = any(oversampling(parts.period_s, period_s) > 1 for parts in all_parts if not parts.is_integrated(by))
-    made = Cut(records=[], remarks=[], method=[], filtered=filtered, by_attitude=by)
+    periods_s = {channel: parts.period_s for parts in all_parts for channel in parts.track.channels}
+    made = Cut(records=[], remarks=[], method=[], filtered=filtered, periods_s=periods_s, by_attitude=by)
     made.method += [_described(parts) for parts in all_parts] + _method(all_parts, period_s, made)
     if rate_hz is None and (filtered or by is not None):
         made.method.append(
@@ -368,12 +371,17 @@ def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filt
 
 
 def _described(parts: _Parts) -> str:
-    track = parts.track
+    track, steps = parts.track, np.diff(parts.track.time_s)
+    lost = np.count_nonzero((steps > HOLE * parts.period_s) & (steps <= parts.limit_s))
+    told = (
+        f"; {lost} times a sample or two are lost: laid where those beside tell them within the noise" if lost else ""
+    )
     if parts.even_s is None:
-        low, high = np.quantile(np.diff(track.time_s), [0.05, 0.95])
-        return f"{track.label}: uneven stamps, {low:.4g} to {high:.4g} s apart, {track.period_s:.4g} s at the median"
+        low, high = np.quantile(steps, [0.05, 0.95])
+        apart = f"{low:.4g} to {high:.4g} s apart, {track.period_s:.4g} s at the median"
+        return f"{track.label}: uneven stamps, {apart}{told}"
     said = f", stamps within {parts.jitter_s:.2g} s of an even clock: taken as even" if parts.jitter_s else ""
-    return f"{track.label}: {1 / parts.even_s:.6g} Hz{said}"
+    return f"{track.label}: {1 / parts.even_s:.6g} Hz{said}{told}"
 
 
 def _method(parts: Sequence[_Parts], period_s: float, made: Cut) -> list[str]:
@@ -390,11 +398,13 @@ def _method(parts: Sequence[_Parts], period_s: float, made: Cut) -> list[str]:
         )
     if made.filtered:
         lines.append(
-            f"resampled at {rate}: cubic splines between stamps, then one low-pass for every "
+            f"resampled at {rate}: cubics between stamps, then one low-pass for every "
             f"{'channel' if made.by_attitude is None else 'other channel'} (flat up to "
             f"{0.3 / period_s:.4g} Hz, 1e-4 of what lies above {0.5 / period_s:.4g} Hz is left); "
             f"{HALF} samples go at either end of a segment"
         )
     elif len(parts) > 1 or slower or parts[0].even_s is None:
-        lines.append(f"one record at {rate}: samples that stand on its clock as they are, others by cubic splines")
+        lines.append(
+            f"one record at {rate}: samples that stand on its clock as they are, others by cubics between them"
+        )
     return lines

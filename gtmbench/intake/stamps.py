@@ -264,7 +264,7 @@ def _single(
     rows = np.arange(len(time_s))
     if least_s >= NEAR * period_s:
         return rows, time_s, values
-    slipped_s = _in_their_places(time_s, values, period_s)
+    slipped_s = in_their_places(time_s, values, period_s)
     moved = np.flatnonzero(slipped_s != time_s)
     if len(moved):
         text = (
@@ -299,7 +299,12 @@ def _first_numbers(values: FloatArray, starts: IntArray) -> FloatArray:
     return merged
 
 
-def _in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) -> FloatArray:
+def is_waited_for(step_s: float, period_s: float) -> bool:
+    """Tell whether behind such a step more rows of its last time may come, that were measured in it."""
+    return 2.0 - 2 * NEAR <= step_s / period_s <= _FEW + 2 * NEAR
+
+
+def in_their_places(time_s: FloatArray, values: FloatArray, period_s: float) -> FloatArray:
     """Return stamps where rows of one time that hold different samples are put into the pause before them."""
     near = np.concatenate([[False], np.diff(time_s) < NEAR * period_s])
     if not near.any():

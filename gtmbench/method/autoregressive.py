@@ -10,6 +10,7 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
 
+_REFLECTED = 0.9999  # at most: 1/A stays stable
 _BLOCK = 8192  # rows at a time: what is worked out of them stays in the cache
 
 
@@ -40,6 +41,31 @@ def yule_walker(covariance: FloatArray) -> tuple[FloatArray, float]:
 
     taps = solve_toeplitz(covariance[:-1], covariance[1:]) if len(covariance) > 1 else np.zeros(0)
     return np.concatenate([[1.0], -taps]), float(covariance[0] - taps @ covariance[1:])
+
+
+def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return 1, a_1, ..., a_n and the innovations' variance of many autocovariances at once, by Levinson's recursion.
+
+    Parameters
+    ----------
+    covariance : shape (models, n + 1)
+        At lags 0..n. Where one isn't positive definite (missing samples), reflections stop short of 1.
+
+    Examples
+    --------
+    >>> levinson(np.array([[2.0, 1.0], [1.0, 0.0]]))
+    (array([[ 1. , -0.5],
+           [ 1. ,  0. ]]), array([1.5, 1. ]))
+    """
+    taps = np.zeros_like(covariance)
+    taps[:, 0] = 1.0
+    variance = covariance[:, 0].copy()
+    for order in range(1, covariance.shape[1]):
+        reflection = -(taps[:, :order] * covariance[:, order:0:-1]).sum(axis=1) / variance
+        np.clip(reflection, -_REFLECTED, _REFLECTED, out=reflection)
+        taps[:, 1 : order + 1] += reflection[:, np.newaxis] * taps[:, order - 1 :: -1][:, :order]
+        variance *= 1.0 - reflection * reflection
+    return taps, variance
 
 
 def autocovariance(stretches: Sequence[FloatArray], order: int) -> FloatArray:

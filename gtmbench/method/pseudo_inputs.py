@@ -355,6 +355,15 @@ def reproduces(name: str, output: str) -> bool:
     return name in PSEUDO_INPUTS and PSEUDO_INPUTS[name].reproduces == output
 
 
+def kinematic(one: str, other: str) -> bool:
+    """Whether two channels read the same motion, one of them a sensor and the other a pseudo input.
+
+    >>> kinematic("p_att", "p"), kinematic("p", "p_att"), kinematic("p", "q_att")
+    (True, True, False)
+    """
+    return reproduces(one, other) or reproduces(other, one)
+
+
 def raw_needs(name: str) -> set[str]:
     """Return the measured channels behind a channel or a pseudo input, through all steps.
 

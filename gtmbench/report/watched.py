@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -101,7 +102,8 @@ class State(StrEnum):
     IDENTIFIED = "identified and calibrated on"
     ARMING = "before the test is armed"
     DISARMED = "after an alarm that left nothing to watch"
-    LOST = "without a residual (samples missing, look-ahead)"
+    LOST = "without a residual (samples missing)"
+    ENDS = "at a record's end, for residuals look ahead"
     OUTSIDE = "outside of what was identified"
     LEFT_OUT = "left out"
     GAP = "gap"
@@ -113,6 +115,7 @@ TINTS = {
     State.ARMING: "#dadada",
     State.DISARMED: "#f4c28a",
     State.LOST: "#b5b5b5",
+    State.ENDS: "#cfcfcf",
     State.OUTSIDE: "#e8b7d4",
     State.LEFT_OUT: "#8c8c8c",
     State.GAP: "#ffffff",
@@ -154,7 +157,7 @@ def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
     for watch in watched.watches:
         rows = _rows(segment, (watch.record.start_s, watch.record.end_s))
         if rows.start < rows.stop:
-            states[rows] = _of_watch(watch)
+            states[rows] = _of_watch(watch, [name for name in watched.monitor.channels if name in segment.channels])
     edges = [0, *(np.flatnonzero(np.diff(states)) + 1).tolist(), len(segment)]
     return [
         Stretch(
@@ -172,8 +175,8 @@ def _rows(segment: Record, span: Span) -> slice:
     return slice(min(max(first, 0), len(segment)), min(max(last + 1, 0), len(segment)))
 
 
-def _of_watch(watch: Watch) -> NDArray[np.int8]:
-    """Return the states of a watch's rows, by their numbers."""
+def _of_watch(watch: Watch, channels: Sequence[str]) -> NDArray[np.int8]:
+    """Return the states of a watch's rows, by their numbers; its monitor hears the channels."""
     armed, count = watch.armed, len(watch.record)
     first, last = (int(armed.argmax()), count - 1 - int(armed[::-1].argmax())) if armed.any() else (count, count)
     states = np.full(count, _STATES.index(State.LOST), dtype=np.int8)
@@ -181,6 +184,8 @@ def _of_watch(watch: Watch) -> NDArray[np.int8]:
     states[armed] = _STATES.index(State.WATCHED)
     if watch.scores and set(watch.disarmed) == set(watch.scores):
         states[last + 1 :] = _STATES.index(State.DISARMED)
+    elif np.isfinite(watch.record.matrix(channels)[last + 1 :]).all():
+        states[last + 1 :] = _STATES.index(State.ENDS)
     for excursion in watch.outside if isinstance(watch, BankWatch) else ():
         if not excursion.is_judged:
             rows = rows_of(excursion, watch.record)

@@ -446,6 +446,8 @@ def _reason(watch: Watch, truth: _Truth, altered: float, peak: float) -> str:
         return "no score is known after the onset"
     if not any(score.armed.any() for score in own):
         return "can't tell: the score never came down to its threshold"
+    if not any((score.armed & (score.known_s <= truth.onset_s + _TIE)).any() for score in own):
+        return "can't tell: it was there before watching began, so it was learnt as healthy"
     if peak > 1.0:
         return "the score stood above its threshold since before the onset"
     return f"the score reached {100.0 * peak:.0f} % of its threshold"

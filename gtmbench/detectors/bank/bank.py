@@ -12,7 +12,7 @@ from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, no_file, read_toml
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, reproduces
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
 from gtmbench.shipped import shipped_banks
 
 _MOST_RESIDUALS = 50
@@ -46,6 +46,11 @@ class ResidualSpec:
     def is_kinematic(self) -> bool:
         """Whether kinematics say what its sensor should read: a pseudo input reads as the sensor."""
         return any(reproduces(name, self.output) for name in self.inputs)
+
+    @property
+    def is_fixed_by_physics(self) -> bool:
+        """Whether input and output read the same motion and nothing else, so that only lag and noise are open."""
+        return len(self.inputs) == 1 and kinematic(self.inputs[0], self.output)
 
     @property
     def source(self) -> str:

@@ -9,8 +9,9 @@ from typing import Any
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.statistics.noise import second_order
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance
-from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
+from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
 from gtmbench.method.transmissibility import Transmissibility
@@ -55,7 +56,8 @@ class CalibratedBank:
         """How long after a sample its residual is judged: d Ts, a sample for derivatives, what uncertainty looks at."""
         operator = self.operators[output]
         ahead = operator.noncausal_order + any(name in PSEUDO_INPUTS for name in operator.inputs)
-        ahead = max(ahead, int(output in PSEUDO_INPUTS)) + (HALF if output in self.uncertainties else 0)
+        ahead = max(ahead, int(output in PSEUDO_INPUTS))
+        ahead += self.uncertainties[output].half if output in self.uncertainties else 0
         return round(ahead * self.sample_period_s, 9)
 
     def corrected_look_ahead_of(self, output: str) -> float:
@@ -64,9 +66,16 @@ class CalibratedBank:
         virtual = [self.look_ahead_of(name) for name in self.bank.sources(spec) if name in self.operators]
         return round(self.look_ahead_of(output) + max(virtual, default=0.0), 9)
 
+    @property
+    def knows_noise(self) -> bool:
+        """Whether its residuals are judged as they are: their noise isn't learnt where they are watched."""
+        return self.bank.statistic.name == "energy"
+
     def history_of(self, output: str) -> float:
         """How long before a sample its whitened residual looks back."""
-        return round((self.operators[output].causal_order + self.whiteners[output].order + 1) * self.sample_period_s, 9)
+        learnt = 0 if self.knows_noise else second_order(self.sample_period_s)
+        rows = self.operators[output].causal_order + self.whiteners[output].order + learnt + 1
+        return round(rows * self.sample_period_s, 9)
 
     doubts = renamed("BankMonitor.doubts", "uncertainties")
 

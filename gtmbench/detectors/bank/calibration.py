@@ -18,10 +18,11 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
+from gtmbench.detectors.statistics.noise import followed
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance_of
-from gtmbench.detectors.statistics.thresholds import Residual, rate_bound, thresholds_of
-from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
-from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
+from gtmbench.detectors.statistics.thresholds import Residual, healthy_maxima, rate_bound
+from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
+from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares
@@ -33,13 +34,12 @@ from gtmbench.record import FloatArray, Record, frozen
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 _MOST = 20.0  # deviations that one sample may count for
 _FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
+_KNOWN = 0.01  # the sum of the parameters' variances: what they let pass of an input's noise
 _LEAST_THERE = 0.5  # of the residual
 _FIRST = 0.4  # of one record: identifies
 _SHORTEST = 20  # samples
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
 _MOST_FOLDS = 10
-_NOISE_DEVIATIONS = 4.0  # of a window's mean square: chance
-_NOISE_POWER = 2.0  # by which the noise of another stretch may be stronger
 _BASELINES = 5.0  # in the shortest record
 _SHORTEST_S = 5.0
 _LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
@@ -60,12 +60,13 @@ def calibrate_bank(
 ) -> CalibratedBank:
     """Identify a bank on healthy records and set its thresholds on stretches that identification hadn't seen.
 
-    Least squares take much flight: of several records every third identifies and the rest set thresholds; one record is
-    cut in two (the first 40 % identify). A Bayesian estimator takes little: every stretch sets thresholds by operators
-    that stand on the others, the monitor's own stand on all of them, and what the records leave open is carried along
-    as their parameter uncertainty, so that another manoeuvre doesn't alarm for being another (`_left_out` says what
-    else is allowed for). The rate asked for is shared evenly by all scores of all residuals. Parameters and errors are
-    those of `bank_detector.calibrate`.
+    Of much flight every third record identifies and the rest set thresholds; one record is cut in two (the first 40 %
+    identify), by least squares unless told; residuals that physics fixes are always identified by `Bayesian`, unless
+    told. Of little flight, or where a Bayesian estimator is asked for, every stretch sets thresholds by operators that
+    stand on the others, the monitor's own stand on all of them, and what the records leave open is carried along as
+    their parameter uncertainty, so that another manoeuvre doesn't alarm for being another (`_left_out` says what else
+    is allowed for). The rate asked for is shared evenly by all scores of all residuals. Parameters and errors are those
+    of `bank_detector.calibrate`.
     """
     rate = number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
     for record in records:
@@ -73,17 +74,17 @@ def calibrate_bank(
     # what else is there may have a pseudo input's name
     healthy = tuple(record.select(bank.channels) for record in records)
     period_s = healthy[0].sample_period_s
-    if estimator is None:
-        estimator = Bayesian() if sum(map(len, healthy)) * period_s < _LITTLE_S else LeastSquares()
-    plan = _left_out(healthy, bank) if isinstance(estimator, Bayesian) else _divided(healthy, bank)
+    is_little = sum(map(len, healthy)) * period_s < _LITTLE_S if estimator is None else isinstance(estimator, Bayesian)
+    plan = _left_out(healthy, bank) if is_little else _divided(healthy, bank)
     bank, learnt, total = plan.bank, {}, len(bank.residuals) + 1
     for done, spec in enumerate(bank.residuals):
         progress(f"identify {spec.output}", done, total)
-        learnt[spec.output] = _learn(plan, spec, estimator)
+        usual = Bayesian() if is_little or spec.is_fixed_by_physics else LeastSquares()
+        learnt[spec.output] = _learn(plan, spec, estimator or usual, uncertain=is_little)
     progress("thresholds", total - 1, total)
     judged = {output: each.judged for output, each in learnt.items()}
     tolerances = {output: _tolerance(plan, residuals, period_s) for output, residuals in judged.items()}
-    thresholds, block_s = thresholds_of(bank.statistic, judged, tolerances, period_s, rate)
+    seen = healthy_maxima(bank.statistic, judged, tolerances, period_s)
     hours = sum(map(len, plan.judged)) * period_s / 3600.0
     progress("done", total, total)
     return CalibratedBank(
@@ -91,7 +92,7 @@ def calibrate_bank(
         operators={output: each.operator for output, each in learnt.items()},
         whiteners={output: each.whitener for output, each in learnt.items()},
         tolerances=tolerances,
-        thresholds=thresholds,
+        thresholds=seen.thresholds(rate),
         uncertainties={output: each.uncertainty for output, each in learnt.items() if each.uncertainty is not None},
         sample_period_s=period_s,
         provenance={
@@ -99,7 +100,8 @@ def calibrate_bank(
             "records": len(healthy),
             "identification_hours": sum(map(len, plan.learn)) * period_s / 3600.0,
             "threshold_hours": hours,
-            "block_s": block_s,
+            "block_s": seen.block_s,
+            "threshold_spread": seen.luck(rate).table(),
             "false_alarms_per_hour": rate,
             "false_alarms_per_hour_at_most": rate_bound(0, hours),
         },
@@ -116,18 +118,38 @@ class _Learnt:
     judged: Sequence[Residual] = field(repr=False)
 
 
-def _learn(plan: Plan, spec: ResidualSpec, estimator: Estimator) -> _Learnt:
+def _learn(plan: Plan, spec: ResidualSpec, estimator: Estimator, *, uncertain: bool) -> _Learnt:
     operator, scale = identified(plan.learn, spec, estimator)
     residuals = [_residual(plan.bank, record, operator) for record in plan.learn]
     whitener = fit_whitener(residuals, order=plan.order)
-    uncertain = isinstance(estimator, Bayesian)
+    half = _half(operator) if uncertain else None
     parts: list[list[Residual]] = [[] for _ in plan.judged]
     for records, held in plan.folds:
         part = operator if records is plan.learn else identified(records, spec, estimator, scale=scale)[0]
         for i, rows in held:
-            parts[i].append(_judged(plan.bank, plan.judged[i], rows, part, whitener, uncertain=uncertain))
+            parts[i].append(_judged(plan.bank, plan.judged[i], rows, part, whitener, half))
     learnt = _Learnt(operator=operator, whitener=whitener, judged=[_joined(pieces) for pieces in parts])
-    return _weighed(learnt, float(np.nanmean(np.square(np.concatenate(residuals))))) if uncertain else learnt
+    if half is not None:
+        learnt = _weighed(learnt, float(np.nanmean(np.square(np.concatenate(residuals)))), half)
+    if plan.bank.statistic.name == "energy":
+        return learnt
+    return replace(learnt, judged=[_followed(learnt.whitener, residual, plan) for residual in learnt.judged])
+
+
+def _followed(whitener: Whitener, residual: Residual, plan: Plan) -> Residual:
+    """Return a residual whitened as it will be where it is watched: by the noise that is learnt there."""
+    raw, _, spread = residual
+    period_s = plan.learn[0].sample_period_s
+    return raw, followed(whitener, raw, period_s, None if spread is None else spread.white), spread
+
+
+def _half(operator: Transmissibility) -> int:
+    """Return from how many samples to either side motion has to be told from noise before it widens a residual.
+
+    From none where the parameters are known so well that noise widens nothing: what isn't looked at needn't be awaited.
+    """
+    (output,) = operator.outputs
+    return 0 if np.sum(operator.covariance_root(output) ** 2) < _KNOWN else HALF
 
 
 def _residual(bank: Bank, record: Record, operator: Transmissibility) -> FloatArray:
@@ -136,25 +158,25 @@ def _residual(bank: Bank, record: Record, operator: Transmissibility) -> FloatAr
 
 
 def _judged(
-    bank: Bank, record: Record, rows: slice, operator: Transmissibility, whitener: Whitener, *, uncertain: bool
+    bank: Bank, record: Record, rows: slice, operator: Transmissibility, whitener: Whitener, half: int | None
 ) -> Residual:
     """Return some rows of a record's residual and, of an uncertain operator, |F' phi(k)|^2 as their spread."""
     residual = _residual(bank, record, operator)
-    raw, white = residual[rows], whitener.whiten(residual)[rows]
-    if not uncertain:
+    raw, white = residual[rows], White.steady(whitener.whiten(residual)[rows])
+    if half is None:
         return raw, white, None
-    alone = ParameterUncertainty(root=operator.covariance_root(*operator.outputs), raw=1.0, white=1.0)
+    alone = ParameterUncertainty(root=operator.covariance_root(*operator.outputs), raw=1.0, white=1.0, half=half)
     return raw, white, alone.spread(operator, record, whitener.coefficients, bank.statistic).between(rows)
 
 
 def _joined(parts: Sequence[Residual]) -> Residual:
     """Return the pieces of one record as one, in their order."""
     spreads = [spread for _, _, spread in parts if spread is not None]
-    raw, white = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+    raw, white = np.concatenate([part[0] for part in parts]), White.joined([part[1] for part in parts])
     return raw, white, Spread.joined(spreads) if spreads else None
 
 
-def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
+def _weighed(learnt: _Learnt, noise: float, half: int) -> _Learnt:
     """Return what was learnt with the parameters' uncertainty weighed against the noise, by what was judged.
 
     The residual and its noise are slow motion in the one and all of it in the other; equations are more alike or less
@@ -167,10 +189,13 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
         With |F' phi(k)|^2 as spread, of a covariance F F'.
     noise : float
         The residual's mean square on the records that were identified on.
+    half : int
+        Of the uncertainty.
     """
     operator, whitener = learnt.operator, learnt.whitener
     judged = [(raw, white, alone) for raw, white, alone in learnt.judged if alone is not None]
-    raw, white = (np.concatenate([residual[i] for residual in judged]) for i in (0, 1))
+    raw = np.concatenate([residual[0] for residual in judged])
+    white = np.concatenate([residual[1].values for residual in judged])
     spread = Spread.joined([alone for *_, alone in judged])
     _check_there(white, *operator.outputs)
     variance = float(np.asarray(operator.noise_variance)[0])
@@ -180,19 +205,19 @@ def _weighed(learnt: _Learnt, noise: float) -> _Learnt:
         root=frozen(operator.covariance_root(*operator.outputs)),
         raw=raw_factor / variance,
         white=white_factor / whitener.deviation**2,
+        half=half,
     )
     return _Learnt(
         operator=replace(operator, rms_residual=frozen([np.sqrt(noise)])),
         whitener=replace(whitener, deviation=whitener.deviation * scale),
         uncertainty=uncertainty,
-        judged=[(raw, white / scale, uncertainty.weighed(alone)) for raw, white, alone in judged],
+        judged=[(raw, white, uncertainty.weighed(alone)) for raw, white, alone in judged],
     )
 
 
 def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> Tolerance:
-    whites = [white if spread is None else white / spread.white for _, white, spread in judged]
-    tolerance = tolerance_of(whites, plan.bank.statistic, sample_period_s, noise=plan.deviations)
-    return replace(tolerance, high=max(tolerance.high, plan.power))
+    whites = [white.values if spread is None else white.values / spread.white for _, white, spread in judged]
+    return tolerance_of(whites, plan.bank.statistic, sample_period_s)
 
 
 def _check_there(white: FloatArray, output: str) -> None:
@@ -239,8 +264,6 @@ class Plan:
         Which operators judge which rows; those of `learn` itself are the monitor's own.
     order : int
         Of the whitening filters.
-    deviations, power : float
-        What isn't held against a healthy residual: so many deviations of a window's mean square, and so much of it.
     """
 
     bank: Bank
@@ -248,8 +271,6 @@ class Plan:
     judged: Sequence[Record] = field(repr=False)
     folds: Sequence[Fold] = field(repr=False)
     order: int
-    deviations: float = 0.0
-    power: float = 1.0
 
 
 def _divided(records: Sequence[Record], bank: Bank) -> Plan:
@@ -274,8 +295,7 @@ def divided(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
 def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
     """Return a plan for little flight: every stretch is left out in turn.
 
-    Too little energy doesn't alarm, means are compared with those of the last fifth of a record, and the noise may be
-    twice as strong as seen: a short record doesn't tell how steady it is.
+    Too little energy doesn't alarm, and means are compared with those of the last fifth of a record.
 
     Raises
     ------
@@ -297,8 +317,6 @@ def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
         judged=records,
         folds=list(_folds(records)),
         order=min(round(bank.whitening_s / period_s), samples // _A_COEFFICIENT),
-        deviations=_NOISE_DEVIATIONS,
-        power=_NOISE_POWER,
     )
 
 

@@ -16,6 +16,7 @@ from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.detectors.virtual import integrable
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derive, raw_needs
@@ -279,7 +280,9 @@ def _ignores_offsets(test: Statistic) -> bool:
     period_s = test.baseline_s / 60.0
     longest = max(test.rows(period_s))
     noise = np.random.default_rng(1).standard_normal(300 + min(2 * longest, 20_000))
-    as_is, shifted = (test.scores(values, values, period_s, Tolerance()) for values in (noise, noise + 3.0))
+    as_is, shifted = (
+        test.scores(values, White.steady(values), period_s, Tolerance()) for values in (noise, noise + 3.0)
+    )
     return all(
         np.allclose(score.values, other.values, rtol=1e-6, atol=1e-6, equal_nan=True)
         for score, other in zip(as_is, shifted, strict=True)

@@ -11,9 +11,10 @@ import numpy as np
 from gtmbench.checks import naming, number, shown, text
 from gtmbench.detectors.bank.bank import ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.statistics.sight import check_sight
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
-from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
-from gtmbench.detectors.statistics.whitening import Whitener
+from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
+from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.detectors.tables import (
     MOST_LAGS,
     PERIODS_S,
@@ -54,7 +55,7 @@ def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
         **judging_table(whitener, tolerance, thresholds),
         "uncertainty": None
         if uncertainty is None
-        else {key: exact(getattr(uncertainty, key)) for key in ("raw", "white", "root")},
+        else {key: exact(getattr(uncertainty, key)) for key in ("raw", "white", "half", "root")},
     }
 
 
@@ -102,12 +103,19 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
                 f"residuals.{output}.uncertainty.root has {len(uncertainty.root)} rows; the operator has "
                 f"{operators[output].markov.size} Markov parameters, and they must be one"
             )
+    tolerances = each("tolerance", lambda where, table, _: tolerance_from(where, table))
+
+    def set_for(where: str, table: Any, spec: ResidualSpec) -> dict[str, float]:
+        rms = float(operators[spec.output].rms_residual[0])
+        return thresholds_from(where, table, bank.statistic, tolerances[spec.output], period_s, deviation=rms)
+
+    thresholds = each("thresholds", set_for)
     return CalibratedBank(
         bank=bank,
         operators=operators,
         whiteners=each("whitener", lambda where, table, _: whitener_from(where, table)),
-        tolerances=each("tolerance", lambda where, table, _: tolerance_from(where, table)),
-        thresholds=each("thresholds", lambda where, table, _: thresholds_from(where, table, bank.statistic, period_s)),
+        tolerances=tolerances,
+        thresholds=thresholds,
         uncertainties=uncertainties,
         sample_period_s=period_s,
         provenance=dict(provenance),
@@ -148,20 +156,29 @@ def tolerance_from(where: str, table: Any) -> Tolerance:
     )
 
 
-def thresholds_from(where: str, table: Any, statistic: Statistic, period_s: float) -> dict[str, float]:
-    """Return the thresholds of a table, one a test of the statistic."""
+def thresholds_from(
+    where: str, table: Any, statistic: Statistic, tolerance: Tolerance, period_s: float, *, deviation: float = 1.0
+) -> dict[str, float]:
+    """Return the thresholds of a table, one a test of the statistic, that let it see.
+
+    `deviation` is that of the healthy residual, in its unit.
+    """
     nothing = np.zeros(0)
-    labels = [score.label for score in statistic.scores(nothing, nothing, period_s, Tolerance())]
+    labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, Tolerance())]
     table = keys(where, table, tuple(dict.fromkeys(labels)))
-    return {
+    thresholds = {
         label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in table.items()
     }
+    check_sight(where, thresholds, statistic, tolerance, period_s, deviation=deviation)
+    return thresholds
 
 
 def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncertainty | None:
     if table is None:
         return None
-    table = keys(where, table, ("raw", "white", "root"))
+    if isinstance(table, dict):
+        table = {"half": HALF, **table}  # older files have none
+    table = keys(where, table, ("raw", "white", "half", "root"))
     given = table["root"]
     size = len(given) if isinstance(given, list) else 0
     if not 0 < size <= MOST_LAGS or size % len(spec.inputs):
@@ -170,4 +187,11 @@ def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncerta
         root=array_of(f"{where}.root", given, (size, size)),
         raw=number(f"{where}.raw", table["raw"], 0.0),
         white=number(f"{where}.white", table["white"], 0.0),
+        half=_half(where, table["half"]),
     )
+
+
+def _half(where: str, given: Any) -> int:
+    if given not in (0, HALF) or isinstance(given, bool):
+        raise InputError(f"{where}.half is {shown(given)}; it must be 0 or {HALF}")
+    return int(given)

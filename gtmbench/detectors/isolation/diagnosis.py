@@ -9,6 +9,7 @@ What may be said, of every bank:
 - A kind is named where its correction leaves the suspect's own residuals healthy, or nothing that belongs to no kind
   explains them decisively better; otherwise the kind is `unknown`.
 - Else it is either-or, with the reason. Physically equal faults (`SAME`) are either-or, too.
+- Noise of another level, up to three times the one learnt, is no fault: `changed_noise`.
 - Nothing is left to explain only where the residuals are healthy and no step of an angle would have made them so.
 """
 
@@ -25,6 +26,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
 from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, greatest
@@ -96,7 +98,9 @@ def by_signature(monitor: CalibratedBank, trusted: Sequence[str], output: str, t
 def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
     """Weigh the hypotheses on a case, those of a cautious monitor as `_cautious` says."""
     told = _weighed(case, ranking, replace(first, reason="", doubt=""))
-    return _cautious(case, ranking, told) if case.monitor.is_cautious else told
+    if case.monitor.is_cautious:
+        told = _cautious(case, ranking, told)
+    return wandering_noise(case, changed_noise(case, ranking, told, DECISIVE))
 
 
 def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
@@ -107,7 +111,9 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
     """
     if not told.candidates:
         return told
-    explained = [fit for fit in ranking if fit.bic < case.deviance - _EXPLAINED and _must_be(case, fit)]
+    # noise heals no residual: it has to be what explains best
+    weighed = [fit for fit in ranking if fit.kind != "noise" or fit.bic < ranking[0].bic + _EXPLAINED]
+    explained = [fit for fit in weighed if fit.bic < case.deviance - _EXPLAINED and _must_be(case, fit)]
     if not explained:
         likeliest = ranking[0].channel if ranking else told.candidates[0]
         reason = told.reason or f"no kind of fault of {likeliest} explains it"

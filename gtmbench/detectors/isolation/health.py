@@ -23,6 +23,7 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
     corrected for a fault may be quiet: what was stuck had no noise. Of statistics other than the likelihood ratios the
     mean square is judged, by six deviations of chance.
     """
+    whitener = monitor.whiteners[output]
     there = np.clip(white[np.isfinite(white)], -MOST, MOST)
     test, tolerance = monitor.bank.statistic, monitor.tolerances[output]
     period_s = monitor.sample_period_s
@@ -39,7 +40,8 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
         mean = (sums[ends] - sums[ends - rows]) / rows
         power = np.maximum((squares[ends] - squares[ends - rows]) / rows, 1e-12)
         low = tolerance.low if test.two_sided and not is_corrected else 0.0
-        of_mean, of_energy = glr(mean, power, rows, 1.0 / rows + 1.0 / baseline, tolerance.mean, low, tolerance.high)
+        chance = 1.0 / rows + 1.0 / baseline
+        of_mean, of_energy = glr(mean, power, rows, chance, tolerance.mean, low, tolerance.high, whitener.unsteady)
         window = f"{rows * period_s:g} s"
         limits = monitor.thresholds[output]
         least = max(least, float(of_mean.max()) / limits[f"mean {window}"])

@@ -33,9 +33,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.case import Case, shift_of
+from gtmbench.detectors.isolation.changed_noise import NOISE_CHANGED
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
     by_signature,
@@ -57,10 +58,11 @@ from gtmbench.detectors.monitor.scores import Crossing, IntArray, Track
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-HORIZONS_S = (0.65, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+HORIZONS_S = (0.75, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end,
 _WINDOW_S = 60.0  # on so much
 _APART_S = 3.0  # what shakes the aircraft shakes all of it within that
+_SURE_S = 5.0  # after an alarm: whether the noise has changed
 _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
@@ -157,6 +159,7 @@ class OpenFault:
     shift: dict[str, float]
     habits: dict[str, Habit]
     referees: dict[str, Referee] = field(default_factory=dict)
+    monitor: CalibratedBank  # with the noise as it was known at the alarm
     is_diagnosed: bool
     is_judged: bool = False
     ruled_out: set[str] = field(default_factory=set)
@@ -272,6 +275,7 @@ class AlarmLogic:
         crossing = track.crossing(output, scored_row, time_s)
         start = max(crossing.onset_row - self._rows_of(_MARGIN_S), row - self._rows_of(_FARTHEST_S), 0)
         record, before = self._before(start)
+        monitor = self._known_at(row)
         fault = OpenFault(
             alarm=Alarm(
                 number=len(self.alarms),
@@ -286,8 +290,9 @@ class AlarmLogic:
             horizons=[row + self._rows_of(horizon_s) for horizon_s in HORIZONS_S],
             start=start,
             # biases
-            shift={output: shift_of(self._monitor, output, raw) for output, raw in before.raw.items()},
+            shift={output: shift_of(monitor, output, raw) for output, raw in before.raw.items()},
             habits={},
+            monitor=monitor,
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
             settling=self._excursions.just_before(time_s, self._memory.time_s(crossing.onset_row))
@@ -316,6 +321,11 @@ class AlarmLogic:
             if each.source == output:
                 each.disarm(row + 1, row)
         self.due = min(self.due, fault.due)
+
+    def _known_at(self, row: int) -> CalibratedBank:
+        """Return the monitor with the noise of its residuals as it was known at a row of the record."""
+        whiteners = {each.output: each.track.whitener_at(row - each.track.ahead) for each in self.arming}
+        return replace(self._monitor, whiteners=whiteners)
 
     def _may_diagnose(self, row: int) -> bool:
         since = row - self._rows_of(_WITHIN_S)
@@ -439,11 +449,19 @@ class AlarmLogic:
         if judged.sensor is not None and judged.kind_margin > DECISIVE:
             named = next(fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind))
             fault.held = fault.held if fault_of(named) is None else named
-        if not judged.candidates:
+        self._settle(fault, judged, case)
+
+    def _settle(self, fault: OpenFault, judged: Judgement, case: Case) -> None:
+        """End an alarm that leaves nothing to explain, or that can't be told any better."""
+        since = self.row - fault.row
+        if judged.doubt == NOISE_CHANGED:
+            if since >= self._rows_of(_SURE_S):
+                self._close(fault, anew=True)
+        elif not judged.candidates:
             self._close(fault)
         elif judged.doubt and self._has_calmed(case):
             self._close(fault, ended_s=case.end_s, end_known_s=case.end_s)
-        elif judged.doubt and self.row >= fault.row + self._rows_of(HORIZONS_S[-1]):
+        elif judged.doubt and since >= self._rows_of(HORIZONS_S[-1]):
             self._close(fault)  # should it calm later, watching goes on
 
     def _case(self, fault: OpenFault, trusted: tuple[str, ...], suspects: tuple[str, ...], *, is_late: bool) -> Case:
@@ -456,7 +474,7 @@ class AlarmLogic:
         first = max(start - self._history, self._memory.first, 0)
         record, residuals = self._memory.cut(range(first, stop), trusted)
         return Case(
-            monitor=self._monitor,
+            monitor=fault.monitor,
             record=record,
             residuals=residuals,
             start=start - first,
@@ -480,10 +498,13 @@ class AlarmLogic:
         if case.judged.stop - case.judged.start < rows:
             return False
         late = slice(case.judged.stop - rows, case.judged.stop)
-        return all(greatest(self._monitor, output, case.white[output][late]) <= 1.0 for output in case.residuals.raw)
+        return all(greatest(case.monitor, output, case.white[output][late]) <= 1.0 for output in case.residuals.raw)
 
-    def _close(self, fault: OpenFault, **end: float) -> None:
-        """End a fault, with all that counted to it: take its rows out and watch anew."""
+    def _close(self, fault: OpenFault, *, anew: bool = False, **end: float) -> None:
+        """End a fault, with all that counted to it: take its rows out and watch anew.
+
+        By noise that is learnt `anew` from now on, where it has changed: that of all residuals, for one shows it first.
+        """
         outputs = {fault.crossing.output} | entered(self._bank, fault.alarm.candidates)
         if end:
             self._tell(fault, **end)
@@ -494,8 +515,8 @@ class AlarmLogic:
             self._open.remove(each)
         rows = range(fault.crossing.onset_row, self.row + 1)
         for arming in self.arming:
-            if arming.source in outputs:
-                arming.track.blot(rows, self.row - arming.track.ahead)
+            if anew or arming.source in outputs:
+                arming.track.blot(rows, self.row - arming.track.ahead, anew=anew)
                 self._memory.blot(arming.output, rows)
                 arming.begin_anew(self.row)
 

@@ -87,6 +87,8 @@ class Excursions:
     residuals : BankResiduals
         As they are.
     excursions : sequence of Excursion
+    before : mapping of output to array, optional
+        As `Track` has it.
     """
 
     def __init__(
@@ -95,9 +97,10 @@ class Excursions:
         record: Record,
         residuals: BankResiduals,
         excursions: Sequence[Excursion],
+        before: Mapping[str, FloatArray] | None = None,
     ) -> None:
         silent = [excursion for excursion in excursions if not excursion.is_judged]
-        scores = residual_scores(monitor, record, residuals) if silent else {}
+        scores = residual_scores(monitor, record, residuals, before) if silent else {}
         rises = [
             (row, output, score.origins.of(row)[1])
             for output, score in scores.items()

@@ -10,7 +10,8 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, Track
-from gtmbench.detectors.statistics.statistic import MOST, glr
+from gtmbench.detectors.statistics.noise import second_order
+from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, glr
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.record import FloatArray
 
@@ -30,7 +31,7 @@ class RowByRow:
     def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track]) -> None:
         self._memory, self._names = memory, sorted(tracks)
         self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
-        self._lines = [_Line(monitor, memory, tracks[output], output) for output in self._names]
+        self._lines = [_Line(monitor, memory, tracks[output], output, i) for i, output in enumerate(self._names)]
         self._ratios = _Ratios(monitor, self._names)
         names = {name for line in self._lines for name in (line.output, *line.inputs)}
         self._pseudo = tuple(name for name in names if name in PSEUDO_INPUTS)
@@ -69,12 +70,17 @@ class RowByRow:
     def pass_over(self) -> None:
         """Nothing comes of the sample taken."""
         for line in self._lines:
+            before = line.is_learnt, line.track.outliers
             line.track.pass_over()
+            if line.is_stale:
+                line.load_whitening()
+                self._ratios.steadiness(line.place, line.unsteady)
+                self.is_stale |= (line.is_learnt, line.track.outliers) != before  # samples aren't what was told of them
 
     def reopen(self) -> None:
         """Something may come of the sample taken: its scores are worked out as those of chunks are."""
         for line in self._lines:
-            line.track.reopen(line.is_there)
+            line.track.reopen()
 
     def _derived(self) -> dict[str, float]:
         """Return the pseudo inputs at the middle one of three samples, in the units of the table."""
@@ -103,6 +109,8 @@ class RowByRow:
             line.load(inputs[: len(inputs) - line.is_late], self._memory.raw_before(line.output, at))
             if line.is_early:
                 line.load_read(wanted[line.output][:-1])
+            line.load_whitening()
+            self._ratios.steadiness(line.place, line.unsteady)
         self._ratios.load([line.track.latest() for line in self._lines])
         self.is_stale = False
 
@@ -110,9 +118,9 @@ class RowByRow:
 class _Line:
     """One residual's way from its inputs to white noise."""
 
-    def __init__(self, monitor: CalibratedBank, memory: Memory, track: Track, output: str) -> None:
-        operator, whitener = monitor.operators[output], monitor.whiteners[output]
-        self.output, self.track, self.inputs = output, track, operator.inputs
+    def __init__(self, monitor: CalibratedBank, memory: Memory, track: Track, output: str, place: int) -> None:
+        operator = monitor.operators[output]
+        self.output, self.track, self.inputs, self.place = output, track, operator.inputs, place
         self.is_early = output in PSEUDO_INPUTS
         self.is_late = track.ahead > operator.noncausal_order  # a derivative needs the next sample
         self.taps = len(operator.markov)
@@ -121,10 +129,12 @@ class _Line:
         self._y = _Window(max(track.ahead, 1), 1)  # of an early one, its output from the row that is judged on
         self._markov = np.ascontiguousarray(operator.markov[::-1, 0, :]).ravel()  # oldest row first
         self._offset = float(operator.output_means[0] - (operator.markov[:, 0, :] @ operator.input_means).sum())
-        self._whitening = whitener.coefficients[::-1] / whitener.deviation
-        self._mean = float(whitener.mean * self._whitening.sum())
+        self.is_learnt = False
+        self._order = monitor.whiteners[output].order + second_order(monitor.sample_period_s)
         self._x = _Window(self.taps, len(operator.inputs))
-        self._e = _Window(whitener.order + 1, 1)
+        self._e = _Window(self._order + 1, 1)
+        self._alike = 0  # rows that are whitened by what was loaded
+        self._whitening, self._mean, self._most, self.unsteady = np.zeros(self._order + 1), 0.0, 0.0, 0.0
 
     def take(self, x: list[float], at: int) -> None:
         """Take the inputs that sample `at` of the record makes known."""
@@ -132,8 +142,28 @@ class _Line:
         hat = float(self._markov.dot(self._x.push(x))) + self._offset
         read = float(self._y.latest()[0]) if self.is_early else self._memory.reading(row, self._column)
         e = self._memory.put_one(self.output, row, read - hat if math.isfinite(hat) else math.nan)
-        self.white = float(self._whitening.dot(self._e.push(e))) - self._mean
-        self.is_there = self.track.take(row, self.white)
+        self._alike -= 1
+        latest = self._e.push(e)
+        self.is_there = False
+        if self.is_learnt:
+            white = float(self._whitening.dot(latest)) - self._mean
+            self.is_there = math.isfinite(white) and self.track.is_heard(row)
+            self.white = min(max(white, -self._most), self._most)
+        self.track.take(e)
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the next row is whitened otherwise."""
+        return self._alike <= 0
+
+    def load_whitening(self) -> None:
+        """Take what the next rows are whitened by."""
+        whitener = self.track.whitener
+        self._alike, self.is_learnt = max(self.track.rows_alike, 1), self.track.rows_alike > 0
+        if self.is_learnt:
+            self._whitening = whitener.coefficients[::-1] / whitener.deviation
+            self._mean = float(whitener.mean * self._whitening.sum())
+            self._most, self.unsteady = whitener.most, whitener.unsteady
 
     def read(self, output: float) -> None:
         """Take an early one's output at the sample before the last."""
@@ -206,6 +236,11 @@ class _Ratios:
         self._first: IntArray = np.array([line, line, line + len(outputs) * self._capacity])
         self._full = np.full(len(self._rows), float(self._longest))
         self._chance = 1.0 / self._windows + 1.0 / self._full
+        self._unsteady = np.zeros((len(outputs), 1))
+
+    def steadiness(self, i: int, unsteady: float) -> None:
+        """Take how steady the noise of a residual is."""
+        self._unsteady[i] = unsteady
 
     def load(self, samples: list[FloatArray]) -> None:
         """Begin with the samples before."""
@@ -221,7 +256,6 @@ class _Ratios:
         sums, counts = self._sums, self._counts
         for i, (value, is_there) in enumerate(zip(white, there, strict=True)):
             if is_there:
-                value = min(max(value, -MOST), MOST)
                 if counts[i] + 1 == self._capacity:
                     self._make_room(i)
                 counts[i] += 1
@@ -235,7 +269,7 @@ class _Ratios:
         length, chance = self._full, self._chance
         if least < self._most:
             short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
-            length = np.where(short >= self._longest // 6, short, np.nan)
+            length = np.where(short >= self._longest // LEAST_BASELINE, short, np.nan)
             chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
             np.maximum(places, self._first, out=places)
         ends, begins, squares = self._flat.take(places)
@@ -243,7 +277,9 @@ class _Ratios:
         mean = (totals[:, :1] - ends) / self._windows
         base = (ends - begins) / length
         power = np.maximum((totals[:, 1:] - squares) / self._windows - 2.0 * base * mean + base * base, 1e-12)
-        of_mean, of_energy = glr(mean - base, power, self._windows, chance, self._mean, self._low, self._high)
+        of_mean, of_energy = glr(
+            mean - base, power, self._windows, chance, self._mean, self._low, self._high, self._unsteady
+        )
         over = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
         greatest: list[float] = np.fmax.reduce(over, axis=1).tolist()
         return [value if is_there else math.nan for value, is_there in zip(greatest, there, strict=True)]

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.statistics.statistic import MOST, Carried, Given, RawScore, Spread, over
+from gtmbench.detectors.statistics.noise import NoiseFollower, follower
+from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
+from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record, sealed
 
 IntArray = NDArray[np.int_]
 _REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known
+_KEPT = 100  # rows more than whatever is whitened anew looks at
 _BLOCK = 8192  # samples at a time: what is worked out of them stays in the cache
 
 
@@ -104,22 +107,27 @@ class Track:
     ----------
     monitor : CalibratedBank
     output : str
+    before : shape (rows,), optional
+        Of the same sensors' healthy residual, on which their noise is learnt before watching begins.
     """
 
-    def __init__(self, monitor: CalibratedBank, output: str) -> None:
+    def __init__(self, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> None:
         self._test, self._period_s = monitor.bank.statistic, monitor.sample_period_s
-        self._tolerance, self._whitener = monitor.tolerances[output], monitor.whiteners[output]
+        self._tolerance, self._calibrated = monitor.tolerances[output], monitor.whiteners[output]
         self._thresholds = monitor.thresholds[output]
-        self.order = self._whitener.order
+        self._noise = None if monitor.knows_noise else follower(self._calibrated, self._period_s, before)
         self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
         self._history = round(monitor.history_of(output) / self._period_s)
         self._looks_back = self._test.looks_back(self._period_s)
         self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
+        self._raw: FloatArray = np.zeros(0)  # the rows that came in last: they may have to be whitened anew
+        self._spread: Spread | None = None  # theirs
+        self._taken = 0  # rows that came in
         self._rows = np.zeros(0, dtype=int)  # of the samples that exist,
-        self._samples: FloatArray | None = None  # and they: values, plain, uncertain share, variances of means
+        self._samples: FloatArray | None = None  # and they: as `_matrix` has them
         self._judged = 0  # so many of them
         self._carried: Carried = {}
-        self._fresh: list[tuple[int, float]] = []  # taken one by one
+        self._fresh: list[float] = []  # rows taken one by one, raw
         self._missing = range(0)
         self._whole = True  # no rows have been taken out yet
         self._from = 0  # scores of rows before have been told
@@ -132,45 +140,57 @@ class Track:
         """One past the last row that came in."""
         return self.first + len(self.values)
 
-    def extend(self, raw: FloatArray, spread: Spread | None = None, *, before: int = 0) -> None:
-        """Take the next rows of the residual; of those given, the first `before` were taken already.
-
-        As many as the whitening filter is long are looked at.
-        """
-        begin = self.stop
-        white = self._whitener.whiten(raw)[before:]
-        raw = raw[before:]
-        there, given = self._test.given(raw, white, spread)
-        samples = _matrix(given)
-        rows = there + begin if begin else there
-        if self._missing and len(rows):
-            kept = (rows < self._missing.start) | (rows >= self._missing.stop)
-            rows, samples = rows[kept], samples[kept]
+    @property
+    def whitener(self) -> Whitener:
+        """What the next row is whitened by, as far as it has been learnt."""
         self._flush()
-        if self._samples is None:
-            self._rows, self._samples = rows, samples
-        else:
-            self._rows = np.concatenate([self._rows, rows])
-            self._samples = np.concatenate([self._samples, samples])
+        return self._calibrated if self._noise is None else self._noise.whitener
+
+    def whitener_at(self, row: int) -> Whitener:
+        """Return what a row was whitened by, one of the last."""
+        self._flush()
+        return self._calibrated if self._noise is None else self._noise.whitener_at(row)
+
+    @property
+    def level(self) -> float:
+        """The noise's deviation over that of the calibration, as it was first learnt; NaN where it wasn't."""
+        return math.nan if self._noise is None else self._noise.first_level
+
+    @property
+    def outliers(self) -> int:
+        """How many gross outliers have left an echo."""
+        return 0 if self._noise is None else self._noise.outliers
+
+    @property
+    def rows_alike(self) -> int:
+        """How many rows, the next first, are whitened alike; 0 while that isn't known."""
+        return 0 if self._noise is None else max(self._noise.rows_alike - len(self._fresh), 0)
+
+    def extend(self, raw: FloatArray, spread: Spread | None = None) -> None:
+        """Take the next rows of the residual."""
+        self._flush()
+        self._take(raw, spread)
         self._open(len(raw))
 
-    def take(self, row: int, white: float) -> bool:
-        """Take the next row, whitened; return whether there is a sample."""
-        there = math.isfinite(white) and row not in self._missing
-        if there:
-            self._fresh.append((row, min(max(white, -MOST), MOST)))
-            if len(self._fresh) > _BLOCK:
-                self._flush()
-        return there
+    def take(self, raw: float) -> None:
+        """Take the next row alone; nothing is worked out of it yet."""
+        self._fresh.append(raw)
+
+    def is_heard(self, row: int) -> bool:
+        """Tell whether a row may be a sample: it hasn't been taken out."""
+        return row not in self._missing
 
     def pass_over(self) -> None:
         """Say nothing of the row that was taken."""
         self.first += 1
+        if not self.rows_alike:
+            self._flush()
 
-    def reopen(self, there: bool) -> None:
+    def reopen(self) -> None:
         """Work out the score of the row that was taken, after all."""
         self._flush()
-        self._judged -= there
+        if len(self._rows) and self._rows[-1] == self.first:
+            self._judged = len(self._rows) - 1
         self._open(1)
 
     def latest(self) -> FloatArray:
@@ -178,6 +198,31 @@ class Track:
         self._flush()
         samples = np.zeros((0, 1)) if self._samples is None else self._samples
         return samples[max(len(samples) - self._looks_back, 0) :, 0]
+
+    def _take(self, raw: FloatArray, spread: Spread | None) -> None:
+        """Whiten rows: samples, with those before that had been waiting for the noise to be learnt."""
+        self._raw = np.concatenate([self._raw, raw])
+        if spread is not None:
+            self._spread = spread if self._spread is None else Spread.joined([self._spread, spread])
+        self._taken += len(raw)
+        if self._noise is None:
+            self._put_samples(White.steady(raw), self._taken)
+            return
+        white = self._noise.push(raw, None if spread is None else spread.white)
+        self._put_samples(white, self._noise.row)
+
+    def _put_samples(self, white: White, stop: int) -> None:
+        """Add the samples of rows before `stop`."""
+        first = stop - len(white)
+        own = slice(first - self._taken + len(self._raw), stop - self._taken + len(self._raw))
+        spread = None if self._spread is None else self._spread.between(own)
+        there, given = self._test.given(self._raw[own], white, spread)
+        samples, rows = _matrix(given), there + first
+        if self._missing and len(rows):
+            kept = (rows < self._missing.start) | (rows >= self._missing.stop)
+            rows, samples = rows[kept], samples[kept]
+        self._rows = np.concatenate([self._rows, rows])
+        self._samples = samples if self._samples is None else np.concatenate([self._samples, samples])
 
     def known(self, first: int, stop: int) -> FloatArray:
         """Return the scores that become known with some rows of the record; NaN where there are none."""
@@ -192,11 +237,14 @@ class Track:
         test, onset_row = self.origins.of(row)
         return Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test)
 
-    def blot(self, rows: range, row: int) -> None:
-        """Treat rows of the record as missing, and those around that saw them; scores change from `row` on."""
-        order = 0 if self._test.name == "energy" else self._whitener.order
-        self._missing = range(rows.start - self._history, rows.stop + self._history + order)
+    def blot(self, rows: range, row: int, *, anew: bool = False) -> None:
+        """Treat rows of the record as missing, and those around that saw them; scores change from `row` on.
+
+        From there on the noise is learnt `anew`, where what was there has become the noise.
+        """
         self._flush()
+        order = 0 if self._noise is None else self._noise.order
+        self._missing = range(rows.start - self._history, rows.stop + self._history + order)
         before = int(np.searchsorted(self._rows, row))
         kept = slice(max(before - self._most, 0), None)
         out = (self._rows[kept] >= self._missing.start) & (self._rows[kept] < self._missing.stop)
@@ -207,6 +255,21 @@ class Track:
         self.values[max(row - self.first, 0) :] = np.nan
         self.origins.keep_before(row)
         self._from = row
+        if anew and self._noise is not None:
+            self._learn_anew(row)
+
+    def _learn_anew(self, row: int) -> None:
+        """Whiten the rows from one on by the noise that is learnt from there."""
+        self._rows = self._rows[:0]
+        self._samples = None if self._samples is None else self._samples[:0]
+        begin = max(len(self._raw) - (self._taken - row), 0)
+        raw, spread = self._raw, self._spread
+        self._noise = NoiseFollower(
+            self._calibrated, self._period_s, row=self._taken - len(raw) + begin, before=raw[:begin]
+        )
+        self._taken -= len(raw) - begin
+        self._raw, self._spread = raw[:begin], None if spread is None else spread.between(slice(begin))
+        self._take(raw[begin:], None if spread is None else spread.between(slice(begin, None)))
 
     def forget(self) -> None:
         """Drop the scores that have been told, and the samples that won't be looked back at."""
@@ -220,6 +283,14 @@ class Track:
         if surplus > 0 and self._samples is not None:
             self._rows, self._samples = self._rows[surplus:], self._samples[surplus:]
             self._judged -= surplus
+        noise = self._noise
+        keep = 0 if noise is None else self._taken - noise.row + noise.order + self.ahead + _KEPT
+        old = len(self._raw) - keep
+        if old > 0:
+            self._raw = self._raw[old:]
+            self._spread = None if self._spread is None else self._spread.between(slice(old, None))
+            if noise is not None:
+                noise.drop_before(self._taken - len(self._raw))
 
     def _open(self, rows: int) -> None:
         longer = np.full(len(self.values) + rows, np.nan)
@@ -229,12 +300,9 @@ class Track:
     def _flush(self) -> None:
         """Put single rows to the others; they have been judged."""
         if self._fresh:
-            rows, samples = (np.array(column) for column in zip(*self._fresh, strict=True))
-            self._rows = np.concatenate([self._rows, rows])
-            known = samples[:, np.newaxis]
-            self._samples = known if self._samples is None else np.concatenate([self._samples, known])
-            self._judged += len(rows)
-            self._fresh.clear()
+            fresh, self._fresh = np.array(self._fresh), []
+            self._take(fresh, None)
+            self._judged = len(self._rows)
             self._trim()
 
     def _judge(self, stop: int) -> None:
@@ -243,8 +311,7 @@ class Track:
             return
         end = len(self._rows) if self._whole else int(np.searchsorted(self._rows, stop + _BLOCK))
         begin = max(self._judged - self._looks_back, 0)
-        scratch = np.empty((5, min(_BLOCK, end - self._judged)))
-        given = _given(self._samples[begin:end], self._test.rows(self._period_s), scratch)
+        given = _given(self._samples[begin:end], self._test.rows(self._period_s))
         for first in range(self._judged, end, _BLOCK):
             self._judged = min(first + _BLOCK, end)
             at = range(first - begin, self._judged - begin)
@@ -264,17 +331,20 @@ class Track:
                 self.origins.put(raw.label, rows[higher], self._rows[onsets])
             np.fmax(greatest, score, out=greatest)
         greatest[greatest == -np.inf] = np.nan
+        for late in () if self._noise is None else self._noise.first_rows:
+            greatest[slice(*np.searchsorted(rows, [late.start, late.stop]))] = np.nan
         self.values[rows[told:] - self.first] = greatest[told:]
 
 
 def reach_of(monitor: CalibratedBank) -> int:
-    """Return how many rows before a piece its residuals look back at, whitened, and with what uncertainty looks at."""
+    """Return how many rows before a piece its residuals look back at, and with what uncertainty looks at."""
     most = 0
     for output, operator in monitor.operators.items():
         ahead = round(monitor.look_ahead_of(output) / monitor.sample_period_s)
-        rows = ahead + operator.causal_order + monitor.whiteners[output].order + 2
+        rows = ahead + operator.causal_order + 2
         if output in monitor.uncertainties:
             rows += monitor.bank.statistic.looks_back(monitor.sample_period_s) + operator.noncausal_order
+            rows += monitor.whiteners[output].order
         most = max(most, rows)
     return most
 
@@ -297,16 +367,17 @@ def extend(
         own = slice(max(rows.start - track.ahead, 0) - first, max(rows.stop - track.ahead, 0) - first)
         if own.stop > max(own.start, 0):
             spread = residuals.spread[output].between(own) if output in residuals.spread else None
-            before = min(track.order, own.start)
-            track.extend(residuals.raw[output][own.start - before : own.stop], spread, before=before)
+            track.extend(residuals.raw[output][own], spread)
             yield output, own.start + first, residuals.raw[output][own], spread
 
 
-def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ResidualScore]:
-    """Return every residual's score on a record."""
+def residual_scores(
+    monitor: CalibratedBank, record: Record, residuals: BankResiduals, before: Mapping[str, FloatArray] | None = None
+) -> dict[str, ResidualScore]:
+    """Return every residual's score on a record; `before` as `Track` has it."""
     scores = {}
     for output, raw in residuals.raw.items():
-        track = Track(monitor, output)
+        track = Track(monitor, output, (before or {}).get(output))
         track.extend(raw, residuals.spread.get(output))
         track.known(0, len(record) + track.ahead)
         scores[output] = score_of(track, record)
@@ -340,15 +411,15 @@ def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
 
 
 def _matrix(given: Given) -> FloatArray:
-    """Return what a statistic is made of as columns: one where nothing is uncertain."""
+    """Return samples as rows: values and how steady their noise is; where an operator is uncertain, all else, too."""
     if given.values is given.plain:
-        return given.values[:, np.newaxis]
-    return np.column_stack([given.values, given.plain, given.uncertain, *given.means.values()])
+        return np.column_stack([given.values, given.unsteady])
+    return np.column_stack([given.values, given.unsteady, given.plain, given.uncertain, *given.means.values()])
 
 
-def _given(samples: FloatArray, windows: list[int], scratch: FloatArray) -> Given:
-    values = np.ascontiguousarray(samples[:, 0])
-    if samples.shape[1] == 1:
-        return Given(values=values, plain=values, means={}, uncertain=values, scratch=scratch)
-    means = dict(zip(windows, samples[:, 3:].T, strict=False))
-    return Given(values=values, plain=samples[:, 1], means=means, uncertain=samples[:, 2], scratch=scratch)
+def _given(samples: FloatArray, windows: list[int]) -> Given:
+    values, unsteady = (np.ascontiguousarray(samples[:, i]) for i in (0, 1))
+    if samples.shape[1] == 2:
+        return Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady)
+    means = dict(zip(windows, samples[:, 4:].T, strict=False))
+    return Given(values=values, plain=samples[:, 2], means=means, uncertain=samples[:, 3], unsteady=unsteady)

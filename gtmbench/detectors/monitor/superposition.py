@@ -1,11 +1,13 @@
 """What a fault put on a record would do to a residual, without watching the record again.
 
 A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual.
-Whitening passes that on from the onset, and the scores after it follow from the monitor's own statistic.
+Whitening passes that on from the onset, by the noise as it was learnt until then, and the scores after it follow from
+the monitor's own statistic.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,11 +16,13 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.scores import IntArray
-from gtmbench.detectors.statistics.greatest import greatest_score
+from gtmbench.detectors.statistics.noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
-from gtmbench.detectors.statistics.whitening import Whitener
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
 from gtmbench.record import BoolArray, FloatArray, Record
+
+_REMEMBERED_S = 10.0  # every so often what follows the noise is kept, for trials to go on from
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,15 +37,22 @@ class ChangedResidual:
         As it is.
     spread : Spread or None
         By which the residual is divided before it is judged.
+    before : shape (rows,) or None
+        On which the noise was learnt before the record began.
     """
 
     monitor: CalibratedBank
     output: str
     raw: FloatArray = field(repr=False)
     spread: Spread | None = field(repr=False)
+    before: FloatArray | None = field(default=None, repr=False)
 
     def greatest(self, begin: int, changed: FloatArray, rows: range) -> float:
-        """Return the greatest score of some rows; -inf where there is none.
+        """Return the greatest score of some rows; -inf where there is none. Parameters are those of `scores`."""
+        return float(self.scores(begin, changed, rows)[1].max(initial=-np.inf))
+
+    def scores(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, FloatArray]:
+        """Return which of some rows have a score, and the scores.
 
         Parameters
         ----------
@@ -51,11 +62,6 @@ class ChangedResidual:
         rows : range
             None before `begin`.
         """
-        _, given, at = self._samples(begin, changed, rows)
-        return greatest_score(self._test, given, self._period_s, self._tolerance, self._thresholds, at)
-
-    def scores(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, FloatArray]:
-        """Return which of some rows have a score, and the scores."""
         there, given, at = self._samples(begin, changed, rows)
         greatest = np.full(len(there), -np.inf)
         for score in self._test.of(given, self._period_s, self._tolerance, at=at):
@@ -70,39 +76,59 @@ class ChangedResidual:
 
     def _samples(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, Given, range]:
         """Return the rows asked for that have a sample, and what the statistic takes: samples, and which are meant."""
-        first, before = self._before(begin)
+        first = self._first(begin)
+        stop = begin + len(changed)
         raw = np.concatenate([self.raw[first:begin], changed])
-        seen = max(begin - self._whitener.order, first)  # by the whitening filter
-        white = np.concatenate([before, self._whitener.whiten(raw[seen - first :])[begin - seen :]])
-        spread = None if self.spread is None else self.spread.between(slice(first, begin + len(changed)))
-        there, given = self._test.given(raw, white, spread)
+        spread = None if self.spread is None else self.spread.between(slice(first, stop))
+        there, given = self._test.given(raw, self._white(first, begin, changed), spread)
         at = range(int(np.searchsorted(there, rows.start - first)), len(there))
         return there[at.start :] + first, given, at
 
-    def _before(self, row: int) -> tuple[int, FloatArray]:
-        """Return the first row that the statistics look at from one on, and what is whitened from it up to that one.
+    def _white(self, first: int, begin: int, changed: FloatArray) -> White:
+        """Return rows from `first` on, whitened by the noise as it is known before `begin`, then as it is learnt."""
+        if self.monitor.knows_noise:
+            return White.steady(np.concatenate([self.raw[first:begin], changed]))
+        row, noise = self._noise_at(begin)
+        raw = np.concatenate([self.raw[row:begin], changed])
+        spread = None if self.spread is None else self.spread.white[row : begin + len(changed)]
+        white = noise.push(raw, spread)
+        if len(white) < len(raw):  # it is still learning
+            white = White.steady(np.full(len(raw), np.nan))
+        return White.joined([self._healthy.between(slice(first, begin)), white.between(slice(begin - row, None))])
 
-        Missing samples are passed over, so it is looked for farther and farther back.
-        """
-        if row not in self._latest:
-            self._latest.clear()
-            self._latest[row] = self._looked_back_at(row)
-        return self._latest[row]
+    def _noise_at(self, row: int) -> tuple[int, NoiseFollower]:
+        """Return what follows the noise, as it was at the last row before that is remembered, and that row."""
+        known = max((each for each in self._remembered if each <= row), default=0)
+        return known, copy.deepcopy(self._remembered[known])
 
-    def _looked_back_at(self, row: int) -> tuple[int, FloatArray]:
+    @cached_property
+    def _followed(self) -> tuple[White, dict[int, NoiseFollower]]:
+        noise = follower(self.monitor.whiteners[self.output], self._period_s, self.before)
+        parts, remembered = [], {0: copy.deepcopy(noise)}
+        every = round(_REMEMBERED_S / self._period_s)
+        for first in range(0, len(self.raw), every):
+            spread = None if self.spread is None else self.spread.white[first : first + every]
+            parts.append(noise.push(self.raw[first : first + every], spread))
+            if noise.is_learnt:
+                remembered[first + every] = copy.deepcopy(noise)
+        white = White.joined(parts)
+        missing = White.steady(np.full(len(self.raw) - len(white), np.nan))
+        return White.joined([white, missing]), remembered
+
+    @property
+    def _healthy(self) -> White:
+        return self._followed[0]
+
+    @property
+    def _remembered(self) -> dict[int, NoiseFollower]:
+        return self._followed[1]
+
+    def _first(self, row: int) -> int:
+        """Return the first row that the statistics look at from one on: missing samples are passed over."""
+        values = self.raw if self.monitor.knows_noise else self._healthy.values
+        there = np.flatnonzero(np.isfinite(values[:row]))
         wanted = self._test.looks_back(self._period_s)
-        rows = wanted
-        while True:
-            first = max(row - rows, 0)
-            seen = max(first - self._whitener.order, 0)
-            white = self._whitener.whiten(self.raw[seen:row])[first - seen :]
-            there = np.flatnonzero(np.isfinite(white))
-            if len(there) > wanted or (len(there) == wanted and first > 0):
-                first, white = first + int(there[-wanted]), white[there[-wanted] :]
-                return first, white
-            if first == 0:
-                return 0, white
-            rows *= 2
+        return int(there[-wanted]) if len(there) > wanted else 0
 
     @property
     def _test(self) -> Statistic:
@@ -119,15 +145,6 @@ class ChangedResidual:
     @property
     def _period_s(self) -> float:
         return self.monitor.sample_period_s
-
-    @property
-    def _whitener(self) -> Whitener:
-        return self.monitor.whiteners[self.output]
-
-    @cached_property
-    def _latest(self) -> dict[int, tuple[int, FloatArray]]:
-        """What `_before` returned last: faults of many sizes are put on one row."""
-        return {}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

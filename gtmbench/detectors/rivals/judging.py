@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
 from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.statistics.noise import NoiseFollower, followed
 from gtmbench.detectors.statistics.statistic import Carried, Given, Statistic, Tolerance, over, tolerance_of
-from gtmbench.detectors.statistics.thresholds import thresholds_of
-from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
+from gtmbench.detectors.statistics.thresholds import Luck, healthy_maxima
+from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.detectors.tables import keys
 from gtmbench.record import FloatArray
 
@@ -47,10 +48,13 @@ class Judging:
     def of(cls, where: str, table: Any, statistic: Statistic, sample_period_s: float) -> Judging:
         """Return that of a table, every key checked."""
         table = keys(where, table, ("whitener", "tolerance", "thresholds"))
+        tolerance = tolerance_from(f"{where}.tolerance", table["tolerance"])
         return cls(
             whitener=whitener_from(f"{where}.whitener", table["whitener"]),
-            tolerance=tolerance_from(f"{where}.tolerance", table["tolerance"]),
-            thresholds=thresholds_from(f"{where}.thresholds", table["thresholds"], statistic, sample_period_s),
+            tolerance=tolerance,
+            thresholds=thresholds_from(
+                f"{where}.thresholds", table["thresholds"], statistic, tolerance, sample_period_s
+            ),
         )
 
 
@@ -60,8 +64,8 @@ def judgings(
     judged: Mapping[str, Sequence[FloatArray]],
     sample_period_s: float,
     rate: float,
-) -> dict[str, Judging]:
-    """Return what residuals are judged by, for a false-alarm rate an hour, as banks are calibrated.
+) -> tuple[dict[str, Judging], Luck]:
+    """Return what residuals are judged by, for a false-alarm rate an hour, as banks are calibrated, and its luck.
 
     Parameters
     ----------
@@ -76,24 +80,32 @@ def judgings(
     is_level = isinstance(statistic, Level)
     whiteners = {name: _AS_IT_IS if is_level else fit_whitener(parts, order=order) for name, parts in learnt.items()}
     healthy = {
-        name: [(raw, raw if is_level else whiteners[name].whiten(raw), None) for raw in parts]
+        name: [
+            (raw, White.steady(raw) if is_level else followed(whiteners[name], raw, sample_period_s), None)
+            for raw in parts
+        ]
         for name, parts in judged.items()
     }
     tolerances = {
-        name: Tolerance() if is_level else tolerance_of([white for _, white, _ in parts], statistic, sample_period_s)
+        name: Tolerance()
+        if is_level
+        else tolerance_of([white.values for _, white, _ in parts], statistic, sample_period_s)
         for name, parts in healthy.items()
     }
-    thresholds, _ = thresholds_of(statistic, healthy, tolerances, sample_period_s, rate)
-    return {
+    seen = healthy_maxima(statistic, healthy, tolerances, sample_period_s)
+    thresholds = seen.thresholds(rate)
+    by = {
         name: Judging(whitener=whiteners[name], tolerance=tolerances[name], thresholds=thresholds[name])
         for name in learnt
     }
+    return by, seen.luck(rate)
 
 
 class Judge:
     """The score of one residual, as its rows come in: the greatest of a statistic's tests over their thresholds.
 
-    It keeps the samples that the statistic looks back at; missing ones are passed over.
+    It keeps the samples that the statistic looks back at; missing ones are passed over. The noise is learnt on what
+    comes in, as a bank's is.
 
     Parameters
     ----------
@@ -104,8 +116,10 @@ class Judge:
 
     def __init__(self, statistic: Statistic, judging: Judging, sample_period_s: float) -> None:
         self._statistic, self._judging, self._period_s = statistic, judging, sample_period_s
-        self._raw = np.full(judging.whitener.order, np.nan)  # what the whitening filter looks back at
-        self._samples = np.zeros(0)
+        is_level = isinstance(statistic, Level)
+        self._noise = None if is_level else NoiseFollower(judging.whitener, sample_period_s)
+        self._row = 0  # the next
+        self._samples = np.zeros((0, 2))  # and how steady their noise is
         self._carried: Carried = {}
 
     def push(self, raw: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -113,22 +127,32 @@ class Judge:
 
         Beside them, where they are above 1, how many rows back the greatest test looks; elsewhere 0.
         """
-        order, before = len(self._raw), len(self._samples)
-        joined = np.concatenate([self._raw, raw])
-        self._raw = joined[len(joined) - order :]
-        there, new = self._statistic.given(raw, self._judging.whitener.whiten(joined)[order:])
-        samples = np.concatenate([self._samples, new.values])
-        given = Given(values=samples, plain=samples, means={}, uncertain=np.broadcast_to(0.0, len(samples)))
-        greatest, looks_back = np.full(len(there), -math.inf), np.zeros(len(raw), dtype=int)
-        at = range(before, len(samples))
-        tests = self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried)
-        for test in tests if len(there) else ():
-            own = over(test.values, self._judging.thresholds[test.label])
-            higher = np.flatnonzero((own > 1.0) & (own > greatest))
-            looks_back[there[higher]] = test.reach if isinstance(test.reach, int) else test.reach[higher]
-            np.fmax(greatest, own, out=greatest)
-        greatest[greatest == -math.inf] = np.nan
+        scores, looks_back = np.full(len(raw), np.nan), np.zeros(len(raw), dtype=int)
+        first, self._row = self._row, self._row + len(raw)
+        white = White.steady(raw) if self._noise is None else self._noise.push(raw)
+        own = np.full(len(white), np.nan)  # of the residual, for levels, which are judged as they are
+        own[max(len(white) - len(raw), 0) :] = raw[max(len(raw) - len(white), 0) :]
+        there, new = self._statistic.given(own, white)
+        rows = there + self._row - len(white)
+        told = int(np.searchsorted(rows, first))
+        before = len(self._samples) + told
+        samples = np.concatenate([self._samples, np.column_stack([new.values, new.unsteady])])
         self._samples = samples[max(len(samples) - self._statistic.looks_back(self._period_s), 0) :]
-        scores = np.full(len(raw), np.nan)
-        scores[there] = greatest
+        at, rows = range(before, len(samples)), rows[told:] - first
+        if not at:
+            return scores, looks_back
+        values, unsteady = np.ascontiguousarray(samples.T)
+        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady)
+        greatest = np.full(len(at), -math.inf)
+        for test in self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried):
+            over_one = over(test.values, self._judging.thresholds[test.label])
+            higher = np.flatnonzero((over_one > 1.0) & (over_one > greatest))
+            looks_back[rows[higher]] = test.reach if isinstance(test.reach, int) else test.reach[higher]
+            np.fmax(greatest, over_one, out=greatest)
+        greatest[greatest == -math.inf] = np.nan
+        scores[rows] = greatest
+        for late in () if self._noise is None else self._noise.first_rows:
+            scores[max(late.start - first, 0) : max(late.stop - first, 0)] = np.nan
+        if self._noise is not None:
+            self._noise.drop_before(self._row)
         return scores, looks_back

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, Statistic, Tolerance
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 
@@ -22,7 +23,8 @@ class Level(Statistic):
 
     Examples
     --------
-    >>> nothing = np.zeros(0)
+    >>> from gtmbench.detectors.statistics.whitening import White
+    >>> nothing = White.steady(np.zeros(4))
     >>> score, = Level(windows_s=(0.2,)).scores(np.array([1.0, 3.0, np.nan, 5.0]), nothing, 0.1, Tolerance())
     >>> score.label, score.values
     ('mean 0.2 s', array([nan,  2., nan,  4.]))
@@ -31,11 +33,11 @@ class Level(Statistic):
     name: str = "level"
     windows_s: tuple[float, ...] = WINDOWS_S
 
-    def given(self, raw: FloatArray, white: FloatArray, spread: Spread | None = None) -> tuple[NDArray[np.int_], Given]:
+    def given(self, raw: FloatArray, white: White, spread: Spread | None = None) -> tuple[NDArray[np.int_], Given]:
         """Return the rows where there is a value, and the values."""
         there = np.flatnonzero(~np.isnan(raw))
         values = np.clip(raw[there], 0.0, _MOST)
-        return there, Given(values=values, plain=values, means={}, uncertain=values)
+        return there, Given(values=values, plain=values, means={}, uncertain=values, unsteady=values)
 
     def of(
         self,

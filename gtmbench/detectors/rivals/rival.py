@@ -22,6 +22,7 @@ from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.rivals.signals import GYROS, Generator
 from gtmbench.detectors.rivals.stream import RivalStream
 from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.method.problem import as_records
@@ -36,7 +37,9 @@ JUDGES: dict[str, Statistic] = {
     "level": Level(),  # of what is a distance already
     "sample": Level(windows_s=(0.0,)),
 }
-_TRIED_S = 1.0
+_TRIED_S = 20.0  # of which the first two thirds are healthy: baselines want 10 s
+_MOST_TRIED = 200_000  # samples: at 10 kHz; a file may say any period
+_GROSS = 1e4  # deg/s: what no detector may overlook
 
 Model = Mapping[str, FloatArray]
 
@@ -113,14 +116,25 @@ class Rival(ABC):
         made = [[self._residuals(model, values, period_s) for values in part] for part in (learn, judged)]
         learnt, held = ({name: [one[name] for one in part] for name in self.outputs} for part in made)
         self._check_there(held)
-        by = judgings(JUDGES[self.judge], learnt, held, period_s, rate)
+        by, luck = judgings(JUDGES[self.judge], learnt, held, period_s, rate)
         progress("done", 2, 2)
+        hours = sum(map(len, judged)) * period_s / 3600.0
         provenance = {
             "records": len(healthy),
-            "threshold_hours": sum(map(len, judged)) * period_s / 3600.0,
+            "threshold_hours": hours,
+            "threshold_spread": luck.table(),
             "false_alarms_per_hour": rate,
+            "false_alarms_per_hour_at_most": rate_bound(0, hours),
         }
-        return RivalMonitor(rival=self, model=model, judgings=by, sample_period_s=period_s, provenance=provenance)
+        monitor = RivalMonitor(rival=self, model=model, judgings=by, sample_period_s=period_s, provenance=provenance)
+        peak = monitor.gross_peak(judged[0])
+        if peak <= 1.0:
+            raise InputError(
+                f"'{self.name}' can't promise {rate:g} false alarms an hour: it would be blind, for a gyro that is "
+                f"{_GROSS:g} deg/s off takes its score to {peak:.2f} of the threshold at most; ask for a higher rate, "
+                f"or give more flights than {len(healthy)}"
+            )
+        return monitor
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> RivalMonitor:
         """Return the monitor of some figures, with the parameters that it was calibrated with; every key is checked."""
@@ -265,12 +279,41 @@ class RivalMonitor:
         }
 
     def try_out(self) -> None:
-        """Refuse a model that doesn't fit its recipe, or itself: of a file that somebody has changed."""
-        rows = max(round(_TRIED_S / self.sample_period_s), 2)
+        """Refuse a model that doesn't fit its recipe, or itself, or is blind: of a file that somebody has changed."""
+        rows = min(max(round((self.settles_s + _TRIED_S) / self.sample_period_s), 6), _MOST_TRIED)
         try:
-            made = self.generator().push(np.zeros((rows, len(self.channels))))
-            fits = made.shape == (rows, len(self.rival.outputs))
+            made = self.generator().push(np.zeros((2, len(self.channels))))
+            fits = made.shape == (2, len(self.rival.outputs))
+            peak = self.gross_peak(np.random.default_rng(1).standard_normal((rows, len(self.channels))))
         except (KeyError, ValueError, IndexError, ZeroDivisionError):
             fits = False
         if not fits:
             raise InputError(f"the model of '{self.name}' doesn't fit its parameters; calibrate anew")
+        if peak <= 1.0:
+            raise InputError(
+                f"'{self.name}' is blind: a gyro that is {_GROSS:g} deg/s off takes its score to {peak:.2g} of the "
+                "threshold at most; calibrate anew"
+            )
+
+    def gross_peak(self, values: FloatArray) -> float:
+        """Return the greatest score over its threshold when a gyro is grossly off, or noisy, on healthy samples.
+
+        Parameters
+        ----------
+        values : shape (samples, channels)
+            The first 20 s after it has settled are used; the last third of them is broken.
+        """
+        values = values[: round((self.settles_s + _TRIED_S) / self.sample_period_s)]
+        since = len(values) - len(values) // 3
+        loud = _GROSS * np.random.default_rng(1).standard_normal(len(values) - since)
+        peak = 0.0
+        for gyro in (self.channels.index(name) for name in GYROS if name in self.channels):
+            for error in (_GROSS, loud):
+                broken = values.copy()
+                broken[since:, gyro] += error
+                residuals = self.generator().push(broken)
+                scores = [judge.push(residuals[:, i].copy())[0] for i, judge in enumerate(self.judges().values())]
+                peak = max(peak, *(float(np.fmax.reduce(score[since:], initial=0.0)) for score in scores))
+                if peak > 1.0:
+                    return peak
+        return peak

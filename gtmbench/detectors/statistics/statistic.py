@@ -12,11 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
 from gtmbench.record import FloatArray
 
 _LONG_S = 20.0
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
+_LOUDEST = 9.0  # times the power that was learnt: noise that wanders so far is a fault
+_STEADY, _WIDENED = 0.03, 2.5  # sigma that is as good as none; how much more of it widens what a mean may be
+_KNOWN = 1e-15  # sigma^2 that is as good as none: ratios of n nats are off by n^2 / 2 of it
+LEAST_BASELINE = 9  # part of the baseline that must be there
 MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
@@ -76,15 +81,15 @@ class Spread:
 class Given:
     """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
 
-    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known. `scratch`,
-    if given, is what statistics may work in, as long as the samples asked for: fresh memory costs more than the work.
+    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known; `unsteady`
+    as in `White`.
     """
 
     values: FloatArray
     plain: FloatArray
     means: Mapping[int, FloatArray]
     uncertain: FloatArray
-    scratch: FloatArray | None = None
+    unsteady: FloatArray
 
     @cached_property
     def sums(self) -> _Sums:
@@ -111,12 +116,15 @@ class RawScore:
         How many rows back the change that it tells of began.
     looks_per_row : float
         Of a log-likelihood ratio in nats: how often it looks at new noise. 0 for other statistics.
+    most : float
+        Which no fault passes.
     """
 
     label: str
     values: FloatArray = field(repr=False)
     reach: int | np.ndarray[tuple[int], np.dtype[np.int_]] = field(repr=False)
     looks_per_row: float = 0.0
+    most: float = np.inf
 
     def least_threshold(self, crossings_per_row: float) -> float:
         """Return the threshold that white Gaussian noise asks for, P(ratio > z) = exp(-z) a look; -inf without theory.
@@ -138,7 +146,7 @@ class Statistic:
         Lengths of the windows; ``cusum`` has none.
     baseline_s : float
         The mean before a window, over so many seconds, is what its mean is compared with: a bias since turn-on, or
-        one that wanders slowly, is no change. At least a sixth of it must be there.
+        one that wanders slowly, is no change. At least a ninth of it must be there.
     shift, ratio : float
         Change of mean (deviations of the whitened residual) and of variance that ``cusum`` is tuned to.
     two_sided : bool
@@ -155,7 +163,7 @@ class Statistic:
     def scores(
         self,
         raw: FloatArray,
-        white: FloatArray,
+        white: White,
         sample_period_s: float,
         tolerance: Tolerance,
         spread: Spread | None = None,
@@ -173,22 +181,25 @@ class Statistic:
         return placed
 
     def given(
-        self, raw: FloatArray, white: FloatArray, spread: Spread | None = None
+        self, raw: FloatArray, white: White, spread: Spread | None = None
     ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int_]], Given]:
         """Return the rows where there is a sample, and what the statistic is made of there."""
-        plain = raw if self.name == "energy" else white
+        plain = raw if self.name == "energy" else white.values
         there = np.flatnonzero(np.isfinite(plain))
         most = 1e150 if self.name == "energy" else MOST
         clipped = plain[there]
         np.clip(clipped, -most, most, out=clipped)
+        unsteady = white.unsteady[there]
         if spread is None:
-            return there, Given(values=clipped, plain=clipped, means={}, uncertain=np.broadcast_to(0.0, len(there)))
+            known = np.broadcast_to(0.0, len(there))
+            return there, Given(values=clipped, plain=clipped, means={}, uncertain=known, unsteady=unsteady)
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
             values=np.clip((plain / by)[there], -most, most),
             plain=clipped,
             means={rows: values[there] for rows, values in spread.means.items()},
             uncertain=(1.0 - 1.0 / np.square(spread.white))[there],
+            unsteady=unsteady,
         )
 
     def of(
@@ -276,24 +287,23 @@ def _glr(
 ) -> Iterator[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
-    Of another mean than m0 before: (|m1 - m0| - t)^2 / (2 (1/L + 1/M + v)) beyond the tolerance t, v the variance that
-    the operator's error gives it. Of another variance: L/2 (s - 1 - log s), s the mean square about m0 over the
-    nearest end of the tolerated range, which is wider where the operator's error dominates.
+    Of another mean than m0 before: z^2 = (|m1 - m0| - t)^2 / (1/L + 1/M + v) beyond the tolerance t, v the variance
+    that the operator's error gives it. Of another variance: s, the mean square about m0 over the nearest end of the
+    tolerated range, which is wider where the operator's error dominates. `glr` makes ratios of them.
     """
     low = tolerance.low if test.two_sided else 0.0
-    scratch = np.empty((5, len(at))) if given.scratch is None else given.scratch[:, : len(at)]
-    base, shift, power, more, other = scratch
+    unsteady = given.unsteady[at.start : at.stop]
     for rows in test.rows(sample_period_s):
-        shift, power, length = _windows(given.plain_sums, rows, test, sample_period_s, at, (base, shift, power, more))
+        shift, power, length = _windows(given.plain_sums, rows, test, sample_period_s, at)
         variance: float | FloatArray = 0.0
         high: float | FloatArray = tolerance.high
         if given.values is not given.plain:
-            _, power, _ = _windows(given.sums, rows, test, sample_period_s, at, (base, other, power, more))
+            _, power, _ = _windows(given.sums, rows, test, sample_period_s, at)
             uncertain = _trailing(given.uncertain, rows, at) / rows
             high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * uncertain)
             variance = given.means[rows][at.start : at.stop] if rows in given.means else 0.0
         chance = 1.0 / rows + 1.0 / length + variance
-        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, more)
+        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, unsteady)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
         yield RawScore(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks)
@@ -308,22 +318,31 @@ def glr(
     tolerance: float | FloatArray,
     low: float | FloatArray,
     high: float | FloatArray,
-    scratch: FloatArray | None = None,
+    unsteady: float | FloatArray = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Make shift and power the two ratios of `_glr`, in place: windows of `rows`, `chance` the shift's variance."""
-    scratch = np.empty_like(shift) if scratch is None else scratch
-    np.abs(shift, out=shift)
-    shift -= tolerance
-    np.maximum(shift, 0.0, out=shift)
-    shift *= shift
-    shift /= 2.0 * chance
-    np.clip(power, low, high, out=scratch)
-    power /= scratch
-    np.log(power, out=scratch)
-    power -= 1.0
-    power -= scratch
-    power *= 0.5 * rows
-    return shift, power
+    """Return the two ratios of `_glr`, in nats: windows of `rows`, `chance` the shift's variance.
+
+    With sigma^2 the noise's unsteadiness, its power is as well known as from nu = 2 / sigma^2 samples. So a shift of z
+    deviations is judged by Student's ratio, (nu + L)/2 log(1 + z^2 / (nu + L v)), v the window's variance about its own
+    mean, and a power s by that of two samples, (nu + L)/2 log((nu + L s) / (nu + L)) - L/2 log s. Besides, power may be
+    exp(2 sigma) times what was learnt, or a part of it, and a mean's variance a little more, for the noise's colour
+    wanders with its power; but never more than `_LOUDEST`: that is no noise any more. Where sigma is 0 these
+    are z^2 / 2 and L/2 (s - 1 - log s).
+    """
+    sigma = np.sqrt(unsteady)
+    worth = 2.0 / np.maximum(unsteady, _KNOWN)
+    within = np.maximum(power - np.square(shift), 0.0)
+    square = np.square(np.maximum(np.abs(shift) - tolerance, 0.0)) / chance
+    widened = np.minimum(np.exp(_WIDENED * np.maximum(sigma - _STEADY, 0.0)), _LOUDEST)
+    of_mean = 0.5 * (worth + rows) * np.log1p(square / (worth + rows * within))
+    np.minimum(of_mean, square / (2.0 * widened), out=of_mean)
+    np.maximum(of_mean, square / (2.0 * _LOUDEST), out=of_mean)
+    wide = np.exp(2.0 * sigma)
+    ratio = power / np.clip(power, low / wide, high * np.minimum(wide, _LOUDEST))
+    of_energy = 0.5 * (worth + rows) * np.log1p(rows * (ratio - 1.0) / (worth + rows)) - 0.5 * rows * np.log(ratio)
+    loud = np.maximum(power / (high * _LOUDEST), 1.0)
+    np.maximum(of_energy, 0.5 * rows * (loud - 1.0 - np.log(loud)), out=of_energy)
+    return of_mean, of_energy
 
 
 def over(values: FloatArray, threshold: float) -> FloatArray:
@@ -386,7 +405,7 @@ def _sides(test: Statistic, name: str, norms: Iterable[tuple[int, FloatArray]], 
         window = f"{name} {rows * period_s:g} s"
         yield RawScore(label=f"{window} high", values=norm, reach=rows)
         if test.two_sided:
-            yield RawScore(label=f"{window} low", values=-norm, reach=rows)
+            yield RawScore(label=f"{window} low", values=-norm, reach=rows, most=0.0)
 
 
 def _trailing(values: FloatArray, length: int, at: range) -> FloatArray:
@@ -426,18 +445,16 @@ def _baseline(
     else:
         length = np.arange(first, first + len(at), dtype=float)
         np.minimum(length, longest, out=length)
-        length[: max(longest // 6 - first, 0)] = np.nan
+        length[: max(longest // LEAST_BASELINE - first, 0)] = np.nan
     total /= length
     return total, length
 
 
-def tolerance_of(
-    whites: Sequence[FloatArray], test: Statistic, sample_period_s: float, *, noise: float = 0.0
-) -> Tolerance:
+def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> Tolerance:
     """Return what healthy whitened residuals do beyond noise, three times the greatest over long windows.
 
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
-    (four deviations) is left out; of the mean squares `noise` deviations, which matter where windows are short.
+    (four deviations) is left out, and likewise of the mean squares.
     """
     given = [np.clip(white[np.isfinite(white)], -MOST, MOST) for white in whites]
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
@@ -447,7 +464,7 @@ def tolerance_of(
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()
-        chance = noise * np.sqrt(2.0 / rows)
+        chance = 4.0 * np.sqrt(2.0 / rows)
         powers += (power[some] - np.clip(power[some] - 1.0, -chance, chance)).tolist()
     return Tolerance(
         mean=3.0 * max(shifts),

@@ -35,16 +35,20 @@ class ParameterUncertainty:
     raw, white : float
         Variance of the model's error over that of the noise is this times |F' phi(k)|^2: of the residual as it is, and
         whitened. From stretches that identification hadn't seen.
+    half : int
+        Samples to either side from which slow motion is told from noise, `HALF`; 0 where F' smooths by itself, as of
+        kinematic operators, whose gain, delay and curvature alone are open.
     """
 
     root: FloatArray = field(repr=False)
     raw: float
     white: float
+    half: int = HALF
 
     def spread(self, operator: Transmissibility, record: Record, coefficients: FloatArray, test: Statistic) -> Spread:
         """Return sqrt(1 + variance of the model's error over that of the noise) at every sample.
 
-        A row stands on samples up to `HALF` + d after it (one more for derivatives). The record's last rows lack some:
+        A row stands on samples up to `half` + d after it (one more for derivatives). The record's last rows lack some:
         there motion is taken to go on by odd reflection. Who watches judges a row only once it is known.
 
         Parameters
@@ -101,6 +105,7 @@ class SpreadStream:
         sample_period_s: float,
     ) -> None:
         self._root = uncertainty.root
+        self._half = uncertainty.half
         self._means = operator.input_means
         self._ahead = operator.noncausal_order
         self._lags = operator.causal_order + operator.noncausal_order + 1
@@ -114,13 +119,13 @@ class SpreadStream:
         self._gap = -1  # the last row that isn't complete, counted from where motion began
         self._rows = 0  # since then
         self._complete: _Flags = np.zeros(0, dtype=bool)  # phi(k) of rows whose slow motion isn't known yet
-        self._motion = np.zeros((0, inputs))  # the last 2 HALF rows
+        self._motion = np.zeros((0, inputs))  # the last 2 `half` rows
         self._slow: FloatArray | None = None  # the last n rows
         self._sums = _Sums(inputs, int(self._windows.max(initial=0)) + self._before + 1)  # of whitened motion
         self._phi = np.zeros((2 + len(self._windows), self._lags - 1, inputs))  # motion, whitened, shifts of its means
 
     def push(self, inputs: FloatArray) -> Spread:
-        """Return the spread of the rows that became known: all but the last `HALF` + d of those pushed so far.
+        """Return the spread of the rows that became known: all but the last `half` + d of those pushed so far.
 
         Parameters
         ----------
@@ -134,7 +139,7 @@ class SpreadStream:
         """Return the spread of the rows that are left, as if motion went on by odd reflection."""
         left = np.zeros((len(self._phi), self._count - self._given))
         there = max(self._count - self._ahead - self._given, 0)
-        if self._slow is not None and there:
+        if self._half and self._slow is not None and there:
             left[:, :there] = self._leverage(reflected(self._motion))[:, -there:]
         self._given = self._count
         return self._spread([left])
@@ -148,7 +153,7 @@ class SpreadStream:
         """Return |F' phi(k)|^2 of the rows that became known, 0 where phi isn't complete; shape (2 + windows, rows)."""
         self._count += len(inputs)
         leverage = self._leverage(self._bridged(inputs - self._means))
-        known = max(self._count - self._ahead - HALF, 0)
+        known = max(self._count - self._ahead - self._half, 0)
         new, self._given = known - self._given, known
         if leverage.shape[1] >= new:
             return leverage[:, leverage.shape[1] - new :]
@@ -176,11 +181,7 @@ class SpreadStream:
 
     def _leverage(self, motion: FloatArray) -> FloatArray:
         """Return |F' phi(k)|^2 of the rows that these rows complete, the newest last."""
-        motion = np.concatenate([self._motion, motion])
-        if self._slow is None and len(motion) > HALF:
-            motion = np.concatenate([reflected(motion[: HALF + 1][::-1])[::-1], motion])
-        slow = smoothed(motion)
-        self._motion = motion[max(len(motion) - 2 * HALF, 0) :]
+        slow = self._slowed(motion) if self._half else motion
         if not len(slow):
             return np.zeros((len(self._phi), 0))
         order = len(self._coefficients) - 1
@@ -194,6 +195,14 @@ class SpreadStream:
         complete, self._complete = self._complete[: len(slow)], self._complete[len(slow) :]
         of_noise = regressors(phi, self._lags) @ self._root
         return np.where(complete, np.vecdot(of_noise, of_noise), 0.0)
+
+    def _slowed(self, motion: FloatArray) -> FloatArray:
+        """Return the slow motion of the rows that these rows complete."""
+        motion = np.concatenate([self._motion, motion])
+        if self._slow is None and len(motion) > HALF:
+            motion = np.concatenate([reflected(motion[: HALF + 1][::-1])[::-1], motion])
+        self._motion = motion[max(len(motion) - 2 * HALF, 0) :]
+        return smoothed(motion)
 
     def _shifts(self, white: FloatArray) -> FloatArray:
         """Return, of every window, the mean of its rows less that of up to the baseline's before, row for row."""

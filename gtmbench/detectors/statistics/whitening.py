@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,11 +23,17 @@ class Whitener:
         a_0 = 1, a_1, ..., a_n.
     mean, deviation : float
         Of the residual, and of its innovations; in the output's unit.
+    most : float
+        Deviations that one sample counts for, in tests: the noise's tail may be heavier than a Gaussian one.
+    unsteady : float
+        sigma^2, as `White` has it.
     """
 
     coefficients: FloatArray
     mean: float
     deviation: float
+    most: float = math.inf
+    unsteady: float = 0.0
 
     @property
     def order(self) -> int:
@@ -42,6 +49,42 @@ class Whitener:
         centred = residual - self.mean
         centred /= self.deviation
         return innovations(centred, self.coefficients)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class White:
+    """A whitened residual, and how steady the noise is that it is measured by.
+
+    Attributes
+    ----------
+    values : shape (rows,)
+        White, of variance 1 while all is well, and clipped; NaN where a residual that it needs is missing.
+    unsteady : shape (rows,)
+        sigma^2: the variance of the logarithm of the noise's power, beyond chance; 0 of noise that is known.
+    """
+
+    values: FloatArray = field(repr=False)
+    unsteady: FloatArray = field(repr=False)
+
+    @classmethod
+    def steady(cls, values: FloatArray) -> White:
+        """Return one of noise that is known."""
+        return cls(values=values, unsteady=np.broadcast_to(0.0, len(values)))
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def between(self, rows: slice) -> White:
+        """Return some rows."""
+        return White(values=self.values[rows], unsteady=self.unsteady[rows])
+
+    @staticmethod
+    def joined(parts: Sequence[White]) -> White:
+        """Return parts that follow each other as one."""
+        return White(
+            values=np.concatenate([part.values for part in parts] or [np.zeros(0)]),
+            unsteady=np.concatenate([part.unsteady for part in parts] or [np.zeros(0)]),
+        )
 
 
 def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:

@@ -8,24 +8,25 @@ they hold more motion than noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
+from gtmbench.method.estimators.kinematic import Expected, fit
 from gtmbench.method.problem import Estimate, Problem
-from gtmbench.method.pseudo_inputs import reproduces
-from gtmbench.method.regression.slow import regressors, slow
-from gtmbench.method.regression.stretches import Stretch
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, reproduces
+from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of, weights_of
+from gtmbench.method.regression.slow import slow
 from gtmbench.record import FloatArray
 
-_ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
 _LEAST = 10.0  # equations that say something of their own
 _LEAST_VARIANCE = 1e-12  # of the residual, over the output's
-_CHUNK = 4096
+_BEND = 0.3  # of the delay that an attitude's filter may have: the root of the second moment that it may add
+_ROUGH = 0.2  # samples squared: what laying samples on a clock adds to it
 _ITERATIONS = 4
 
 
@@ -39,6 +40,10 @@ class Bayesian:
 
     Beside least squares: equations that follow each other say the same of slow motion, so that five count as one, and
     the prior's deviations are of the problem's scale, the RMS values of inputs and output.
+
+    Of an operator between readings of the same motion (p_att and p alone, either way) physics fixes more: its gain at 0
+    Hz is 1 and its curvature that of a central difference, unless the records contradict that decisively; its delay is
+    found, and the rest of it passes the least noise (`kinematic`).
 
     Attributes
     ----------
@@ -62,7 +67,7 @@ class Bayesian:
     >>> names = {"inputs": ["p_att"], "outputs": ["p"], "causal_order": 2, "noncausal_order": 2}
     >>> operator = gb.identify(record, estimator=gb.Bayesian(), **names)
     >>> operator.markov.sum().round(2), np.sqrt(operator.covariance("p").sum()).round(3)  # and its deviation
-    (np.float64(1.0), np.float64(0.015))
+    (np.float64(1.0), np.float64(0.01))
     >>> bool(abs(gb.identify(record, **names).markov.sum()) < 0.3)  # least squares
     True
     """
@@ -90,9 +95,13 @@ class Bayesian:
         """
         inputs = len(problem.inputs)
         blocks = [stretch.read(0, len(stretch)).T for stretch in problem.stretches if len(stretch) >= problem.lags]
-        weights = [_weights(stretch, problem) for stretch in problem.stretches if len(stretch) >= problem.lags]
+        weights = [
+            weights_of(stretch, problem.causal_order, problem.lags)
+            for stretch in problem.stretches
+            if len(stretch) >= problem.lags
+        ]
         equations = sum(int(np.count_nonzero(of)) for of in weights)
-        if sum(float(of.sum()) for of in weights) < _ALIKE * _LEAST:
+        if sum(float(of.sum()) for of in weights) < ALIKE * _LEAST:
             raise InputError(
                 f"{sum(map(len, problem.stretches))} samples hold too few windows of {problem.lags} without a missing "
                 f"one for {', '.join(problem.outputs)}; give a longer record, or look back and ahead less"
@@ -102,10 +111,18 @@ class Bayesian:
         posteriors = []
         for o in range(inputs, inputs + len(problem.outputs)):
             pieces = [
-                _Piece(u=each[:, :inputs], y=each[rows, o], weights=of)
+                Equations(u=each[:, :inputs], y=each[rows, o], weights=of)
                 for each, of in zip(motion, weights, strict=True)
             ]
-            posteriors.append(self._posterior(problem, problem.outputs[o - inputs], pieces))
+            output = problem.outputs[o - inputs]
+            if inputs == 1 and kinematic(problem.inputs[0], output):
+                read = [
+                    Equations(u=each[:, :1], y=each[rows, o], weights=of)
+                    for each, of in zip(blocks, weights, strict=True)
+                ]
+                posteriors.append(self._kinematic(problem, output, read))
+            else:
+                posteriors.append(self._posterior(problem, output, pieces))
         variance = np.array([posterior.variance for posterior in posteriors])
         return Estimate(
             coefficients=np.column_stack([_turned(posterior.theta, inputs) for posterior in posteriors]),
@@ -117,20 +134,20 @@ class Bayesian:
             solver="cholesky",
         )
 
-    def _posterior(self, problem: Problem, output: str, pieces: Sequence[_Piece]) -> _Posterior:
+    def _posterior(self, problem: Problem, output: str, pieces: Sequence[Equations]) -> _Posterior:
         inputs, lags = len(problem.inputs), problem.lags
         own = next((i for i, name in enumerate(problem.inputs) if reproduces(name, output)), None)
         before, precision = self._prior(problem, output, own)
         products = sum((piece.products(before, lags) for piece in pieces), np.zeros((lags * inputs + 1,) * 2))
         gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
-        count = sum(float(piece.weights.sum()) for piece in pieces) / _ALIKE
+        count = sum(float(piece.weights.sum()) for piece in pieces) / ALIKE
         theta, variance = before, max(power / count, _LEAST_VARIANCE)
         for _ in range(_ITERATIONS):
             noise = np.zeros_like(gram)
             if own is not None:
                 unit = _unit(problem, problem.inputs[own], output)
-                noise[own::inputs, own::inputs] = count * _noise(pieces, theta, lags) / unit**2
-            signal, share = (gram, right) if own is None else _signal(gram, right, noise)
+                noise[own::inputs, own::inputs] = count * autocovariance(pieces, theta, lags) / unit**2
+            signal, share = (gram, right) if own is None else signal_of(gram, right, noise)
             hessian = precision + signal / variance
             step = np.linalg.solve(hessian, share / variance)
             theta = before + step
@@ -138,6 +155,26 @@ class Bayesian:
             left = power - 2.0 * float(step @ right) + float(step @ gram @ step)
             variance = max(left / max(count - used, count / 10.0), _LEAST_VARIANCE)
         return _Posterior(theta=theta, hessian=hessian, variance=variance)
+
+    def _kinematic(self, problem: Problem, output: str, samples: Sequence[Equations]) -> _Posterior:
+        """Return the posterior of an operator that physics fixes but for lag and noise."""
+        (name,) = problem.inputs
+        unit = _unit(problem, name, output)
+        curvature = -1.0 / 3.0 if name in PSEUDO_INPUTS else 1.0 / 3.0
+        found = fit(
+            [replace(each, u=each.u * unit) for each in samples],
+            lags=problem.lags,
+            ahead=problem.noncausal_order,
+            sample_period_s=problem.sample_period_s,
+            expected=Expected(
+                curvature=curvature,
+                gain=self.gain,
+                delay=self.delay_s / problem.sample_period_s,
+                bend=_ROUGH + (_BEND * self.delay_s / problem.sample_period_s) ** 2,
+            ),
+        )
+        inverse = np.linalg.inv(found.covariance) / unit**2
+        return _Posterior(theta=found.h * unit, hessian=(inverse + inverse.T) / 2.0, variance=found.variance)
 
     def _prior(self, problem: Problem, output: str, own: int | None) -> tuple[FloatArray, FloatArray]:
         """Return theta_0 and K^-1 in the problem's scale; `own` is the input that reproduces the output."""
@@ -168,42 +205,6 @@ class _Posterior:
     variance: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Piece:
-    """Slow motion u of a stretch; y(k) and the weight of every window of u, 0 where a sample is missing."""
-
-    u: FloatArray
-    y: FloatArray
-    weights: FloatArray
-
-    def windows(self, lags: int) -> Iterator[tuple[slice, FloatArray]]:
-        """Yield phi(k), some rows at a time."""
-        for start in range(0, len(self.y), _CHUNK):
-            yield slice(start, start + _CHUNK), regressors(self.u[start : start + _CHUNK + lags - 1], lags)
-
-    def residual(self, theta: FloatArray, lags: int) -> FloatArray:
-        """Return y(k) - phi(k)' theta."""
-        return np.concatenate([self.y[rows] - phi @ theta for rows, phi in self.windows(lags)])
-
-    def products(self, theta: FloatArray, lags: int) -> FloatArray:
-        """Return [Phi e]'[Phi e], e the residual of theta, over the windows that are whole."""
-        total = np.zeros((len(theta) + 1,) * 2)
-        for rows, phi in self.windows(lags):
-            whole = self.weights[rows] > 0.0
-            both = np.column_stack([phi, self.y[rows] - phi @ theta])[whole]
-            total += both.T @ (both * self.weights[rows][whole, np.newaxis]) / _ALIKE
-        return total
-
-
-def _weights(stretch: Stretch, problem: Problem) -> FloatArray:
-    """Return the weight of each window's equation: that of its sample k, 0 where any of its samples has 0."""
-    complete = len(stretch) - problem.lags + 1
-    if stretch.weights is None:
-        return np.ones(complete)
-    there = np.lib.stride_tricks.sliding_window_view(stretch.weights > 0.0, problem.lags).all(axis=1)
-    return np.where(there, stretch.weights[problem.causal_order :][:complete], 0.0)
-
-
 def _unit(problem: Problem, name: str, output: str) -> float:
     """Return the parameter, in the problem's scale, of an input that passes unchanged."""
     scale = dict(zip(problem.channels, problem.scale.tolist(), strict=True))
@@ -219,28 +220,3 @@ def _root(posterior: _Posterior, inputs: int) -> FloatArray:
     """Return the triangle S, columns from lag r to -d, with (S'S)^-1 times the variance the covariance."""
     turned = _turned(_turned(posterior.hessian, inputs).T, inputs)
     return np.asarray(np.linalg.cholesky(turned).T * np.sqrt(posterior.variance))
-
-
-def _noise(pieces: Sequence[_Piece], theta: FloatArray, lags: int) -> FloatArray:
-    """Return the residual's autocovariance, shape (lags, lags), from what isn't missing."""
-    from scipy.linalg import toeplitz
-
-    sums, counts = np.zeros(lags), np.zeros(lags)
-    for piece in pieces:
-        there = (piece.weights > 0.0).astype(np.float64)
-        residual = there * piece.residual(theta, lags)
-        for lag in range(min(lags, len(residual))):
-            sums[lag] += residual[lag:] @ residual[: len(residual) - lag]
-            counts[lag] += there[lag:] @ there[: len(there) - lag]
-    return np.asarray(toeplitz(sums / np.maximum(counts, 1.0)))
-
-
-def _signal(gram: FloatArray, right: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise, whatever the units."""
-    size = np.sqrt(np.diag(gram))
-    size = np.where(size > 0.0, size, 1.0)
-    unit = gram / np.outer(size, size)
-    values, vectors = np.linalg.eigh(unit - noise / np.outer(size, size))
-    signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    solved = np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size)
-    return signal * np.outer(size, size), size * (signal @ solved)

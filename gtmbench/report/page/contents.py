@@ -125,7 +125,7 @@ class Contents:
             *[(f"healthy {name}", _words(values)) for name, values in (campaign["healthy"] or {}).items()],
             ("noise and seed", "; ".join(dict.fromkeys(map(_setup_words, campaign["scenarios"].values())))),
             ("calibrated on", ", ".join(f"{name} {_words(value)}" for name, value in calibration.items() if value)),
-            ("thresholds", f"for {rate:g} false alarms an hour" if rate else "as each detector sets its own"),
+            ("thresholds", _asked_words(rate) if rate else "as each detector sets its own"),
             ("target, deadline", f"{self.scores.target_per_hour:g} false alarms an hour, {self.scores.deadline_s:g} s"),
             *[(f"{name}", str(value)) for name, value in self.facts["versions"].items()],
             *[(name, str(digest)) for name, digest in self.facts.get("monitors", {}).items()],
@@ -165,8 +165,13 @@ def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_
     if target_per_hour is None:
         target_per_hour = parts.facts["campaign"]["calibration"]["false_alarms_per_hour"] or TARGET_PER_HOUR
     rows = parts.read(list(READ)).to_pandas()
-    scores = scored(rows, target_per_hour=target_per_hour, deadline_s=deadline_s)
+    spreads = parts.facts.get("threshold_spreads", {})
+    scores = scored(rows, target_per_hour=target_per_hour, deadline_s=deadline_s, spreads=spreads)
     return Contents(facts=parts.facts, tasks=parts.tasks, done=done, scores=scores)
+
+
+def _asked_words(rate: float) -> str:
+    return f"for {rate:g} false alarms an hour, extrapolated; what healthy records show of it stands in the first table"
 
 
 def _words(value: Any) -> str:

@@ -52,6 +52,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
+        "installation": None if watched.installation is None else watched.installation.table(),
         "log": _log(watched.log),
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),

@@ -71,7 +71,7 @@ def in_markdown(text: str) -> str:
 
 def tables(scores: Scores) -> list[Table]:
     """Return the tables of a campaign, those left out that would be empty."""
-    of_all = [_detectors(scores), _delay_table(scores), _names_table(scores)]
+    of_all = [_detectors(scores), _luck_table(scores), _delay_table(scores), _names_table(scores)]
     made = [*of_all, _split(scores, "fault"), _split(scores, "channel"), _pairs(scores), _smallest(scores)]
     return [table for table in made if table.rows]
 
@@ -110,6 +110,40 @@ def _detectors(scores: Scores) -> Table:
         ),
         rows=tuple(rows),
     )
+
+
+def _luck_table(scores: Scores) -> Table:
+    rows = [
+        (
+            Cell(one.name, one.name),
+            Cell(f"{one.luck.within:.2f}", one.luck.within),
+            range_cell(one.luck.median_s),
+            Cell("{} to {}".format(*one.luck.detected), float(one.luck.detected[0])),
+            Cell("{} to {}".format(*one.luck.alarmed), float(one.luck.alarmed[0])),
+            place_cell(one.luck.place.best, one.luck.place.worst) if one.luck.place else Cell("-"),
+        )
+        for one in ordered(scores)
+        if one.luck
+    ]
+    return Table(
+        title="Luck of the calibration",
+        note="Calibrated on other such flights 95 % of a detector's thresholds stay within so many times (thresholds "
+        "drawn anew from its flights, with replacement). The rest is what its figures would be with all thresholds "
+        "lower by that much, and higher: by when half of all faults are detected, how many are, in how many healthy "
+        "records there is an alarm, and the places that it may have.",
+        columns=("detector", "within (times)", "half within (s)", "detected", "healthy records with an alarm", "place"),
+        rows=tuple(rows),
+    )
+
+
+def range_cell(ends_s: tuple[float, float]) -> Cell:
+    """Return two times, one where they are the same; infinite ones were missed.
+
+    >>> range_cell((0.31, 0.334)).text, range_cell((8.0, float("inf"))).text
+    ('0.31 to 0.33', '8.00 to missed')
+    """
+    low, high = (f"{end_s:.2f}" if end_s < float("inf") else "missed" for end_s in ends_s)
+    return Cell(low if low == high else f"{low} to {high}", ends_s[0])
 
 
 def _delay_table(scores: Scores) -> Table:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.record import FloatArray
-from gtmbench.report.tables.scores import Cell, Table, in_markdown, ordered, place_cell
+from gtmbench.report.tables.scores import Cell, Table, in_markdown, ordered, place_cell, range_cell
 from gtmbench.study.scores.scoring import DetectorScores, Scores
 
 MOST_ROWS = 14
@@ -19,7 +19,8 @@ _COLUMNS = (
 def who_sees_what(scores: Scores) -> str:
     """Return the table, best first; what is missed is infinitely late, places that no test tells apart are shared.
 
-    Of more than fourteen detectors the last are named below it; so are those without a score, with the reason.
+    In brackets: with thresholds as low, and as high, as other calibrations would have set them. Of more than fourteen
+    detectors the last are named below it; so are those without a score, with the reason.
 
     Examples
     --------
@@ -56,7 +57,9 @@ def _cells(one: DetectorScores, delays_s: FloatArray) -> tuple[str, ...]:
     naming = found.naming
     return (
         f"{found.detected.hits} of {found.detected.of}",
-        *(_within(delays_s, share) for share in (0.5, 0.95)),
+        _within(delays_s, 0.5)
+        + (f" ({range_cell(one.luck.median_s).text})" if one.luck and found.detected.hits else ""),
+        _within(delays_s, 0.95),
         f"{naming.right.hits} / {naming.wrong.hits}" if naming else "-",
         _quiet(one),
     )

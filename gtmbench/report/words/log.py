@@ -332,5 +332,6 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     return [
         bound,
         f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",
-        f"one that was there before, or grows more slowly than {slower}, isn't seen",
+        "one that was there from the first sample on is learnt as healthy; "
+        f"one that grows more slowly than {slower} isn't seen",
     ]

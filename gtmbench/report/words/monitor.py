@@ -11,6 +11,7 @@ from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
+from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.method.transmissibility import Transmissibility
@@ -198,6 +199,12 @@ def origin_text(monitor: Monitor) -> list[str]:
         lines.append(
             f"false alarms: no more than {bound:.2g} an hour at 95 % from {watched} seen, those that set "
             f"the thresholds; {wanted:g} an hour is extrapolated from the tails"
+        )
+    luck = Luck.told(known)
+    if luck is not None:
+        lines.append(
+            f"luck: other records like these would set thresholds {luck.median:.2g} times as "
+            f"high or low in the median; 95 % stay within {luck.within:.2g} times"
         )
     return lines
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import naming
 from gtmbench.detectors.bank_detector import BankDetector
@@ -15,6 +17,7 @@ from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
+from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.errors import InputError
 from gtmbench.parts import Parts, hold, waiting_alone
 from gtmbench.progress import Progress
@@ -87,7 +90,8 @@ def calibrated(
 
     Of several shards that begin together one calibrates, and the others wait for it.
     """
-    monitors, digests = {}, {}
+    monitors: dict[tuple[str, str], Monitor] = {}
+    digests: dict[str, str] = {}
     with waiting_alone(parts.folder):
         for aircraft in campaign.aircraft:
             records: list[Record] = []
@@ -104,7 +108,17 @@ def calibrated(
                     save_monitor(_monitor(campaign, detector, records, aircraft, progress), path)
                 monitors[name, aircraft] = load_monitor(path, _restoring(detector))
                 digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    return hold(parts, monitors=digests), monitors
+    return hold(parts, monitors=digests, threshold_spreads=_spreads(monitors)), monitors
+
+
+def _spreads(monitors: Mapping[tuple[str, str], Monitor]) -> dict[str, float]:
+    """Return within how many times other flights would have set 95 % of a detector's thresholds, by its name."""
+    found: dict[str, float] = {}
+    for (name, _), monitor in monitors.items():
+        luck = Luck.told(monitor.provenance)
+        if luck is not None and np.isfinite(luck.within):
+            found[name] = max(luck.within, found.get(name, 1.0))
+    return found
 
 
 def _restoring(detector: Detector | Monitor) -> Detector | None:

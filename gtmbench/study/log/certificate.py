@@ -225,6 +225,8 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     if not any(seconds):
         return Certificate(missing="at no time was an alarm possible")
     longest_s = round(_HALF * max(seconds), 1)
+    if longest_s <= 0.0:
+        return Certificate(missing="too little of it was watched")
     within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
     onsets = {of: _onsets(told, of) for of in within_s.values()}
     rows = []
@@ -310,7 +312,9 @@ def superposition(watch: BankWatch, sensor: str) -> Superposition:
     return Superposition(
         sensor=sensor,
         record=watch.record,
-        residual=ChangedResidual(monitor=watch.monitor, output=sensor, raw=raw, spread=spread),
+        residual=ChangedResidual(
+            monitor=watch.monitor, output=sensor, raw=raw, spread=spread, before=watch.before.get(sensor)
+        ),
         armed=watch.scores[sensor].armed,
     )
 

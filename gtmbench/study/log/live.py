@@ -7,23 +7,27 @@ from pathlib import Path
 
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import InputError
 from gtmbench.intake.live import live_chunks
+from gtmbench.record import Record
 
 
 def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = ()) -> Iterator[tuple[Alarm, ...]]:
-    """Give what a monitor says of a table's rows as they come in, at the monitor's rate: a piece after the other.
+    """Give what a monitor says of a table's rows as they come in, on the monitor's clock: a piece after the other.
 
-    Alarms are those of `watch_log`: the same engine hears the same samples. What looks at a log as a whole isn't there:
-    the self-check, stretches in which nothing can be told, the certificate, the verdict. After a gap a fresh stream
-    begins, and its alarms are counted anew.
+    Rows are laid on it as a log's are, whatever their rate, jitter and loss; one waits for the few behind it that it
+    depends on. Alarms are those of `watch_log`: the same engine hears the same samples. What looks at a log as a whole
+    isn't there: the self-check, stretches in which nothing can be told, the certificate, the verdict. After a gap a
+    fresh stream begins, and its alarms are counted anew. Where the monitor
+    hears gyros and the whole attitude, the first 24 s settle how they are installed, and are heard then.
 
     Parameters
     ----------
     path : str or Path
-        A Parquet table; its stamps have to stand on the monitor's clock.
+        A Parquet table, all channels with the same stamps; not much slower than the monitor.
     monitor : Monitor
         Calibrated before.
     mapping : sequence of str
@@ -60,9 +64,19 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
         raise InputError(f"{monitor.name} has no rate, or no channels, of its own; open the log as a whole")
     witnesses = WITNESSES if hasattr(monitor, "bank") else ()
     stream: Stream | None = None
-    due_s = 0.0
+    learner = Learner(period_s, expected_of(monitor)) if has_motion(monitor) else None
+    due_s, corrector = 0.0, None
     for chunk in live_chunks(path, period_s, needs=monitor.channels, witnesses=witnesses, mapping=mapping):
         if stream is None or chunk.start_s > due_s + SLACK * period_s:
+            if stream is not None and corrector is not None:
+                yield _heard(stream, corrector.end())
             stream = monitor.stream()
+            corrector = None if learner is None else Corrector(learner)
         due_s = chunk.end_s + period_s
-        yield stream.push(chunk)
+        yield _heard(stream, [chunk] if corrector is None else corrector.push(chunk))
+    if stream is not None and corrector is not None:
+        yield _heard(stream, corrector.end())
+
+
+def _heard(stream: Stream, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
+    return tuple(alarm for piece in pieces for alarm in stream.push(piece))

@@ -20,7 +20,7 @@ _SOON_S = 5.0  # apart, two alarms tell of one thing
 _MOST = 6  # alarms that are looked at anew: of more, the log says enough
 
 
-def steady(monitor: BankMonitor, watch: BankWatch) -> BankWatch:
+def steady(monitor: BankMonitor, watch: BankWatch, before: Record | None = None) -> BankWatch:
     """Return a watch with doubts of what isn't said again when watching begins elsewhere.
 
     Parameters
@@ -28,13 +28,15 @@ def steady(monitor: BankMonitor, watch: BankWatch) -> BankWatch:
     monitor : BankMonitor
         One that is cautious; others are calibrated for such chances.
     watch : BankWatch
+    before : Record, optional
+        On which it had learnt the noise.
     """
     if not monitor.is_cautious:
         return watch
     accusing = [alarm for alarm in watch.faults if not alarm.has_passed and not alarm.doubt and alarm.test != MISSING]
     if not accusing:
         return watch
-    doubtful = {alarm.number for alarm in accusing[:_MOST] if not _is_said_again(monitor, watch, alarm)}
+    doubtful = {alarm.number for alarm in accusing[:_MOST] if not _is_said_again(monitor, watch, alarm, before)}
     return replace(
         watch, alarms=tuple(_doubted(alarm) if alarm.number in doubtful else alarm for alarm in watch.alarms)
     )
@@ -48,9 +50,9 @@ def _doubted(alarm: Alarm) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
-def _is_said_again(monitor: BankMonitor, watch: BankWatch, alarm: Alarm) -> bool:
+def _is_said_again(monitor: BankMonitor, watch: BankWatch, alarm: Alarm, before: Record | None) -> bool:
     for record in _begun_elsewhere(monitor, watch.record, alarm):
-        said = monitor.watch(record, outside=watch.outside).faults
+        said = monitor.watch(record, outside=watch.outside, before=before).faults
         if not any(_tells_the_same(other, alarm) for other in said):
             return False
     return True

@@ -13,11 +13,14 @@ from gtmbench.checks import number
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
+from gtmbench.detectors.installation import Installation
+from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.live import check_rate
 from gtmbench.intake.open import open_log
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
@@ -49,6 +52,7 @@ _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought 
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
+_OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
 
 
 def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:
@@ -184,7 +188,10 @@ def watch_log(
             check=check,
             left_out=stretches.left_out,
         )
-    watched = _watched(log, ready, mapping, identified_s=spans, reasons=reasons, check=check, progress=progress)
+    before = stretches.records[-1] if spans else None
+    watched = _watched(
+        log, ready, mapping, identified_s=spans, before=before, reasons=reasons, check=check, progress=progress
+    )
     return replace(watched, left_out=stretches.left_out)
 
 
@@ -206,6 +213,9 @@ def _by_monitor(
             "give a bank"
         )
     log = open_for(path, monitor, mapping=mapping, rate_hz=rate_hz or own_hz)
+    for source in log.sources:
+        if monitor.sample_period_s and source.period_s and source.channel in monitor.channels:
+            check_rate(source.period_s, monitor.sample_period_s, f"{path}: samples of {source.channel}")
     return _watched(log, monitor, mapping, identified_s=(), reasons=(), check=SelfCheck(), progress=progress)
 
 
@@ -259,17 +269,22 @@ def _watched(
     mapping: Sequence[str],
     *,
     identified_s: Sequence[Span],
+    before: Record | None = None,
     reasons: Sequence[str],
     check: SelfCheck,
     progress: Progress,
 ) -> WatchedLog:
-    """Watch every segment of a log but the spans that the monitor was identified on.
+    """Watch every segment of a log but the spans that the monitor was identified on; the noise was there `before`.
 
     Of a log that the monitor wasn't identified on, wiring is checked first.
     """
     parts = without(log, identified_s)
     left = [(each.start_s, each.end_s) for each in parts]
     rest = _part(monitor, log, left, mapping)
+    installation = None
+    if parts and not identified_s and has_motion(monitor):
+        parts, installation = corrected(parts, expected_of(monitor))
+        rest = replace(rest, records=parts, motion=parts if rest.motion else ())
     if not identified_s:
         wired = check_wiring(monitor, [rest], WATCHED)
         check = replace(wired, explained=check.explained)
@@ -282,7 +297,8 @@ def _watched(
         tell = _seconds(progress, done_s, total_s, part.sample_period_s)
         tell("watch", 0, len(part))
         if isinstance(monitor, BankMonitor):
-            watches.append(steady(monitor, monitor.watch(part, outside=excursions, progress=tell)))
+            watch = monitor.watch(part, outside=excursions, before=before, progress=tell)
+            watches.append(steady(monitor, watch, before))
         else:
             watches.append(monitor.watch(part))
         done_s += len(part) * part.sample_period_s
@@ -301,9 +317,19 @@ def _watched(
         identified_s=tuple(identified_s),
         watches=tuple(watches),
         excursions=excursions,
-        reasons=(*check.stops, *check.doubts, *_limits(watches, check), *reasons),
+        reasons=(*check.stops, *check.doubts, *_limits(watches, check), *_installed(installation), *reasons),
         check=check,
+        installation=installation,
         comparison=comparison,
+    )
+
+
+def _installed(installation: Installation | None) -> tuple[str, ...]:
+    if installation is None or not installation.said:
+        return ()
+    said = ", ".join(installation.said)
+    return (
+        f"{said}: taken for how the sensors are installed, and undone; a fault from the first sample on is part of it",
     )
 
 
@@ -342,6 +368,21 @@ def _part(watcher: Detector | Monitor, log: FlightLog, spans: Sequence[Span], ma
     return Part(log=log, records=records, spans=spans, motion=motion, sources=moving.sources)
 
 
+def _other_noise(watches: Sequence[Watch]) -> list[str]:
+    """Say whose noise is far from what the monitor was calibrated for."""
+    far: dict[str, float] = {}
+    for watch in watches:
+        for name, level in watch.noise_levels.items():
+            if not 1.0 / _OTHER_NOISE < level < _OTHER_NOISE:
+                far.setdefault(name, level)
+    if not far:
+        return []
+    levels = ", ".join(f"{name} {level:.2g}" for name, level in far.items())
+    return [
+        f"the noise is another one than calibrated for ({levels} times as strong); it is judged as it was learnt here"
+    ]
+
+
 def _limits(watches: Sequence[Watch], check: SelfCheck) -> list[str]:
     """Say why nothing was seen, or what limits what was."""
     if check.stops:
@@ -357,6 +398,7 @@ def _limits(watches: Sequence[Watch], check: SelfCheck) -> list[str]:
     ]
     if not reasons and not any(watch.armed_hours for watch in watches):
         return ["what is left to watch is too short"]
+    reasons += _other_noise(watches)
     wide = [np.logical_or.reduce([of > _WIDE for of in watch.widening.values()]) for watch in watches if watch.widening]
     share = float(np.concatenate(wide).mean()) if wide else 0.0
     if share >= _MUCH:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
@@ -61,6 +62,9 @@ class WatchedLog:
         What of the healthy spans, and of other logs, wasn't identified on.
     comparison : Comparison or None
         What several IMUs say of each other; None where the log has one, or they can't be compared.
+    installation : Installation or None
+        Lag, clocks, scales and axes of gyros and attitude that were undone before a monitor heard them; None where it
+        was identified on this log, or doesn't hear them all.
 
     Examples
     --------
@@ -87,6 +91,7 @@ class WatchedLog:
     asks_names: bool = field(default=False, repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
+    installation: Installation | None = field(default=None, repr=False)
 
     def _repr_html_(self) -> str:
         facts = {

@@ -164,3 +164,19 @@ def ranks(detectors: Sequence[str], comparisons: Sequence[Comparison]) -> tuple[
         won, lost = own.count(name), sum(other not in (name, None) for other in own)
         found.append(Rank(detector=name, best=1 + lost, worst=len(detectors) - won))
     return tuple(found)
+
+
+def moved_rank(detector: str, delays_s: Mapping[str, FloatArray], flights: IntArray, comparisons: int) -> Rank:
+    """Return the places that one detector may have, by tests against the others alone, as strict as so many ask for.
+
+    >>> flights = np.repeat(np.arange(12), 5)
+    >>> moved_rank("quick", {"quick": np.full(60, 0.2), "slow": np.full(60, 3.0)}, flights, 3)
+    Rank(detector='quick', best=1, worst=1)
+    """
+    won = lost = 0
+    for other in delays_s:
+        signs = _signs(delays_s[detector], delays_s[other])
+        if other != detector and _p(signs, flights) * comparisons <= LEVEL:
+            sooner = mean(signs, flights).value > 0.0
+            won, lost = won + sooner, lost + (not sooner)
+    return Rank(detector=detector, best=1 + lost, worst=len(delays_s) - won)

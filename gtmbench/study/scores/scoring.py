@@ -11,7 +11,8 @@ Two rules come before all figures:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.compare import Comparison, Rank, compared, ranks
 from gtmbench.study.scores.curves import Curve, Price, characteristic, price
 from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
+from gtmbench.study.scores.luck import ScoreLuck, delays_at, luck_of, place_of
 from gtmbench.study.scores.smallest import Smallest, smallest
 
 if TYPE_CHECKING:
@@ -149,6 +151,8 @@ class DetectorScores:
     price : Price or None
         None of a detector that shows no scores, or where it was only asked whether and when it alarms.
     smallest : tuple of Smallest
+    luck : ScoreLuck or None
+        Of its calibration; None where that wasn't drawn anew, or it was only asked whether and when it alarms.
     """
 
     name: str
@@ -163,6 +167,7 @@ class DetectorScores:
     curve: Curve | None = None
     price: Price | None = None
     smallest: tuple[Smallest, ...] = ()
+    luck: ScoreLuck | None = None
 
     @property
     def is_quiet(self) -> bool:
@@ -195,7 +200,13 @@ class Scores:
     delays_s: Mapping[str, np.ndarray] = field(repr=False)
 
 
-def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, deadline_s: float = DEADLINE_S) -> Scores:
+def scored(
+    rows: pd.DataFrame,
+    *,
+    target_per_hour: float = TARGET_PER_HOUR,
+    deadline_s: float = DEADLINE_S,
+    spreads: Mapping[str, float] = MappingProxyType({}),
+) -> Scores:
     """Score a campaign.
 
     Parameters
@@ -206,6 +217,8 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
         False alarms; who certainly raises more gets no score.
     deadline_s : float
         By when a fault is to be detected.
+    spreads : mapping of detector to float
+        Within how many times other calibrations set 95 % of its thresholds.
 
     Raises
     ------
@@ -238,7 +251,8 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
         )
     table = _scoreable(rows)
     found = [
-        _detector(str(name), own, target_per_hour, deadline_s) for name, own in table.groupby("detector", sort=False)
+        _detector(str(name), own, target_per_hour, deadline_s, spreads.get(str(name)))
+        for name, own in table.groupby("detector", sort=False)
     ]
     quiet = [one.name for one in found if one.is_quiet]
     paired = _paired(table[_is_trial(table)], quiet)
@@ -246,6 +260,7 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
     flights = paired.index.get_level_values("flight").to_numpy()
     pairs = compared(delays_s, flights) if len(delays_s) > 1 else ()
     places = sorted(ranks(list(delays_s), pairs), key=lambda rank: (rank.best + rank.worst, rank.best))
+    found = [_placed(one, places, table, delays_s, flights, pairs) for one in found]
     return Scores(
         target_per_hour=target_per_hour,
         deadline_s=deadline_s,
@@ -254,6 +269,27 @@ def scored(rows: pd.DataFrame, *, target_per_hour: float = TARGET_PER_HOUR, dead
         ranks=tuple(places),
         delays_s=delays_s,
     )
+
+
+def _placed(
+    one: DetectorScores,
+    places: Sequence[Rank],
+    rows: pd.DataFrame,
+    delays_s: Mapping[str, np.ndarray],
+    flights: np.ndarray,
+    pairs: tuple[Comparison, ...],
+) -> DetectorScores:
+    """Return a detector's scores with the places that it may have by the luck of its calibration."""
+    rank = next((rank for rank in places if rank.detector == one.name), None)
+    if one.luck is None or rank is None or len(delays_s) < 2:
+        return one
+    trials = rows[_is_trial(rows)]
+    at = {
+        factor: _paired(trials.assign(detection_delay_s=trials[name]), list(delays_s))[one.name].to_numpy()
+        for factor, name in LADDER.items()
+    }
+    ends_s = delays_at(at, 1.0 / one.luck.within), delays_at(at, one.luck.within)
+    return replace(one, luck=replace(one.luck, place=place_of(one.name, rank, delays_s, ends_s, flights, pairs)))
 
 
 def _scoreable(rows: pd.DataFrame) -> pd.DataFrame:
@@ -280,7 +316,9 @@ def _paired(trials: pd.DataFrame, detectors: Sequence[str]) -> pd.DataFrame:
     return told.unstack().dropna()  # noqa: PD010  a pivot table would aggregate
 
 
-def _detector(name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s: float) -> DetectorScores:
+def _detector(
+    name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s: float, within: float | None
+) -> DetectorScores:
     healthy = rows[rows["fault"].isna() & ~rows["failed"]]
     hours = healthy["armed_hours"].to_numpy(dtype=float)
     alarms = rate(healthy["false_alarms"].to_numpy(dtype=int), hours, healthy["flight"].to_numpy())
@@ -307,6 +345,7 @@ def _detector(name: str, rows: pd.DataFrame, target_per_hour: float, deadline_s:
         curve=characteristic(peaks, hours_each, broken),
         price=price(peaks, hours_each, at_factors),
         smallest=_smallest(rows),
+        luck=None if within is None else luck_of(within, at_factors, peaks),
     )
 
 

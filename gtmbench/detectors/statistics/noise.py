@@ -1,0 +1,576 @@
+"""The noise of a residual, learnt where it is watched: its level, its colour, its tail, and how steady it is.
+
+Calibration gives a whitening filter for the sensors that it has seen. The sensors of a record may be quieter, louder or
+otherwise coloured, and none of that is a fault. So behind that filter stands a second, short one, fitted to the record
+itself: to its first seven seconds, and from then on to the last twenty, half a second old. Four things are learnt:
+
+- level and colour: an autoregressive model of what the calibrated filter leaves, by Yule-Walker equations;
+- the tail: samples are clipped where they are rarer than Gaussian ones would be, so that no window's mean is one
+  outlier's; where the tail is heavy, what follows a gross outlier within a quarter of a second is its echo;
+- how steady that is: sigma^2, the variance of the logarithm of the noise's power beyond chance, from products of the
+  powers of neighbouring blocks, which chance leaves at 0. Noise that wanders widens what is normal.
+
+Nothing is learnt while something is suspected: from where a window departs from what was learnt, the filter is held,
+and the blocks of that window are taken out of what was learnt, until two seconds look healthy again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from gtmbench.detectors.statistics.statistic import glr
+from gtmbench.detectors.statistics.whitening import White, Whitener
+from gtmbench.method.autoregressive import levinson
+from gtmbench.record import BoolArray, FloatArray
+
+IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
+
+_BLOCK_S, _FEWEST_ROWS = 0.5, 5  # of a block: the filter changes from block to block
+_SUB = 5  # parts of a block, whose powers tell of bursts
+_FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
+_GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
+_AT_ONCE = 128  # blocks
+_KEPT = _MEMORY + _LATE + _GAP + 16  # blocks: with those that a suspicion may take out
+_ORDER_S, _ORDERS = 0.08, (2, 16)
+_CLIPS = np.array([2.5, 3.0, 3.5, 4.0])  # deviations
+_KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip is lowered
+_FLOOR = 0.0025  # of the calibrated variance: how quiet noise may get before it is taken for the sensor's
+_UNSTEADY, _WORTH = 0.2, 20.0  # sigma^2 before anything is known, which as many blocks make a quarter of
+_STEADIEST = 1e-3
+_HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of an outlier that leaves an echo
+_ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
+_LEAST_THERE = 0.5  # of a block's rows
+_LEAST = 0.1 * math.sqrt(_FLOOR)
+_MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
+_HEAVIEST, _TAILS = 3.0, 20.0  # excess kurtosis of short sums, at most, and how much of it makes sigma^2 = 1
+_SUSPECTED = 12.0  # nats, of the shortest window; longer ones look at new noise more rarely
+_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)
+_CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as many what is there is the noise
+
+_COUNT, _SIZE, _SUM, _FOURTH, _SLOW, _FAST, _LOW, _SQUARES, _FOURTHS = range(9)
+_CLIPPED = slice(9, 9 + len(_CLIPS))
+_LAGS = slice(9 + len(_CLIPS), None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Model:
+    """What a block is whitened by, one row a block."""
+
+    local: FloatArray  # deviation behind the calibrated filter, shape (blocks,)
+    taps: FloatArray  # of the second filter, over its innovations' deviation: (blocks, order + 1)
+    clip: FloatArray  # in deviations of what that gives
+    scale: FloatArray  # to variance 1
+    unsteady: FloatArray
+    base: FloatArray  # mean of what is white
+
+    def first(self, blocks: int) -> _Model:
+        """Return the first so many of them."""
+        return _Model(**{name: values[:blocks] for name, values in vars(self).items()})
+
+    def repeated(self, blocks: int) -> _Model:
+        """Return the last of them for so many blocks."""
+        return _Model(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
+
+
+class _Learnt:
+    """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
+
+    Parameters
+    ----------
+    ring : shape (blocks before, columns)
+    blocks : int
+        They are measured into `new`, shape (blocks, columns).
+    end : shape (blocks,)
+        How many blocks each may stand on.
+    rows : int
+        Of a block.
+    """
+
+    def __init__(self, ring: FloatArray, blocks: int, end: IntArray, rows: int) -> None:
+        self._table = np.concatenate([ring, np.zeros((blocks, ring.shape[1]))])
+        self.new = self._table[len(ring) :]
+        self._end, self._rows = end, rows
+
+    def _sums(self, columns: slice | list[int]) -> FloatArray:
+        given = self._table[:, columns]
+        return np.concatenate([np.zeros((1, given.shape[1])), np.cumsum(given, axis=0)])
+
+    def _recent(self, columns: slice | list[int]) -> FloatArray:
+        """Return means over the samples of the last blocks."""
+        sums = self._sums(columns)
+        return (sums[self._end] - sums[np.maximum(self._end - _SPAN, 0)]) / self._count
+
+    @cached_property
+    def _count(self) -> FloatArray:
+        sums = self._sums([_COUNT])
+        return np.maximum(sums[self._end] - sums[np.maximum(self._end - _SPAN, 0)], 1.0)
+
+    @cached_property
+    def local(self) -> FloatArray:
+        """The deviation behind the calibrated filter, shape (blocks,)."""
+        return np.maximum(self._recent([_SIZE])[:, 0] * math.sqrt(math.pi / 2.0), _LEAST)
+
+    @cached_property
+    def taps(self) -> FloatArray:
+        """The second filter over its innovations' deviation, shape (blocks, order + 1)."""
+        covariance = self._recent(_LAGS)
+        covariance[:, 0] = covariance[:, 0] * (1.0 + 1e-4) + _FLOOR
+        taps, variance = levinson(covariance)
+        taps /= np.sqrt(variance)[:, np.newaxis]
+        return taps
+
+    @cached_property
+    def tail(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Where to clip, by what to scale then, and how much of the power is noise and not the floor."""
+        clipped, fourth = self._recent(_CLIPPED), self._recent([_FOURTH])[:, 0]
+        kurtosis = fourth / np.maximum(clipped[:, -1], 1e-12) ** 2
+        clip = np.clip(_CLIPS[-1] - _PER_KURTOSIS * (kurtosis - _KURTOSIS), _CLIPS[0], _CLIPS[-1])
+        at = np.clip(np.searchsorted(_CLIPS, clip, side="right") - 1, 0, len(_CLIPS) - 2)
+        share = (clip - _CLIPS[at]) / (_CLIPS[at + 1] - _CLIPS[at])
+        blocks = np.arange(len(clip))
+        power = clipped[blocks, at] * (1.0 - share) + clipped[blocks, at + 1] * share
+        floored = np.maximum(power + _FLOOR * np.square(self.taps).sum(axis=1), 1e-12)
+        return clip, 1.0 / np.sqrt(floored), np.clip(power / floored, 1e-6, 1.0)
+
+    @property
+    def model(self) -> _Model:
+        """All of it."""
+        clip, scale, quiet = self.tail
+        return _Model(
+            local=self.local,
+            taps=self.taps,
+            clip=clip,
+            scale=scale,
+            unsteady=np.maximum(self._unsteady, np.square(0.5 * np.log(quiet))),
+            base=self._recent([_SUM])[:, 0],
+        )
+
+    @property
+    def _unsteady(self) -> FloatArray:
+        """sigma^2: the greatest of three products of neighbouring powers, less what chance may make of it.
+
+        To it comes what short sums have of a heavy tail, which a gyro's outliers leave there though no sample shows it,
+        and what isn't known yet.
+        """
+        end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
+        first = np.maximum(end - _MEMORY, 0)
+        blocks = end - first
+        sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS])
+        slow, fast, low, squares, fourths = ((sums[end] - sums[first]) / blocks[:, np.newaxis]).T
+        chance = 2.0 / np.sqrt(blocks)  # two deviations of it
+        found = (slow - chance / self._rows, fast - 4.5 * chance / self._rows, low - 0.16 * chance)
+        kurtosis = fourths / np.maximum(squares, 1e-12) ** 2 - math.sqrt(24.0 / _SUB) * chance
+        tail = np.clip(kurtosis - 3.0, 0.0, _HEAVIEST) / _TAILS
+        unknown = _UNSTEADY * np.square(_WORTH / (_WORTH + blocks))
+        return np.asarray(np.maximum(np.maximum.reduce(found), 0.0) + tail + unknown + _STEADIEST)
+
+
+class NoiseFollower:
+    """A residual's noise as its rows come in: the same in whatever chunks, with a memory that doesn't grow.
+
+    Parameters
+    ----------
+    whitener : Whitener
+        Of the calibration.
+    sample_period_s : float
+    row : int
+        The first that it will be given.
+    before : shape (rows,), optional
+        Of the residual, rows just before that one.
+
+    Examples
+    --------
+    >>> calibrated = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
+    >>> follower = NoiseFollower(calibrated, 0.01)
+    >>> quiet = 0.3 * np.random.default_rng(1).standard_normal(4000)
+    >>> white = follower.push(quiet)
+    >>> bool(abs(np.nanstd(white.values) - 1.0) < 0.05), round(follower.level, 1)
+    (True, 0.3)
+    """
+
+    def __init__(
+        self, whitener: Whitener, sample_period_s: float, *, row: int = 0, before: FloatArray | None = None
+    ) -> None:
+        self._calibrated = whitener
+        self._block = max(round(_BLOCK_S / sample_period_s), _FEWEST_ROWS)
+        self._order = second_order(sample_period_s)
+        self._echo, self._apart = (max(round(span_s / sample_period_s), 1) for span_s in (_ECHO_S, _APART_S))
+        self.outliers = 0  # gross ones so far
+        self._outlier = -self._apart  # row of the last gross one, about the open block's first
+        self._windows = sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
+        self._typical = 0.0
+        self._ring = np.zeros((0, _LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
+        self._held: _Model | None = None
+        self._calm = self._held_for = 0
+        self.first_level = math.nan  # as `level`, when it was first learnt
+        self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
+        if before is not None and len(before):
+            known = before[-self.order :]
+            self._given[self.order - len(known) :] = np.column_stack([known, np.ones(len(known))])
+        self._told = 0  # rows of the open block that were returned
+        self.row = row  # the next that will be returned
+        self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
+        self._clipped = np.zeros(self._order)  # behind the calibrated filter, the last before the open block
+        self._white = np.zeros(self._windows[-1])  # likewise, all whitened
+        self._powers = np.zeros((4, 2))  # of the last blocks, less 1: of samples, and of sums
+        self._burst = 0.0  # of the last part of a block
+        self._model: _Model | None = None  # of the open block
+        self._past: list[
+            tuple[int, _Model, float]
+        ] = []  # of the blocks before: first rows, and the mean that was known
+
+    @property
+    def order(self) -> int:
+        """How many rows before one its whitened residual looks back at."""
+        return self._calibrated.order + self._order
+
+    @property
+    def is_learnt(self) -> bool:
+        """Whether the first seconds are over."""
+        return len(self._ring) > 0
+
+    @property
+    def is_held(self) -> bool:
+        """Whether something is suspected, so that nothing is learnt."""
+        return self._held is not None
+
+    @property
+    def level(self) -> float:
+        """The deviation of the noise over that of the calibration; NaN until it is learnt."""
+        return float(self._current().local[0]) if self.is_learnt else math.nan
+
+    @property
+    def whitener(self) -> Whitener:
+        """What the next row is whitened by, as one filter; the calibrated one until that is learnt."""
+        return self._as_one(self._current(), 0, self._calibrated.mean) if self.is_learnt else self._calibrated
+
+    def whitener_at(self, row: int) -> Whitener:
+        """Return what a row was whitened by; of those that `drop_before` hasn't dropped."""
+        for first, model, mean in self._past:
+            if first <= row < first + len(model.clip) * self._block:
+                return self._as_one(model, (row - first) // self._block, mean)
+        return self.whitener
+
+    def drop_before(self, row: int) -> None:
+        """Forget what rows before one were whitened by."""
+        self.first_rows = [rows for rows in self.first_rows if rows.stop > row]
+        self._past = [part for part in self._past if part[0] + len(part[1].clip) * self._block > row]
+
+    def _as_one(self, model: _Model, block: int, mean: float) -> Whitener:
+        """Return the two filters as one, from the raw residual to what is white."""
+        calibrated, taps, scale = self._calibrated, model.taps[block], float(model.scale[block])
+        return Whitener(
+            coefficients=np.convolve(calibrated.coefficients, taps / taps[0]),
+            mean=mean,
+            deviation=calibrated.deviation / (float(taps[0]) * scale),
+            most=float(model.clip[block]) * scale,
+            unsteady=float(model.unsteady[block]),
+        )
+
+    @property
+    def rows_alike(self) -> int:
+        """How many rows, the next first, are whitened alike; 0 while it learns."""
+        return self._block - self._told if self.is_learnt else 0
+
+    def push(self, raw: FloatArray, spread: FloatArray | None = None) -> White:
+        """Return what the next rows make known: nothing while it learns, then all of these, then row for row.
+
+        The last of them is the last row pushed, or there are none; `row` says which row is next.
+
+        Parameters
+        ----------
+        raw : shape (rows,)
+            The residual; NaN where it is missing.
+        spread : shape (rows,), optional
+            How far it may be off for its operator's error: what is learnt is learnt from the residual over it.
+        """
+        off = np.ones(len(raw)) if spread is None else spread
+        self._given = np.concatenate([self._given, np.column_stack([raw, off])])
+        parts: list[White] = []
+        while self.is_learnt or self._learn():
+            blocks = (len(self._given) - self.order) // self._block
+            if not blocks:
+                parts.append(self._opened())
+                self.row += len(parts[-1])
+                break
+            white, done = self._advance(min(blocks, _AT_ONCE))
+            parts.append(white.between(slice(self._told, done * self._block)))
+            self.row += len(parts[-1])
+            self._given, self._told = self._given[done * self._block :], 0
+        return White.joined(parts)
+
+    # ---- what the next rows are whitened by ----
+
+    def _learn(self) -> bool:
+        """Learn from the first blocks, once they are there; return whether they are."""
+        block = self._block
+        count = (len(self._given) - self.order) // block
+        rows = self._given[self.order : self.order + count * block, 0]
+        there = np.flatnonzero(np.isfinite(rows).reshape(count, block).mean(axis=1) >= _LEAST_THERE)
+        if len(there) < _FIRST:
+            return False
+        stop = (int(there[_FIRST - 1]) + 1) * block
+        first = rows[:stop][np.isfinite(rows[:stop])]
+        middle = float(np.median(first))
+        most = 6.0 * float(np.median(np.abs(first - middle))) + 1e-300
+        mean = float(np.mean(np.clip(first, middle - most, middle + most)))
+        self._calibrated = replace(self._calibrated, mean=mean)
+        self._clipped[:] = 0.0
+        given = self._given[: self.order + stop]
+        x, spread = self._behind_calibrated(given), given[self.order :, 1]
+        self._typical = max(1.4826 * float(np.nanmedian(np.abs(x[self._order :] / spread))), _LEAST)
+        blocks = stop // block
+        learnt = _Learnt(np.zeros((0, self._ring.shape[1])), blocks, np.full(blocks, blocks), block)
+        self._measure(learnt, x, spread)
+        self._ring = learnt.new[there[:_FIRST]]
+        self._clipped[:] = 0.0
+        if math.isnan(self.first_level):
+            self.first_level = self.level
+        self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
+        return True
+
+    def _current(self) -> _Model:
+        """Return what the open block is whitened by."""
+        if self._model is None:
+            self._model = self._learnt(1).model if self._held is None else self._held
+        return self._model
+
+    def _learnt(self, blocks: int) -> _Learnt:
+        """Return what the next blocks will have learnt from those before each."""
+        end = np.maximum(len(self._ring) + np.arange(blocks) - _GAP, 1)
+        return _Learnt(self._ring, blocks, end, self._block)
+
+    # ---- what blocks tell: each step stands on those before ----
+
+    def _measure(self, learnt: _Learnt, x: FloatArray, spread: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Take all that blocks tell; return them whitened, their outliers, and what the next rows' lags reach."""
+        self._measure_sizes(learnt.new, x, spread)
+        clipped = self._measure_colour(learnt.new, x, spread, learnt.local)
+        self._measure_tail(learnt.new, x, spread, learnt.taps)
+        z, outliers = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
+        self._measure_steadiness(learnt.new, z)
+        return z, outliers, clipped
+
+    def _measure_sizes(self, table: FloatArray, x: FloatArray, spread: FloatArray) -> None:
+        own = x[self._order :] / spread
+        table[:, _COUNT] = np.isfinite(own).reshape(len(table), -1).sum(axis=1)
+        sizes = np.minimum(np.abs(own), 30.0 * self._typical)
+        table[:, _SIZE] = np.nan_to_num(sizes).reshape(len(table), -1).sum(axis=1)
+
+    def _measure_colour(self, table: FloatArray, x: FloatArray, spread: FloatArray, local: FloatArray) -> FloatArray:
+        """Take products of samples some lags apart; return the clipped samples that the next rows' lags reach."""
+        most = np.repeat(_CLIPS[-1] * local, self._block)
+        own = np.clip(np.nan_to_num(x[self._order :] / spread), -most, most)
+        joined = np.concatenate([self._clipped, own])
+        for lag in range(self._order + 1):
+            products = own * joined[self._order - lag : len(joined) - lag]
+            table[:, _LAGS.start + lag] = products.reshape(len(table), -1).sum(axis=1)
+        return joined[len(joined) - self._order :]
+
+    def _measure_tail(self, table: FloatArray, x: FloatArray, spread: FloatArray, taps: FloatArray) -> None:
+        own = np.nan_to_num(self._second(x, taps) / spread)
+        for i, most in enumerate(_CLIPS.tolist()):
+            squares = np.square(np.clip(own, -most, most))
+            table[:, _CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
+        table[:, _FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
+
+    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> None:
+        """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1."""
+        table[:, _SUM] = np.nan_to_num(z).reshape(len(table), -1).sum(axis=1)
+        powers, bursts, sums = self._powers_of(z)
+        table[:, _SQUARES], table[:, _FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
+        both, lags = np.concatenate([self._powers, powers]), len(self._powers)
+        before = sum(both[lags - lag : len(both) - lag] for lag in range(1, lags + 1)) / lags
+        table[:, [_SLOW, _LOW]] = both[lags:] * before
+        parts = np.concatenate([[self._burst], bursts.ravel()])
+        table[:, _FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
+
+    def _powers_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return powers less 1: of blocks, that of samples and that of short sums; of their parts; and these sums.
+
+        A block a row.
+        """
+        blocks = np.nan_to_num(z).reshape(-1, self._block)
+        parts = blocks[:, : self._block // _SUB * _SUB].reshape(len(blocks), _SUB, -1)
+        sums = np.clip(parts.sum(axis=2) / math.sqrt(parts.shape[2]), -_MOST_SUM, _MOST_SUM)
+        powers = np.column_stack([np.square(blocks).mean(axis=1), np.square(sums).mean(axis=1)])
+        bursts = np.square(parts).mean(axis=2)
+        return np.minimum(powers, _MOST_POWER) - 1.0, np.minimum(bursts, _MOST_POWER) - 1.0, sums
+
+    def _behind_calibrated(self, given: FloatArray) -> FloatArray:
+        """Return what the calibrated filter leaves of rows, and of `_order` before them."""
+        return self._calibrated.whiten(given[:, 0])[self._calibrated.order :]
+
+    def _second(self, x: FloatArray, taps: FloatArray) -> FloatArray:
+        """Return rows behind both filters; of the second one a row a block, or one for all."""
+        windows = np.lib.stride_tricks.sliding_window_view(x, self._order + 1)[:, ::-1]
+        blocks = windows.reshape(len(taps), -1, self._order + 1)
+        return np.asarray((blocks @ taps[:, :, np.newaxis]).ravel())
+
+    def _whitened(
+        self, x: FloatArray, spread: FloatArray, taps: FloatArray, clips: FloatArray, scales: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Return rows over their spread, clipped and of variance 1, and at which of them gross outliers are."""
+        z = self._second(x, taps) / spread
+        clip, scale = (np.repeat(of, len(z) // len(of)) for of in (clips, scales))
+        gross = np.flatnonzero((np.abs(z) > _GROSS) & (clip < _HEAVY))
+        np.clip(z, -clip, clip, out=z)
+        z *= scale
+        outliers, last = [], self._outlier
+        while len(gross := gross[np.searchsorted(gross, last + self._apart) :]):
+            last = int(gross[0])
+            outliers.append(last)
+        for row in (self._outlier, *outliers):
+            echo = slice(max(row + 1, 0), max(row + 1 + self._echo, 0))
+            np.clip(z[echo], -_OF_ECHO, _OF_ECHO, out=z[echo])
+        return z, np.array(outliers, dtype=int)
+
+    # ---- rows ----
+
+    def _opened(self) -> White:
+        """Return the rows of the open block that haven't been returned."""
+        rows = len(self._given) - self.order
+        told, self._told = self._told, rows
+        if told == rows:
+            return White.joined([])
+        model, spread = self._current(), self._given[self.order :, 1]
+        z, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
+        return White(values=(z * spread)[told:], unsteady=np.full(rows - told, model.unsteady[0]))
+
+    def _advance(self, blocks: int) -> tuple[White, int]:
+        """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state."""
+        given = self._given[: self.order + blocks * self._block]
+        x, spread = self._behind_calibrated(given), given[self.order :, 1]
+        learnt = self._learnt(blocks)
+        clipped = self._clipped
+        if self._held is None:
+            z, outliers, clipped = self._measure(learnt, x, spread)
+            model = learnt.model
+        else:
+            model = self._held.repeated(blocks)
+            z, outliers = self._whitened(x, spread, model.taps, model.clip, model.scale)
+        suspected = self._suspected(z, model)
+        if self._held is not None:
+            done = self._wait(suspected > 0)
+        elif suspected.any():
+            done = int(np.argmax(suspected > 0)) + 1
+            self._suspect(learnt.new[:done], -(-int(suspected[done - 1]) // self._block))
+        else:
+            done = blocks
+            self._clipped = clipped
+            self._put(learnt.new, z)
+        self._white = np.concatenate([self._white, np.nan_to_num(z[: done * self._block])])[-len(self._white) :]
+        rows = done * self._block
+        outliers = outliers[outliers < rows]
+        self.outliers += len(outliers)
+        self._outlier = int(outliers[-1] if len(outliers) else self._outlier) - rows
+        self._model = None
+        self._past.append((self.row - self._told, model.first(done), self._calibrated.mean))
+        return White(values=z * spread, unsteady=np.repeat(model.unsteady, self._block)), done
+
+    def _put(self, table: FloatArray, z: FloatArray) -> None:
+        """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
+        there = table[:, _COUNT] >= _LEAST_THERE * self._block
+        self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
+        powers, bursts, _ = self._powers_of(z[max(len(z) - len(self._powers) * self._block, 0) :])
+        self._powers = np.concatenate([self._powers, powers])[-len(self._powers) :]
+        self._burst = float(bursts[-1, -1])
+
+    def _suspected(self, z: FloatArray, model: _Model) -> IntArray:
+        """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does."""
+        joined = np.concatenate([self._white, np.nan_to_num(z)])
+        sums = np.concatenate([np.zeros((1, 2)), np.cumsum(np.column_stack([joined, joined * joined]), axis=0)])
+        end = np.arange(len(self._white) + 1, len(joined) + 1)
+        base, unsteady = (np.repeat(of, self._block) for of in (model.base, model.unsteady))
+        reach = np.zeros(len(z), dtype=int)
+        for rows in self._windows:
+            least = _SUSPECTED - math.log(rows / self._windows[0])
+            mean, square = ((sums[end] - sums[end - rows]) / rows).T
+            shift = mean - base
+            power = np.maximum(square - 2.0 * base * mean + base * base, 1e-12)
+            # steady noise would have to be as far off: nearly no row is, and logarithms are dear
+            low, high = _ordinary(rows, least)
+            some = np.flatnonzero((shift * shift > 2.0 * least / rows) | (power < low) | (power > high))
+            nats = glr(shift[some], power[some], rows, 1.0 / rows, 0.0, 1.0, 1.0, unsteady[some])
+            reach[some[np.maximum(*nats) > least]] = rows
+        return np.asarray(reach.reshape(-1, self._block).max(axis=1))
+
+    def _suspect(self, table: FloatArray, back: int) -> None:
+        """Hold what was learnt before something was there that is suspected: since `back` blocks before the last."""
+        healthy = len(table) - 1 - back
+        if healthy > 0:
+            there = table[:healthy, _COUNT] >= _LEAST_THERE * self._block
+            self._ring = np.concatenate([self._ring, table[:healthy][there]])[-_KEPT:]
+        else:
+            self._ring = self._ring[: max(len(self._ring) + healthy, min(len(self._ring), _FIRST))]
+        self._held = self._learnt(1).model
+        self._calm = self._held_for = 0
+
+    def _wait(self, suspected: BoolArray) -> int:
+        """Wait until nothing is suspected any more, or for too long; return how many blocks that took."""
+        for done, is_suspected in enumerate(suspected.tolist(), 1):
+            self._calm = 0 if is_suspected else self._calm + 1
+            self._held_for += 1
+            if self._calm == _CALM:
+                self._held = None
+                self._clipped, self._powers, self._burst = np.zeros(self._order), np.zeros_like(self._powers), 0.0
+                return done
+            if self._held_for == _LONGEST:
+                self._reset()
+                return done
+        return len(suspected)
+
+    def _reset(self) -> None:
+        self._ring, self._held, self._model = self._ring[:0], None, None
+        self._clipped, self._powers, self._burst = np.zeros(self._order), np.zeros_like(self._powers), 0.0
+
+
+@lru_cache(maxsize=64)
+def _ordinary(rows: int, nats: float) -> tuple[float, float]:
+    """Return the powers of windows between which L/2 (s - 1 - log s) stays below so many nats."""
+    powers = np.geomspace(1e-12, 1e6, 20_000)
+    far = 0.5 * rows * (powers - 1.0 - np.log(powers)) > nats
+    one = int(np.searchsorted(powers, 1.0))
+    return float(powers[:one][far[:one]][-1]), float(powers[one:][far[one:]][0])
+
+
+def follower(whitener: Whitener, sample_period_s: float, before: FloatArray | None = None) -> NoiseFollower:
+    """Return one for a record from its row 0 on, which has learnt on what was before, where that is long enough.
+
+    Parameters
+    ----------
+    whitener : Whitener
+    sample_period_s : float
+    before : shape (rows,), optional
+        Of the same sensors' healthy residual.
+    """
+    if before is not None:
+        noise = NoiseFollower(whitener, sample_period_s, row=-len(before))
+        noise.push(before)
+        if noise.is_learnt:
+            return noise
+    return NoiseFollower(whitener, sample_period_s)
+
+
+def followed(
+    whitener: Whitener, residual: FloatArray, sample_period_s: float, spread: FloatArray | None = None
+) -> White:
+    """Return a whole record's residual whitened by the noise that is learnt on it; NaN where there is too little.
+
+    Parameters are those of `NoiseFollower`, and of its `push`.
+    """
+    white = NoiseFollower(whitener, sample_period_s).push(residual, spread)
+    return white if len(white) == len(residual) else White.steady(np.full(len(residual), np.nan))
+
+
+def second_order(sample_period_s: float) -> int:
+    """Return how many coefficients the filter has that is learnt on the record.
+
+    >>> second_order(0.01), second_order(0.1)
+    (8, 2)
+    """
+    return int(np.clip(round(_ORDER_S / sample_period_s), *_ORDERS))

@@ -1,0 +1,204 @@
+"""Kinematic operators, from an attitude's rates to a gyro or back: physics fixes all but lag, smoothing and noise.
+
+What reads the same motion twice has a gain of 1 at 0 Hz, a delay, and next to no curvature about 0 Hz. These three are
+the operator's moments, sum of h_i, of i h_i and of i^2 h_i; they alone tell what slow motion leaves in the residual, so
+that an operator that has them right holds for faster motion than was flown. They are found first, from slow motion and
+freed of the noise that shrinks them; the other directions are free to pass as little noise as the records let them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of
+from gtmbench.record import FloatArray
+
+_TURNS, _SETTLED = 6, 1e-4
+_LEAST_VARIANCE = 1e-12
+_DECISIVE = 4.0  # deviations by which the records have to contradict what physics fixes
+_TAP = 0.3  # deviation of a Markov parameter in a direction that has none of the moments
+_SLOW_S = 0.15  # to either side: what is left lies below 3 Hz, where an attitude's rates hold little noise
+_SHARES = (1.0, 0.5, 0.0)  # of the residual's noise that the input may hold: nobody knows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """What is expected of the moments: their means are (1, 0, `curvature`).
+
+    Attributes
+    ----------
+    curvature : float
+        Second moment about the delay, in samples squared: a third of a central difference, as input or as output.
+    gain, delay, bend : float
+        Deviations of the gain, the delay (samples) and the second moment (samples squared).
+    """
+
+    curvature: float
+    gain: float
+    delay: float
+    bend: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """Markov parameters h of shape (lags,), lag -d first, their covariance, and the residual's variance."""
+
+    h: FloatArray = field(repr=False)
+    covariance: FloatArray = field(repr=False)
+    variance: float
+
+
+def fit(samples: Sequence[Equations], *, lags: int, ahead: int, sample_period_s: float, expected: Expected) -> Fit:
+    """Return the kinematic operator of some records.
+
+    The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
+
+    Parameters
+    ----------
+    samples : sequence of Equations
+        One input, in the output's units.
+    lags, ahead : int
+        r + d + 1 and d.
+    sample_period_s : float
+    expected : Expected
+    """
+    lag = np.arange(-ahead, lags - ahead, dtype=np.float64)
+    products = _summed(samples, lags)
+    gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
+    count = max(sum(float(piece.weights.sum()) for piece in samples) / ALIKE, 1.0)
+    half = round(_SLOW_S / sample_period_s)
+    moments = _moments([_slowed(piece, half) for piece in samples], lag, expected, max(half, ALIKE))
+    among = np.vander(lag, len(moments.mean), increasing=True).T
+    wanted, slope = _raw(moments.mean)
+    inverse = np.linalg.pinv(among)
+    free = np.linalg.svd(among)[2][len(wanted) :].T  # directions without any of these moments
+    variance = max(power / count, _LEAST_VARIANCE)
+    for _ in range(2):  # what is left over settles with the first
+        hessian = free.T @ gram @ free + variance / _TAP**2 * np.eye(free.shape[1])
+        smoothing = np.eye(lags) - free @ np.linalg.solve(hessian, free.T @ gram)
+        h = smoothing @ inverse @ wanted + free @ np.linalg.solve(hessian, free.T @ right)
+        left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
+        variance = max(left / count, _LEAST_VARIANCE)
+    of_moments = smoothing @ inverse @ slope
+    alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
+    return Fit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
+
+
+def _summed(pieces: Sequence[Equations], lags: int) -> FloatArray:
+    nothing = np.zeros(lags)
+    return np.asarray(sum((piece.products(nothing, lags) for piece in pieces), np.zeros((lags + 1, lags + 1))))
+
+
+def _raw(mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the moments about 0, (g, g t, g (m + t^2)) of (g, t, m), and their derivatives."""
+    if len(mean) < 3:
+        return mean, np.eye(len(mean))
+    g, t, m = mean.tolist()
+    slope = np.array([[1.0, 0.0, 0.0], [t, g, 0.0], [m + t * t, 2.0 * g * t, g]])
+    return np.array([g, g * t, g * (m + t * t)]), slope
+
+
+def _slowed(piece: Equations, half: int) -> Equations:
+    """Return the slow motion of a piece, so many samples to either side; of a short one, as slow as it can be."""
+    width = min(half, (len(piece.y) - 1) // 4)
+    taps = np.hanning(2 * width + 3)[1:-1]
+    taps /= taps.sum()
+    u, y = (np.convolve(values, taps, mode="valid") for values in (piece.u[:, 0], piece.y))
+    return Equations(u=u[:, np.newaxis], y=y, weights=piece.weights[width : len(piece.y) - width])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Moments:
+    """(g, t, m): gain, delay and second moment about it, in samples; of few lags the gain alone.
+
+    `contradicted`: which of gain and second moment the records have otherwise than physics, by their places.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    contradicted: tuple[int, ...]
+
+
+def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, alike: float) -> _Moments:
+    """Return the moments that slow motion shows.
+
+    y(k) = g u(k - s) + b (u(k - s))' + c (u(k - s))''/2 about a delay of s samples, b and c by differences. With so
+    many equations in a row being `alike`, G = Phi'Phi and S what of it is motion, the sums Phi'e, freed of noise, are
+    N(S x, v G) of what x is beside the nominal. How much of the residual's noise the input holds isn't known: as much
+    as contradicts physics least, and the most of these.
+    """
+    lags, ahead = len(lag), int(-lag[0])
+    products = _summed(motion, lags) * (ALIKE / alike)
+    gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
+    count = max(sum(float(piece.weights.sum()) for piece in motion) / alike, 1.0)
+    deviations = np.array([expected.gain, expected.delay, expected.bend])[: 3 if lags > 2 else 1]
+    precision = np.diag(np.maximum(deviations, 1e-9) ** -2)
+    shift, late = int(np.clip(0, lag[0] + 1, lag[-1] - 1)) if lags > 2 else 0, 0.0  # and what is late beside it
+    h = np.eye(lags)[shift + ahead]
+    for _ in range(_TURNS):
+        basis = _basis(lags, shift + ahead)
+        nominal = basis[:, 0]
+        prior = np.array([0.0, -shift, expected.curvature + late**2])[: len(deviations)]
+        noise = autocovariance(motion, h, lags) * count
+        left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
+        variance = max(left / count, _LEAST_VARIANCE)
+        own = basis.T @ gram @ basis
+        found = []
+        for share in _SHARES:
+            signal, _ = signal_of(own, np.zeros(len(own)), share * basis.T @ noise @ basis)
+            sums = basis.T @ (right - (gram - share * noise) @ nominal)
+            weight = np.linalg.solve(own + 1e-9 * np.diag(_sizes(own)), signal).T / variance
+            hessian = precision + weight @ signal
+            step = np.asarray(np.linalg.solve(hessian, weight @ sums + precision @ prior), dtype=np.float64)
+            found.append((step, _pinned(step, np.asarray(np.linalg.inv(hessian)), shift, lag, expected)))
+        step, best = min(found, key=lambda each: len(each[1].contradicted))
+        before, h = h, nominal + basis @ step
+        if len(step) < 3 or np.abs(h - before).max() < _SETTLED:
+            break
+        late = float(step[1] / (1.0 + step[0]))
+        moved = int(np.clip(shift + np.rint(late), lag[0] + 1, lag[-1] - 1))
+        if moved != shift:
+            shift, late, h = moved, late - (moved - shift), np.eye(lags)[moved + ahead]
+    return best
+
+
+def _basis(lags: int, place: int) -> FloatArray:
+    """Return what passes u unchanged from a place, its change with the delay, and with the second moment."""
+    if lags < 3:
+        return np.eye(lags)[:, [place]]
+    basis = np.zeros((lags, 3))
+    basis[place - 1 : place + 2] = [[0.0, -0.5, 0.5], [1.0, 0.0, -1.0], [0.0, 0.5, 0.5]]
+    return basis
+
+
+def _pinned(step: FloatArray, covariance: FloatArray, shift: int, lag: FloatArray, expected: Expected) -> _Moments:
+    """Return the moments of a step from the nominal delay; what physics fixes as it is, unless contradicted."""
+    g = 1.0 + float(step[0])
+    if len(step) < 3:
+        if abs(g - 1.0) > _DECISIVE * np.sqrt(covariance[0, 0]):
+            return _Moments(mean=np.array([g]), covariance=covariance, contradicted=(0,))
+        return _Moments(mean=np.ones(1), covariance=covariance, contradicted=())
+    b, c = step[1:].tolist()
+    t, m = b / g, c / g - (b / g) ** 2
+    slope = np.array([[1.0, 0.0, 0.0], [-t / g, 1.0 / g, 0.0], [(2.0 * t * t - c / g) / g, -2.0 * t / g, 1.0 / g]])
+    mean, covariance = np.array([g, t, m]), slope @ covariance @ slope.T
+    left = covariance  # once what physics fixes is known
+    contradicted = []
+    for place, value in ((2, expected.curvature), (0, 1.0)):
+        off = value - mean[place]
+        if abs(off) > _DECISIVE * np.sqrt(covariance[place, place]):
+            contradicted.append(place)
+            continue
+        share = left[:, place] / left[place, place]
+        mean, left = mean + share * off, left - np.outer(share, left[place])
+    mean[1] = np.clip(mean[1] + shift, lag[0], lag[-1])
+    return _Moments(mean=mean, covariance=covariance, contradicted=tuple(contradicted))
+
+
+def _sizes(gram: FloatArray) -> FloatArray:
+    """Return the diagonal, 1 where it is 0: an attitude at rest, to the last digit, tells nothing."""
+    diagonal = np.diag(gram)
+    return np.where(diagonal > 0.0, diagonal, 1.0)

@@ -1,0 +1,82 @@
+"""Equations y(k) = phi(k)' theta of stretches that may have gaps: their products, and the residual's autocovariance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.method.regression.slow import regressors
+from gtmbench.method.regression.stretches import Stretch
+from gtmbench.record import FloatArray
+
+ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
+_CHUNK = 4096
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equations:
+    """Inputs u of a stretch; y(k) and the weight of every window of u, 0 where a sample is missing.
+
+    Attributes
+    ----------
+    u : shape (samples, inputs)
+    y, weights : shape (windows,)
+    """
+
+    u: FloatArray = field(repr=False)
+    y: FloatArray = field(repr=False)
+    weights: FloatArray = field(repr=False)
+
+    def windows(self, lags: int) -> Iterator[tuple[slice, FloatArray]]:
+        """Yield phi(k), some rows at a time."""
+        for start in range(0, len(self.y), _CHUNK):
+            yield slice(start, start + _CHUNK), regressors(self.u[start : start + _CHUNK + lags - 1], lags)
+
+    def residual(self, theta: FloatArray, lags: int) -> FloatArray:
+        """Return y(k) - phi(k)' theta."""
+        return np.concatenate([self.y[rows] - phi @ theta for rows, phi in self.windows(lags)])
+
+    def products(self, theta: FloatArray, lags: int) -> FloatArray:
+        """Return [Phi e]'[Phi e], e the residual of theta, over the windows that are whole."""
+        total = np.zeros((len(theta) + 1,) * 2)
+        for rows, phi in self.windows(lags):
+            whole = self.weights[rows] > 0.0
+            both = np.column_stack([phi, self.y[rows] - phi @ theta])[whole]
+            total += both.T @ (both * self.weights[rows][whole, np.newaxis]) / ALIKE
+        return total
+
+
+def weights_of(stretch: Stretch, causal_order: int, lags: int) -> FloatArray:
+    """Return the weight of each window's equation: that of its sample k, 0 where any of its samples has 0."""
+    complete = len(stretch) - lags + 1
+    if stretch.weights is None:
+        return np.ones(complete)
+    there = np.lib.stride_tricks.sliding_window_view(stretch.weights > 0.0, lags).all(axis=1)
+    return np.where(there, stretch.weights[causal_order:][:complete], 0.0)
+
+
+def autocovariance(pieces: Sequence[Equations], theta: FloatArray, lags: int) -> FloatArray:
+    """Return the residual's autocovariance, shape (lags, lags), from what isn't missing."""
+    from scipy.linalg import toeplitz
+
+    sums, counts = np.zeros(lags), np.zeros(lags)
+    for piece in pieces:
+        there = (piece.weights > 0.0).astype(np.float64)
+        residual = there * piece.residual(theta, lags)
+        for lag in range(min(lags, len(residual))):
+            sums[lag] += residual[lag:] @ residual[: len(residual) - lag]
+            counts[lag] += there[lag:] @ there[: len(there) - lag]
+    return np.asarray(toeplitz(sums / np.maximum(counts, 1.0)))
+
+
+def signal_of(gram: FloatArray, right: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise, whatever the units."""
+    size = np.sqrt(np.diag(gram))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = gram / np.outer(size, size)
+    values, vectors = np.linalg.eigh(unit - noise / np.outer(size, size))
+    signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    solved = np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size)
+    return signal * np.outer(size, size), size * (signal @ solved)

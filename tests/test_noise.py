@@ -1,0 +1,150 @@
+"""The noise that is learnt where it is watched: what of a healthy residual must not matter, and what must."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import gtmbench as gb
+from gtmbench.detectors.statistics.noise import NoiseFollower, followed
+from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.whitening import White, Whitener
+from tests.monitors import monitor, record
+
+TS = 0.01
+CALIBRATED = Whitener(coefficients=np.array([1.0, -0.2]), mean=0.0, deviation=1.0)
+COLOURED = lfilter([1.0], [1.0, -0.2], np.random.default_rng(5).standard_normal(20_000))
+
+
+def white(seed=1, samples=20_000):
+    return np.random.default_rng(seed).standard_normal(samples)
+
+
+def wandering(seed, samples=20_000):
+    slow = lfilter([1.0], [1.0, -0.999], white(100 + seed, samples)) * np.sqrt(1.0 - 0.999**2)
+    noise = white(seed, samples) * np.exp(0.5 * slow)
+    return noise / noise.std()
+
+
+LAWS = {
+    "white": white,
+    "coloured": lambda seed: lfilter([1.0], [1.0, -0.7], white(seed)) * np.sqrt(1.0 - 0.49),
+    "t4": lambda seed: np.random.default_rng(seed).standard_t(4, 20_000) / np.sqrt(2.0),
+    "Laplace": lambda seed: np.random.default_rng(seed).laplace(size=20_000) / np.sqrt(2.0),
+    "outliers": lambda seed: np.where(np.random.default_rng(seed).random(20_000) < 0.02, 5.0, 1.0) * white(seed + 50),
+    "wandering": wandering,
+}
+
+
+def greatest(residual, whitener=CALIBRATED):
+    """The greatest ratio of a whole record, in nats."""
+    told = followed(whitener, residual, TS)
+    return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Tolerance()))
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 50, 333, 20_000])
+def test_the_same_in_whatever_chunks(chunk):
+    noise = COLOURED[:6000].copy()
+    noise[2500:2520] = np.nan
+    noise[4000:] += 3.0  # held from here on
+    whole = NoiseFollower(CALIBRATED, TS).push(noise)
+    follower = NoiseFollower(CALIBRATED, TS)
+    told = White.joined([follower.push(noise[i : i + chunk]) for i in range(0, len(noise), chunk)])
+    np.testing.assert_allclose(told.values, whole.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(told.unsteady, whole.unsteady, rtol=0, atol=1e-9)
+    assert follower.row == len(noise)
+
+
+@pytest.mark.parametrize("level", [0.3, 0.6, 1.3, 10.0, 1000.0])
+def test_another_level_changes_next_to_nothing(level):
+    one, other = followed(CALIBRATED, COLOURED, TS), followed(CALIBRATED, level * COLOURED, TS)
+    apart = np.nanmax(np.abs(one.values - other.values))
+    assert apart < (0.3 if level < 1.0 else 0.02)  # a floor far below the calibrated noise is all that tells them apart
+
+
+def test_no_sample_stands_on_a_later_one():
+    later = COLOURED.copy()
+    later[9000:] = 100.0 * white(3)[9000:]
+    one, other = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
+    np.testing.assert_array_equal(one.push(COLOURED[:9000]).values, other.push(later[:9000]).values)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_healthy_noise_of_any_law_stays_below_what_thresholds_are(law):
+    assert max(greatest(0.8 * LAWS[law](seed)) for seed in range(4)) < 22.0  # 0.002 an hour of 54 tests ask for 23
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_step_is_seen_in_noise_of_any_law(law):
+    broken = LAWS[law](7).copy()
+    broken[10_000:] += 2.5
+    told = followed(CALIBRATED, broken, TS)
+    scores = Statistic().scores(broken, told, TS, Tolerance())
+    above = np.logical_or.reduce([score.values > 23.0 for score in scores])
+    assert 10_000 <= np.argmax(above) < 10_200
+
+
+def test_nothing_is_learnt_while_something_is_suspected():
+    broken = COLOURED[:12_000].copy()
+    broken[6000:] += 2.0
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(broken[:6000])
+    before = follower.whitener
+    follower.push(broken[6000:11_000])
+    assert follower.is_held
+    np.testing.assert_allclose(follower.whitener.coefficients, before.coefficients, atol=0.05)
+    assert follower.whitener.deviation == pytest.approx(before.deviation, rel=0.05)
+
+
+def test_steady_noise_is_known_to_be_and_wandering_noise_too():
+    steady, unsteady = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
+    steady.push(COLOURED)
+    unsteady.push(wandering(1))
+    assert steady.whitener.unsteady < 0.02 < 0.2 < unsteady.whitener.unsteady
+
+
+def test_what_a_row_was_whitened_by_is_remembered():
+    follower = NoiseFollower(CALIBRATED, TS)
+    told = follower.push(COLOURED[:5000])
+    for row in (1000, 3333, 4990):
+        used = follower.whitener_at(row)
+        own = used.whiten(COLOURED[: row + 1])[row]
+        assert np.clip(own, -used.most, used.most) == pytest.approx(told.values[row], abs=1e-9)
+
+
+def with_noise(of, channels, factor, *, since_s=0.0, seed=9):
+    """A record whose sensors' noise is so many times as strong, more of it being added."""
+    draw = np.random.default_rng(seed)
+    for name in channels:
+        deviation = gb.CHANNELS[name].noise * np.sqrt(factor**2 - 1.0)
+        of = of.replace(name, of[name] + np.where(of.time_s >= since_s, deviation, 0.0) * draw.standard_normal(len(of)))
+    return of
+
+
+CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
+
+
+@pytest.mark.parametrize("name", ["C", "C-early"])
+def test_sensors_ten_times_as_noisy_are_healthy(name):
+    watch = monitor(name).watch(with_noise(record(), CHANNELS, 10.0))
+    assert watch.faults == ()
+    assert 5.0 < min(watch.noise_levels.values()) < 20.0
+
+
+def test_noise_that_changes_is_a_verdict_that_names_nobody():
+    healthy = record()
+    since_s = healthy.start_s + 60.0
+    watch = monitor("C").watch(with_noise(healthy, CHANNELS, 2.0, since_s=since_s))
+    assert watch.faults
+    for alarm in watch.faults:
+        assert alarm.sensor is None
+        assert alarm.verdict == "can't tell: the noise changed"
+        assert alarm.time_s > since_s
+    times = watch.faults[0].judgements[-1].parameters["times"]
+    assert 1.4 < times < 3.0
+
+
+def test_noise_of_one_gyro_beyond_three_times_is_its_fault():
+    healthy = record()
+    noise = gb.Noise(channel="q", onset_s=healthy.start_s + 60.0, deviation=8.0 * gb.CHANNELS["q"].noise, seed=3)
+    (alarm,) = monitor("C").watch(gb.inject(healthy, noise)).faults
+    assert (alarm.sensor, alarm.judgements[-1].kind) == ("q", "noise")
