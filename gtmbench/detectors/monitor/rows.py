@@ -134,7 +134,8 @@ class _Line:
         self._x = _Window(self.taps, len(operator.inputs))
         self._e = _Window(self._order + 1, 1)
         self._alike = 0  # rows that are whitened by what was loaded
-        self._whitening, self._mean, self._most, self.unsteady = np.zeros(self._order + 1), 0.0, 0.0, 0.0
+        self._whitening, self._mean, self.unsteady = np.zeros(self._order + 1), 0.0, 0.0
+        self._most = self._loudest = 0.0
 
     def take(self, x: list[float], at: int) -> None:
         """Take the inputs that sample `at` of the record makes known."""
@@ -148,7 +149,8 @@ class _Line:
         if self.is_learnt:
             white = float(self._whitening.dot(latest)) - self._mean
             self.is_there = math.isfinite(white) and self.track.is_heard(row)
-            self.white = min(max(white, -self._most), self._most)
+            most = self._most if abs(white) <= 2.0 * self._most else self._loudest
+            self.white = min(max(white, -most), most)
         self.track.take(e)
 
     @property
@@ -163,7 +165,7 @@ class _Line:
         if self.is_learnt:
             self._whitening = whitener.coefficients[::-1] / whitener.deviation
             self._mean = float(whitener.mean * self._whitening.sum())
-            self._most, self.unsteady = whitener.most, whitener.unsteady
+            self._most, self._loudest, self.unsteady = whitener.most, whitener.loudest, whitener.unsteady
 
     def read(self, output: float) -> None:
         """Take an early one's output at the sample before the last."""

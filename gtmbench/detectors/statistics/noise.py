@@ -41,7 +41,8 @@ _KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip 
 _FLOOR = 0.0025  # of the calibrated variance: how quiet noise may get before it is taken for the sensor's
 _UNSTEADY, _WORTH = 0.2, 20.0  # sigma^2 before anything is known, which as many blocks make a quarter of
 _STEADIEST = 1e-3
-_HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of an outlier that leaves an echo
+_HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of a gross outlier
+_LOUDEST = 5.0  # deviations that one counts for where the tail is Gaussian, so that it isn't noise
 _ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
 _LEAST_THERE = 0.5  # of a block's rows
 _LEAST = 0.1 * math.sqrt(_FLOOR)
@@ -268,6 +269,7 @@ class NoiseFollower:
             mean=mean,
             deviation=calibrated.deviation / (float(taps[0]) * scale),
             most=float(model.clip[block]) * scale,
+            loudest=(_LOUDEST if model.clip[block] == _CLIPS[-1] else float(model.clip[block])) * scale,
             unsteady=float(model.unsteady[block]),
         )
 
@@ -418,6 +420,7 @@ class NoiseFollower:
         z = self._second(x, taps) / spread
         clip, scale = (np.repeat(of, len(z) // len(of)) for of in (clips, scales))
         gross = np.flatnonzero((np.abs(z) > _GROSS) & (clip < _HEAVY))
+        clip[(np.abs(z) > _GROSS) & (clip == _CLIPS[-1])] = _LOUDEST
         np.clip(z, -clip, clip, out=z)
         z *= scale
         outliers, last = [], self._outlier
@@ -442,9 +445,17 @@ class NoiseFollower:
         return White(values=(z * spread)[told:], unsteady=np.full(rows - told, model.unsteady[0]))
 
     def _advance(self, blocks: int) -> tuple[White, int]:
-        """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state."""
+        """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state.
+
+        A block that misses half of its rows, which isn't learnt from, is the last one.
+        """
         given = self._given[: self.order + blocks * self._block]
-        x, spread = self._behind_calibrated(given), given[self.order :, 1]
+        x = self._behind_calibrated(given)
+        there = np.isfinite(x[self._order :]).reshape(blocks, -1).mean(axis=1) >= _LEAST_THERE
+        if not there.all():
+            blocks = int(np.argmin(there)) + 1
+            given, x = given[: self.order + blocks * self._block], x[: self._order + blocks * self._block]
+        spread = given[self.order :, 1]
         learnt = self._learnt(blocks)
         clipped = self._clipped
         if self._held is None:

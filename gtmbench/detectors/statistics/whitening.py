@@ -25,6 +25,8 @@ class Whitener:
         Of the residual, and of its innovations; in the output's unit.
     most : float
         Deviations that one sample counts for, in tests: the noise's tail may be heavier than a Gaussian one.
+    loudest : float
+        Those that one beyond twice `most` counts for: in noise with a Gaussian tail it isn't noise.
     unsteady : float
         sigma^2, as `White` has it.
     """
@@ -33,6 +35,7 @@ class Whitener:
     mean: float
     deviation: float
     most: float = math.inf
+    loudest: float = math.inf
     unsteady: float = 0.0
 
     @property
