@@ -61,8 +61,8 @@ def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     taps[:, 0] = 1.0
     variance = covariance[:, 0].copy()
     for order in range(1, covariance.shape[1]):
-        reflection = -(taps[:, :order] * covariance[:, order:0:-1]).sum(axis=1) / variance
-        np.clip(reflection, -_REFLECTED, _REFLECTED, out=reflection)
+        reflection = -np.einsum("ij,ij->i", taps[:, :order], covariance[:, order:0:-1]) / variance
+        reflection = np.minimum(np.maximum(reflection, -_REFLECTED), _REFLECTED)
         taps[:, 1 : order + 1] += reflection[:, np.newaxis] * taps[:, order - 1 :: -1][:, :order]
         variance *= 1.0 - reflection * reflection
     return taps, variance

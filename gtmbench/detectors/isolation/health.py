@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.statistics.statistic import glr
+from gtmbench.detectors.statistics.statistic import Steadiness, glr
 from gtmbench.record import FloatArray
 
 MOST = 20.0  # deviations that one sample may count for
@@ -32,7 +32,7 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
         return float(over / (6.0 * np.sqrt(2.0 / max(len(there), 1))))
     least = 0.0
     sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (there, there * there))
-    baseline = test.baseline_s / period_s
+    baseline, steadiness = test.baseline_s / period_s, Steadiness.of(whitener.unsteady)
     for rows in test.rows(period_s):
         ends = np.arange(len(there), rows - 1, -rows)
         if not len(ends):
@@ -41,7 +41,7 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
         power = np.maximum((squares[ends] - squares[ends - rows]) / rows, 1e-12)
         low = tolerance.low if test.two_sided and not is_corrected else 0.0
         chance = 1.0 / rows + 1.0 / baseline
-        of_mean, of_energy = glr(mean, power, rows, chance, tolerance.mean, low, tolerance.high, whitener.unsteady)
+        of_mean, of_energy = glr(mean, power, rows, chance, tolerance.mean, low, tolerance.high, steadiness)
         window = f"{rows * period_s:g} s"
         limits = monitor.thresholds[output]
         least = max(least, float(of_mean.max()) / limits[f"mean {window}"])

@@ -11,7 +11,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, Track
 from gtmbench.detectors.statistics.noise import second_order
-from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, glr
+from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Steadiness, glr, ordinary_powers
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.record import FloatArray
 
@@ -239,10 +239,19 @@ class _Ratios:
         self._full = np.full(len(self._rows), float(self._longest))
         self._chance = 1.0 / self._windows + 1.0 / self._full
         self._unsteady = np.zeros((len(outputs), 1))
+        self._steadiness = Steadiness.of(self._unsteady)
+        # between these, ratios are below their thresholds, however steady the noise is
+        self._near = self._mean + np.sqrt(2.0 * self._of_mean * self._chance)
+        powers = [
+            [ordinary_powers(rows, nats) for rows, nats in zip(self._rows.tolist(), own, strict=True)]
+            for own in self._of_energy.tolist()
+        ]
+        self._least, self._loudest = np.moveaxis(np.array(powers), 2, 0) * np.array([self._low, self._high])
 
     def steadiness(self, i: int, unsteady: float) -> None:
         """Take how steady the noise of a residual is."""
         self._unsteady[i] = unsteady
+        self._steadiness = Steadiness.of(self._unsteady)
 
     def load(self, samples: list[FloatArray]) -> None:
         """Begin with the samples before."""
@@ -254,7 +263,10 @@ class _Ratios:
                 self._totals[i][which] = float(self._sums[which, i, len(values)])
 
     def scores(self, white: list[float], there: list[bool]) -> list[float]:
-        """Take a sample of every residual; return the scores, NaN where there is none."""
+        """Take a sample of every residual; return the scores, NaN where there is none.
+
+        Where all are below 1 by what they can be at most, which costs less, they are 0.
+        """
         sums, counts = self._sums, self._counts
         for i, (value, is_there) in enumerate(zip(white, there, strict=True)):
             if is_there:
@@ -278,13 +290,27 @@ class _Ratios:
         totals = np.array(self._totals)
         mean = (totals[:, :1] - ends) / self._windows
         base = (ends - begins) / length
-        power = np.maximum((totals[:, 1:] - squares) / self._windows - 2.0 * base * mean + base * base, 1e-12)
+        shift = mean - base
+        power = (totals[:, 1:] - squares) / self._windows - (mean + shift) * base
+        if least >= self._most and self._is_ordinary(shift, power):
+            return [0.0 if is_there else math.nan for is_there in there]
         of_mean, of_energy = glr(
-            mean - base, power, self._windows, chance, self._mean, self._low, self._high, self._unsteady
+            shift,
+            np.maximum(power, 1e-12),
+            self._windows,
+            chance,
+            self._mean,
+            self._low,
+            self._high,
+            self._steadiness,
         )
         over = np.maximum(of_mean / self._of_mean, of_energy / self._of_energy)
         greatest: list[float] = np.fmax.reduce(over, axis=1).tolist()
         return [value if is_there else math.nan for value, is_there in zip(greatest, there, strict=True)]
+
+    def _is_ordinary(self, shift: FloatArray, power: FloatArray) -> bool:
+        near = (np.abs(shift) < self._near) & (power > self._least) & (power < self._loudest)
+        return bool(near.all())
 
     def _make_room(self, i: int) -> None:
         """Move what is looked back at to the front, and let the sums begin there."""

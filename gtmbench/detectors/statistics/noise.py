@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
-from gtmbench.detectors.statistics.statistic import glr
+from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.autoregressive import levinson
 from gtmbench.record import BoolArray, FloatArray
@@ -30,6 +30,7 @@ from gtmbench.record import BoolArray, FloatArray
 IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
 
 _BLOCK_S, _FEWEST_ROWS = 0.5, 5  # of a block: the filter changes from block to block
+_NEIGHBOURS = 4  # blocks, whose powers tell how steady noise is
 _SUB = 5  # parts of a block, whose powers tell of bursts
 _FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
 _GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
@@ -77,6 +78,19 @@ class _Model:
         return _Model(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
 
 
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """What of the blocks that were learnt last the next ones look back at."""
+
+    clipped: FloatArray  # rows behind the calibrated filter
+    powers: FloatArray  # less 1, of samples and of sums, shape (_NEIGHBOURS, 2)
+    burst: float  # of the last part of a block, less 1
+
+    @classmethod
+    def nothing(cls, order: int) -> _Ends:
+        return cls(np.zeros(order), np.zeros((_NEIGHBOURS, 2)), 0.0)
+
+
 class _Learnt:
     """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
 
@@ -96,19 +110,26 @@ class _Learnt:
         self.new = self._table[len(ring) :]
         self._end, self._rows = end, rows
 
-    def _sums(self, columns: slice | list[int]) -> FloatArray:
-        given = self._table[:, columns]
-        return np.concatenate([np.zeros((1, given.shape[1])), np.cumsum(given, axis=0)])
+    def _sums(self, columns: slice | list[int], first: IntArray, end: IntArray) -> FloatArray:
+        """Return sums over the blocks from `first` on, up to `end`: a row for each of these."""
+        begin = int(first[0])
+        given = self._table[begin : int(end[-1]), columns]
+        if len(end) == 1:
+            return np.asarray(given.sum(axis=0, keepdims=True))
+        sums = np.concatenate([np.zeros((1, given.shape[1])), np.cumsum(given, axis=0)])
+        return np.asarray(sums[end - begin] - sums[first - begin])
 
     def _recent(self, columns: slice | list[int]) -> FloatArray:
         """Return means over the samples of the last blocks."""
-        sums = self._sums(columns)
-        return (sums[self._end] - sums[np.maximum(self._end - _SPAN, 0)]) / self._count
+        return self._sums(columns, self._first, self._end) / self._count
+
+    @cached_property
+    def _first(self) -> IntArray:
+        return np.maximum(self._end - _SPAN, 0)
 
     @cached_property
     def _count(self) -> FloatArray:
-        sums = self._sums([_COUNT])
-        return np.maximum(sums[self._end] - sums[np.maximum(self._end - _SPAN, 0)], 1.0)
+        return np.maximum(self._sums([_COUNT], self._first, self._end), 1.0)
 
     @cached_property
     def local(self) -> FloatArray:
@@ -129,15 +150,15 @@ class _Learnt:
         """Where to clip, by what to scale then, and how much of the power is noise and not the floor."""
         clipped, fourth = self._recent(_CLIPPED), self._recent([_FOURTH])[:, 0]
         kurtosis = fourth / np.maximum(clipped[:, -1], 1e-12) ** 2
-        clip = np.clip(_CLIPS[-1] - _PER_KURTOSIS * (kurtosis - _KURTOSIS), _CLIPS[0], _CLIPS[-1])
-        at = np.clip(np.searchsorted(_CLIPS, clip, side="right") - 1, 0, len(_CLIPS) - 2)
+        clip = np.maximum(_CLIPS[-1] - _PER_KURTOSIS * np.maximum(kurtosis - _KURTOSIS, 0.0), _CLIPS[0])
+        at = np.minimum(np.searchsorted(_CLIPS, clip, side="right") - 1, len(_CLIPS) - 2)
         share = (clip - _CLIPS[at]) / (_CLIPS[at + 1] - _CLIPS[at])
         blocks = np.arange(len(clip))
         power = clipped[blocks, at] * (1.0 - share) + clipped[blocks, at + 1] * share
         floored = np.maximum(power + _FLOOR * np.square(self.taps).sum(axis=1), 1e-12)
-        return clip, 1.0 / np.sqrt(floored), np.clip(power / floored, 1e-6, 1.0)
+        return clip, 1.0 / np.sqrt(floored), np.maximum(power / floored, 1e-6)
 
-    @property
+    @cached_property
     def model(self) -> _Model:
         """All of it."""
         clip, scale, quiet = self.tail
@@ -160,12 +181,12 @@ class _Learnt:
         end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
         first = np.maximum(end - _MEMORY, 0)
         blocks = end - first
-        sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS])
-        slow, fast, low, squares, fourths = ((sums[end] - sums[first]) / blocks[:, np.newaxis]).T
+        sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS], first, end)
+        slow, fast, low, squares, fourths = (sums / blocks[:, np.newaxis]).T
         chance = 2.0 / np.sqrt(blocks)  # two deviations of it
         found = (slow - chance / self._rows, fast - 4.5 * chance / self._rows, low - 0.16 * chance)
         kurtosis = fourths / np.maximum(squares, 1e-12) ** 2 - math.sqrt(24.0 / _SUB) * chance
-        tail = np.clip(kurtosis - 3.0, 0.0, _HEAVIEST) / _TAILS
+        tail = np.minimum(np.maximum(kurtosis - 3.0, 0.0), _HEAVIEST) / _TAILS
         unknown = _UNSTEADY * np.square(_WORTH / (_WORTH + blocks))
         return np.asarray(np.maximum(np.maximum.reduce(found), 0.0) + tail + unknown + _STEADIEST)
 
@@ -215,11 +236,9 @@ class NoiseFollower:
         self._told = 0  # rows of the open block that were returned
         self.row = row  # the next that will be returned
         self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
-        self._clipped = np.zeros(self._order)  # behind the calibrated filter, the last before the open block
-        self._white = np.zeros(self._windows[-1])  # likewise, all whitened
-        self._powers = np.zeros((4, 2))  # of the last blocks, less 1: of samples, and of sums
-        self._burst = 0.0  # of the last part of a block
-        self._model: _Model | None = None  # of the open block
+        self._ends = _Ends.nothing(self._order)
+        self._white = np.zeros(self._windows[-1])  # the last before the open block
+        self._open: _Learnt | None = None  # of the open block
         self._past: list[
             tuple[int, _Model, float]
         ] = []  # of the blocks before: first rows, and the mean that was known
@@ -321,7 +340,7 @@ class NoiseFollower:
         most = 6.0 * float(np.median(np.abs(first - middle))) + 1e-300
         mean = float(np.mean(np.clip(first, middle - most, middle + most)))
         self._calibrated = replace(self._calibrated, mean=mean)
-        self._clipped[:] = 0.0
+        self._ends = _Ends.nothing(self._order)
         given = self._given[: self.order + stop]
         x, spread = self._behind_calibrated(given), given[self.order :, 1]
         self._typical = max(1.4826 * float(np.nanmedian(np.abs(x[self._order :] / spread))), _LEAST)
@@ -329,7 +348,6 @@ class NoiseFollower:
         learnt = _Learnt(np.zeros((0, self._ring.shape[1])), blocks, np.full(blocks, blocks), block)
         self._measure(learnt, x, spread)
         self._ring = learnt.new[there[:_FIRST]]
-        self._clipped[:] = 0.0
         if math.isnan(self.first_level):
             self.first_level = self.level
         self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
@@ -337,9 +355,11 @@ class NoiseFollower:
 
     def _current(self) -> _Model:
         """Return what the open block is whitened by."""
-        if self._model is None:
-            self._model = self._learnt(1).model if self._held is None else self._held
-        return self._model
+        if self._held is not None:
+            return self._held
+        if self._open is None:
+            self._open = self._learnt(1)
+        return self._open.model
 
     def _learnt(self, blocks: int) -> _Learnt:
         """Return what the next blocks will have learnt from those before each."""
@@ -348,57 +368,61 @@ class NoiseFollower:
 
     # ---- what blocks tell: each step stands on those before ----
 
-    def _measure(self, learnt: _Learnt, x: FloatArray, spread: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Take all that blocks tell; return them whitened, their outliers, and what the next rows' lags reach."""
+    def _measure(self, learnt: _Learnt, x: FloatArray, spread: FloatArray) -> tuple[FloatArray, IntArray, _Ends]:
+        """Take all that blocks tell; return them whitened, their outliers, and what the next blocks look back at."""
         self._measure_sizes(learnt.new, x, spread)
         clipped = self._measure_colour(learnt.new, x, spread, learnt.local)
         self._measure_tail(learnt.new, x, spread, learnt.taps)
         z, outliers = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
-        self._measure_steadiness(learnt.new, z)
-        return z, outliers, clipped
+        return z, outliers, _Ends(clipped, *self._measure_steadiness(learnt.new, z))
 
     def _measure_sizes(self, table: FloatArray, x: FloatArray, spread: FloatArray) -> None:
         own = x[self._order :] / spread
         table[:, _COUNT] = np.isfinite(own).reshape(len(table), -1).sum(axis=1)
         sizes = np.minimum(np.abs(own), 30.0 * self._typical)
-        table[:, _SIZE] = np.nan_to_num(sizes).reshape(len(table), -1).sum(axis=1)
+        table[:, _SIZE] = _filled(sizes).reshape(len(table), -1).sum(axis=1)
 
     def _measure_colour(self, table: FloatArray, x: FloatArray, spread: FloatArray, local: FloatArray) -> FloatArray:
         """Take products of samples some lags apart; return the clipped samples that the next rows' lags reach."""
         most = np.repeat(_CLIPS[-1] * local, self._block)
-        own = np.clip(np.nan_to_num(x[self._order :] / spread), -most, most)
-        joined = np.concatenate([self._clipped, own])
+        own = _within(_filled(x[self._order :] / spread), most)
+        joined = np.concatenate([self._ends.clipped, own])
         for lag in range(self._order + 1):
             products = own * joined[self._order - lag : len(joined) - lag]
             table[:, _LAGS.start + lag] = products.reshape(len(table), -1).sum(axis=1)
         return joined[len(joined) - self._order :]
 
     def _measure_tail(self, table: FloatArray, x: FloatArray, spread: FloatArray, taps: FloatArray) -> None:
-        own = np.nan_to_num(self._second(x, taps) / spread)
+        own = _filled(self._second(x, taps) / spread)
         for i, most in enumerate(_CLIPS.tolist()):
-            squares = np.square(np.clip(own, -most, most))
+            squares = np.square(_within(own, most))
             table[:, _CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
         table[:, _FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
 
-    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> None:
-        """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1."""
-        table[:, _SUM] = np.nan_to_num(z).reshape(len(table), -1).sum(axis=1)
-        powers, bursts, sums = self._powers_of(z)
+    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> tuple[FloatArray, float]:
+        """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1.
+
+        Return the last of these powers.
+        """
+        there = _filled(z)
+        table[:, _SUM] = there.reshape(len(table), -1).sum(axis=1)
+        powers, bursts, sums = self._powers_of(there)
         table[:, _SQUARES], table[:, _FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
-        both, lags = np.concatenate([self._powers, powers]), len(self._powers)
+        both, lags = np.concatenate([self._ends.powers, powers]), _NEIGHBOURS
         before = sum(both[lags - lag : len(both) - lag] for lag in range(1, lags + 1)) / lags
         table[:, [_SLOW, _LOW]] = both[lags:] * before
-        parts = np.concatenate([[self._burst], bursts.ravel()])
+        parts = np.concatenate([[self._ends.burst], bursts.ravel()])
         table[:, _FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
+        return both[-lags:], float(parts[-1])
 
     def _powers_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return powers less 1: of blocks, that of samples and that of short sums; of their parts; and these sums.
 
         A block a row.
         """
-        blocks = np.nan_to_num(z).reshape(-1, self._block)
+        blocks = z.reshape(-1, self._block)
         parts = blocks[:, : self._block // _SUB * _SUB].reshape(len(blocks), _SUB, -1)
-        sums = np.clip(parts.sum(axis=2) / math.sqrt(parts.shape[2]), -_MOST_SUM, _MOST_SUM)
+        sums = _within(parts.sum(axis=2) / math.sqrt(parts.shape[2]), _MOST_SUM)
         powers = np.column_stack([np.square(blocks).mean(axis=1), np.square(sums).mean(axis=1)])
         bursts = np.square(parts).mean(axis=2)
         return np.minimum(powers, _MOST_POWER) - 1.0, np.minimum(bursts, _MOST_POWER) - 1.0, sums
@@ -456,66 +480,66 @@ class NoiseFollower:
             blocks = int(np.argmin(there)) + 1
             given, x = given[: self.order + blocks * self._block], x[: self._order + blocks * self._block]
         spread = given[self.order :, 1]
-        learnt = self._learnt(blocks)
-        clipped = self._clipped
+        learnt = self._open if blocks == 1 and self._open is not None else self._learnt(blocks)
+        ends = self._ends
         if self._held is None:
-            z, outliers, clipped = self._measure(learnt, x, spread)
+            z, outliers, ends = self._measure(learnt, x, spread)
             model = learnt.model
         else:
             model = self._held.repeated(blocks)
             z, outliers = self._whitened(x, spread, model.taps, model.clip, model.scale)
-        suspected = self._suspected(z, model)
+        joined = np.concatenate([self._white, _filled(z)])
+        suspected = self._suspected(joined, model)
         if self._held is not None:
             done = self._wait(suspected > 0)
         elif suspected.any():
             done = int(np.argmax(suspected > 0)) + 1
             self._suspect(learnt.new[:done], -(-int(suspected[done - 1]) // self._block))
         else:
-            done = blocks
-            self._clipped = clipped
-            self._put(learnt.new, z)
-        self._white = np.concatenate([self._white, np.nan_to_num(z[: done * self._block])])[-len(self._white) :]
+            done, self._ends = blocks, ends
+            self._remember(learnt.new)
         rows = done * self._block
+        self._white = joined[rows : rows + len(self._white)]
         outliers = outliers[outliers < rows]
         self.outliers += len(outliers)
         self._outlier = int(outliers[-1] if len(outliers) else self._outlier) - rows
-        self._model = None
+        self._open = None
         self._past.append((self.row - self._told, model.first(done), self._calibrated.mean))
         return White(values=z * spread, unsteady=np.repeat(model.unsteady, self._block)), done
 
-    def _put(self, table: FloatArray, z: FloatArray) -> None:
+    def _remember(self, table: FloatArray) -> None:
         """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
         there = table[:, _COUNT] >= _LEAST_THERE * self._block
         self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
-        powers, bursts, _ = self._powers_of(z[max(len(z) - len(self._powers) * self._block, 0) :])
-        self._powers = np.concatenate([self._powers, powers])[-len(self._powers) :]
-        self._burst = float(bursts[-1, -1])
 
-    def _suspected(self, z: FloatArray, model: _Model) -> IntArray:
-        """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does."""
-        joined = np.concatenate([self._white, np.nan_to_num(z)])
-        sums = np.concatenate([np.zeros((1, 2)), np.cumsum(np.column_stack([joined, joined * joined]), axis=0)])
-        end = np.arange(len(self._white) + 1, len(joined) + 1)
+    def _suspected(self, joined: FloatArray, model: _Model) -> IntArray:
+        """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does.
+
+        Rows before the blocks come first.
+        """
+        sums, squares = (np.concatenate([[0.0], np.cumsum(of)]) for of in (joined, joined * joined))
+        first = len(self._white) + 1
         base, unsteady = (np.repeat(of, self._block) for of in (model.base, model.unsteady))
-        reach = np.zeros(len(z), dtype=int)
+        reach = np.zeros(len(base), dtype=int)
         for rows in self._windows:
             least = _SUSPECTED - math.log(rows / self._windows[0])
-            mean, square = ((sums[end] - sums[end - rows]) / rows).T
+            mean = (sums[first:] - sums[first - rows : len(sums) - rows]) / rows
             shift = mean - base
-            power = np.maximum(square - 2.0 * base * mean + base * base, 1e-12)
+            power = (squares[first:] - squares[first - rows : len(sums) - rows]) / rows - (mean + shift) * base
+            np.maximum(power, 1e-12, out=power)
             # steady noise would have to be as far off: nearly no row is, and logarithms are dear
-            low, high = _ordinary(rows, least)
+            low, high = ordinary_powers(rows, least)
             some = np.flatnonzero((shift * shift > 2.0 * least / rows) | (power < low) | (power > high))
-            nats = glr(shift[some], power[some], rows, 1.0 / rows, 0.0, 1.0, 1.0, unsteady[some])
-            reach[some[np.maximum(*nats) > least]] = rows
+            if len(some):
+                nats = glr(shift[some], power[some], rows, 1.0 / rows, 0.0, 1.0, 1.0, Steadiness.of(unsteady[some]))
+                reach[some[np.maximum(*nats) > least]] = rows
         return np.asarray(reach.reshape(-1, self._block).max(axis=1))
 
     def _suspect(self, table: FloatArray, back: int) -> None:
         """Hold what was learnt before something was there that is suspected: since `back` blocks before the last."""
         healthy = len(table) - 1 - back
         if healthy > 0:
-            there = table[:healthy, _COUNT] >= _LEAST_THERE * self._block
-            self._ring = np.concatenate([self._ring, table[:healthy][there]])[-_KEPT:]
+            self._remember(table[:healthy])
         else:
             self._ring = self._ring[: max(len(self._ring) + healthy, min(len(self._ring), _FIRST))]
         self._held = self._learnt(1).model
@@ -527,8 +551,7 @@ class NoiseFollower:
             self._calm = 0 if is_suspected else self._calm + 1
             self._held_for += 1
             if self._calm == _CALM:
-                self._held = None
-                self._clipped, self._powers, self._burst = np.zeros(self._order), np.zeros_like(self._powers), 0.0
+                self._held, self._ends = None, _Ends.nothing(self._order)
                 return done
             if self._held_for == _LONGEST:
                 self._reset()
@@ -536,17 +559,18 @@ class NoiseFollower:
         return len(suspected)
 
     def _reset(self) -> None:
-        self._ring, self._held, self._model = self._ring[:0], None, None
-        self._clipped, self._powers, self._burst = np.zeros(self._order), np.zeros_like(self._powers), 0.0
+        self._ring, self._held, self._open = self._ring[:0], None, None
+        self._ends = _Ends.nothing(self._order)
 
 
-@lru_cache(maxsize=64)
-def _ordinary(rows: int, nats: float) -> tuple[float, float]:
-    """Return the powers of windows between which L/2 (s - 1 - log s) stays below so many nats."""
-    powers = np.geomspace(1e-12, 1e6, 20_000)
-    far = 0.5 * rows * (powers - 1.0 - np.log(powers)) > nats
-    one = int(np.searchsorted(powers, 1.0))
-    return float(powers[:one][far[:one]][-1]), float(powers[one:][far[one:]][0])
+def _filled(values: FloatArray) -> FloatArray:
+    """Return values, 0 where they are missing."""
+    there = np.isfinite(values)
+    return values if there.all() else np.where(there, values, 0.0)
+
+
+def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
+    return np.asarray(np.minimum(np.maximum(values, -most), most))
 
 
 def follower(whitener: Whitener, sample_period_s: float, before: FloatArray | None = None) -> NoiseFollower:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -292,7 +292,7 @@ def _glr(
     tolerated range, which is wider where the operator's error dominates. `glr` makes ratios of them.
     """
     low = tolerance.low if test.two_sided else 0.0
-    unsteady = given.unsteady[at.start : at.stop]
+    steadiness = Steadiness.of(given.unsteady[at.start : at.stop])
     for rows in test.rows(sample_period_s):
         shift, power, length = _windows(given.plain_sums, rows, test, sample_period_s, at)
         variance: float | FloatArray = 0.0
@@ -303,11 +303,45 @@ def _glr(
             high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * uncertain)
             variance = given.means[rows][at.start : at.stop] if rows in given.means else 0.0
         chance = 1.0 / rows + 1.0 / length + variance
-        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, unsteady)
+        of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, steadiness)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length
         yield RawScore(label=f"mean {window}", values=of_mean, reach=rows, looks_per_row=looks)
         yield RawScore(label=f"energy {window}", values=of_energy, reach=rows, looks_per_row=looks)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Steadiness:
+    """How steady noise is, as `glr` weighs it: shaped like the windows' rows, or one for all.
+
+    With sigma^2 the noise's unsteadiness, its power is as well known as from nu = 2 / sigma^2 samples.
+
+    Attributes
+    ----------
+    worth : float or array
+        nu.
+    widened : float or array
+        Times a mean's variance: the noise's colour wanders with its power.
+    quieter, louder : float or array
+        Of what was learnt, what power may be: exp(-2 sigma) and exp(2 sigma), but never more than `_LOUDEST`.
+    """
+
+    worth: FloatArray
+    widened: FloatArray
+    quieter: FloatArray
+    louder: FloatArray
+
+    @classmethod
+    def of(cls, unsteady: float | FloatArray) -> Steadiness:
+        """Return that of sigma^2."""
+        sigma = np.sqrt(unsteady)
+        wide = np.exp(2.0 * sigma)
+        return cls(
+            worth=2.0 / np.maximum(unsteady, _KNOWN),
+            widened=np.minimum(np.exp(_WIDENED * np.maximum(sigma - _STEADY, 0.0)), _LOUDEST),
+            quieter=1.0 / wide,
+            louder=np.minimum(wide, _LOUDEST),
+        )
 
 
 def glr(
@@ -318,31 +352,42 @@ def glr(
     tolerance: float | FloatArray,
     low: float | FloatArray,
     high: float | FloatArray,
-    unsteady: float | FloatArray = 0.0,
+    steadiness: Steadiness,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the two ratios of `_glr`, in nats: windows of `rows`, `chance` the shift's variance.
 
-    With sigma^2 the noise's unsteadiness, its power is as well known as from nu = 2 / sigma^2 samples. So a shift of z
-    deviations is judged by Student's ratio, (nu + L)/2 log(1 + z^2 / (nu + L v)), v the window's variance about its own
-    mean, and a power s by that of two samples, (nu + L)/2 log((nu + L s) / (nu + L)) - L/2 log s. Besides, power may be
-    exp(2 sigma) times what was learnt, or a part of it, and a mean's variance a little more, for the noise's colour
-    wanders with its power; but never more than `_LOUDEST`: that is no noise any more. Where sigma is 0 these
-    are z^2 / 2 and L/2 (s - 1 - log s).
+    A shift of z deviations is judged by Student's ratio, (nu + L)/2 log(1 + z^2 / (nu + L v)), v the window's variance
+    about its own mean, and a power s by that of two samples, (nu + L)/2 log((nu + L s) / (nu + L)) - L/2 log s.
+    Besides, power may be louder or quieter than what was learnt, and a mean's variance larger, but never beyond
+    `_LOUDEST`: that is no noise any more. Where sigma is 0 these are z^2 / 2 and L/2 (s - 1 - log s), and they are
+    never more.
     """
-    sigma = np.sqrt(unsteady)
-    worth = 2.0 / np.maximum(unsteady, _KNOWN)
+    worth = steadiness.worth
     within = np.maximum(power - np.square(shift), 0.0)
     square = np.square(np.maximum(np.abs(shift) - tolerance, 0.0)) / chance
-    widened = np.minimum(np.exp(_WIDENED * np.maximum(sigma - _STEADY, 0.0)), _LOUDEST)
     of_mean = 0.5 * (worth + rows) * np.log1p(square / (worth + rows * within))
-    np.minimum(of_mean, square / (2.0 * widened), out=of_mean)
+    np.minimum(of_mean, square / (2.0 * steadiness.widened), out=of_mean)
     np.maximum(of_mean, square / (2.0 * _LOUDEST), out=of_mean)
-    wide = np.exp(2.0 * sigma)
-    ratio = power / np.clip(power, low / wide, high * np.minimum(wide, _LOUDEST))
+    ratio = power / np.clip(power, low * steadiness.quieter, high * steadiness.louder)
     of_energy = 0.5 * (worth + rows) * np.log1p(rows * (ratio - 1.0) / (worth + rows)) - 0.5 * rows * np.log(ratio)
-    loud = np.maximum(power / (high * _LOUDEST), 1.0)
-    np.maximum(of_energy, 0.5 * rows * (loud - 1.0 - np.log(loud)), out=of_energy)
+    loud = power / (high * _LOUDEST)
+    if (loud > 1.0).any():
+        np.maximum(loud, 1.0, out=loud)
+        np.maximum(of_energy, 0.5 * rows * (loud - 1.0 - np.log(loud)), out=of_energy)
     return of_mean, of_energy
+
+
+@lru_cache(maxsize=256)
+def ordinary_powers(rows: int, nats: float) -> tuple[float, float]:
+    """Return the powers of windows between which L/2 (s - 1 - log s), which no ratio exceeds, is below so many nats.
+
+    >>> low, high = ordinary_powers(100, 10.0)
+    >>> round(low, 2), round(high, 2)
+    (0.46, 1.74)
+    """
+    powers = np.geomspace(1e-12, 1e6, 20_000)
+    near = powers[0.5 * rows * (powers - 1.0 - np.log(powers)) < nats]
+    return (float(near[0]) if near[0] > powers[0] else 0.0), float(near[-1])
 
 
 def over(values: FloatArray, threshold: float) -> FloatArray:
@@ -374,23 +419,15 @@ class _Sums:
 
 
 def _windows(
-    w: _Sums,
-    rows: int,
-    test: Statistic,
-    sample_period_s: float,
-    at: range,
-    out: Sequence[FloatArray | None] = (None,) * 4,
+    w: _Sums, rows: int, test: Statistic, sample_period_s: float, at: range
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length.
-
-    `out` is where to work, if not in new arrays.
-    """
-    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, at=at, out=out[0])
-    shift = np.subtract(_before(w.plain, 0, at), _before(w.plain, rows, at), out=out[1])
+    """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length."""
+    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, at=at)
+    shift = _before(w.plain, 0, at) - _before(w.plain, rows, at)
     shift /= rows
-    power = np.subtract(_before(w.squares, 0, at), _before(w.squares, rows, at), out=out[2])
+    power = _before(w.squares, 0, at) - _before(w.squares, rows, at)
     power /= rows
-    more = np.multiply(base, shift, out=out[3])
+    more = base * shift
     more *= 2.0
     power -= more
     shift -= base
@@ -434,11 +471,11 @@ def _before(sums: FloatArray, lag: int, at: range, otherwise: float = np.nan) ->
 
 
 def _baseline(
-    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, at: range, out: FloatArray | None = None
+    sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, at: range
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean of up to `baseline_s` before the last `gap` rows, and over how many; NaN where too few."""
     longest = max(round(test.baseline_s / sample_period_s), 6)
-    total = np.subtract(_before(sums, gap, at, 0.0), _before(sums, gap + longest, at, 0.0), out=out)
+    total = _before(sums, gap, at, 0.0) - _before(sums, gap + longest, at, 0.0)
     first = at.start + 1 - gap
     if first >= longest:
         length = np.array(float(longest))
