@@ -60,10 +60,11 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
 
 
 def wandering_noise(case: Case, told: Judgement) -> Judgement:
-    """Return what is told of an alarm, without a name where the noise wanders: what it does by chance isn't known."""
-    whiteners = case.monitor.whiteners
-    unsteady = max((whiteners[output].unsteady for output in case.residuals.raw), default=0.0)
-    if told.sensor is None or unsteady <= _WANDERS:
+    """Return what is told of an alarm, without a name where noise that wanders may be as loud."""
+    whiteners, outputs = case.monitor.whiteners, tuple(case.residuals.raw)
+    unsteady = max((whiteners[output].unsteady for output in outputs), default=0.0)
+    loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
+    if told.sensor is None or unsteady <= _WANDERS or loudest > _LOUD**2:
         return told
     return replace(told, sensor=None, partner=None, reason=f"a fault of {told.sensor} explains it", doubt=NOISE_WANDERS)
 

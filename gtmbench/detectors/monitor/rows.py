@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, Track
-from gtmbench.detectors.statistics.noise import second_order
+from gtmbench.detectors.statistics.noise import lasting, lasting_rows, second_order
 from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Steadiness, glr, ordinary_powers
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.record import FloatArray
@@ -136,6 +137,7 @@ class _Line:
         self._alike = 0  # rows that are whitened by what was loaded
         self._whitening, self._mean, self.unsteady = np.zeros(self._order + 1), 0.0, 0.0
         self._most = self._loudest = 0.0
+        self._sizes = deque([0.0], lasting_rows(monitor.sample_period_s))  # of the last ones, before they are clipped
 
     def take(self, x: list[float], at: int) -> None:
         """Take the inputs that sample `at` of the record makes known."""
@@ -149,8 +151,11 @@ class _Line:
         if self.is_learnt:
             white = float(self._whitening.dot(latest)) - self._mean
             self.is_there = math.isfinite(white) and self.track.is_heard(row)
-            most = self._most if abs(white) <= 2.0 * self._most else self._loudest
-            self.white = min(max(white, -most), most)
+            self.white = white
+            self._sizes.append(abs(white))
+            if self._sizes[-1] > self._most:
+                most = max(self._loudest if abs(white) > 2.0 * self._most else self._most, lasting(self._sizes))
+                self.white = min(max(white, -most), most)
         self.track.take(e)
 
     @property
@@ -179,6 +184,7 @@ class _Line:
         """Begin with the inputs and the residuals before."""
         self._x.load(inputs)
         self._e.load(raw[:, np.newaxis])
+        self._sizes.extend(self.track.sizes.tolist())
 
 
 class _Window:

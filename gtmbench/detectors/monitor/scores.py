@@ -152,6 +152,12 @@ class Track:
         return self._calibrated if self._noise is None else self._noise.whitener_at(row)
 
     @property
+    def sizes(self) -> FloatArray:
+        """Of the last rows, whitened, before they were clipped; none while the noise isn't learnt."""
+        self._flush()
+        return np.zeros(0) if self._noise is None or not self._noise.is_learnt else self._noise.sizes
+
+    @property
     def level(self) -> float:
         """The noise's deviation over that of the calibration, as it was first learnt; NaN where it wasn't."""
         return math.nan if self._noise is None else self._noise.first_level

@@ -17,6 +17,8 @@ and the blocks of that window are taken out of what was learnt, until two second
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -45,6 +47,7 @@ _STEADIEST = 1e-3
 _HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of a gross outlier
 _LOUDEST = 5.0  # deviations that one counts for where the tail is Gaussian, so that it isn't noise
 _ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
+_LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: it counts as so often its median does
 _LEAST_THERE = 0.5  # of a block's rows
 _LEAST = 0.1 * math.sqrt(_FLOOR)
 _MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
@@ -223,6 +226,8 @@ class NoiseFollower:
         self._echo, self._apart = (max(round(span_s / sample_period_s), 1) for span_s in (_ECHO_S, _APART_S))
         self.outliers = 0  # gross ones so far
         self._outlier = -self._apart  # row of the last gross one, about the open block's first
+        self._lasting = lasting_rows(sample_period_s)
+        self._loud = np.zeros(self._lasting - 1)  # sizes before the open block, as they are
         self._windows = sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
         self._typical = 0.0
         self._ring = np.zeros((0, _LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
@@ -297,6 +302,14 @@ class NoiseFollower:
         """How many rows, the next first, are whitened alike; 0 while it learns."""
         return self._block - self._told if self.is_learnt else 0
 
+    @property
+    def sizes(self) -> FloatArray:
+        """Of the last rows, whitened, before they were clipped."""
+        model = self._current()
+        x, spread = self._behind_calibrated(self._given), self._given[self.order :, 1]
+        own = _filled(np.abs(self._second(x, model.taps) / spread)) if len(spread) else spread
+        return np.concatenate([self._loud, own])[-self._lasting :] * float(model.scale[0])
+
     def push(self, raw: FloatArray, spread: FloatArray | None = None) -> White:
         """Return what the next rows make known: nothing while it learns, then all of these, then row for row.
 
@@ -368,13 +381,15 @@ class NoiseFollower:
 
     # ---- what blocks tell: each step stands on those before ----
 
-    def _measure(self, learnt: _Learnt, x: FloatArray, spread: FloatArray) -> tuple[FloatArray, IntArray, _Ends]:
-        """Take all that blocks tell; return them whitened, their outliers, and what the next blocks look back at."""
+    def _measure(
+        self, learnt: _Learnt, x: FloatArray, spread: FloatArray
+    ) -> tuple[tuple[FloatArray, IntArray, FloatArray], _Ends]:
+        """Take all that blocks tell; return them as `_whitened` does, and what the next blocks look back at."""
         self._measure_sizes(learnt.new, x, spread)
         clipped = self._measure_colour(learnt.new, x, spread, learnt.local)
         self._measure_tail(learnt.new, x, spread, learnt.taps)
-        z, outliers = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
-        return z, outliers, _Ends(clipped, *self._measure_steadiness(learnt.new, z))
+        white = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
+        return white, _Ends(clipped, *self._measure_steadiness(learnt.new, white[0]))
 
     def _measure_sizes(self, table: FloatArray, x: FloatArray, spread: FloatArray) -> None:
         own = x[self._order :] / spread
@@ -439,22 +454,25 @@ class NoiseFollower:
 
     def _whitened(
         self, x: FloatArray, spread: FloatArray, taps: FloatArray, clips: FloatArray, scales: FloatArray
-    ) -> tuple[FloatArray, IntArray]:
-        """Return rows over their spread, clipped and of variance 1, and at which of them gross outliers are."""
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return rows over their spread, clipped and of variance 1, where gross outliers are, and all rows' sizes."""
         z = self._second(x, taps) / spread
         clip, scale = (np.repeat(of, len(z) // len(of)) for of in (clips, scales))
-        gross = np.flatnonzero((np.abs(z) > _GROSS) & (clip < _HEAVY))
-        clip[(np.abs(z) > _GROSS) & (clip == _CLIPS[-1])] = _LOUDEST
-        np.clip(z, -clip, clip, out=z)
-        z *= scale
+        sizes = np.concatenate([self._loud, _filled(np.abs(z))])
+        own = sizes[len(self._loud) :]
+        gross = np.flatnonzero((own > _GROSS) & (clip < _HEAVY))
+        clip[(own > _GROSS) & (clip == _CLIPS[-1])] = _LOUDEST
         outliers, last = [], self._outlier
         while len(gross := gross[np.searchsorted(gross, last + self._apart) :]):
             last = int(gross[0])
             outliers.append(last)
         for row in (self._outlier, *outliers):
-            echo = slice(max(row + 1, 0), max(row + 1 + self._echo, 0))
-            np.clip(z[echo], -_OF_ECHO, _OF_ECHO, out=z[echo])
-        return z, np.array(outliers, dtype=int)
+            clip[max(row + 1, 0) : max(row + 1 + self._echo, 0)] = _OF_ECHO
+        beyond = np.flatnonzero(own > clip)
+        if len(beyond):
+            before = np.lib.stride_tricks.sliding_window_view(sizes, self._lasting)[beyond]
+            clip[beyond] = np.maximum(clip[beyond], _OF_LASTING * np.median(before, axis=1))
+        return _within(z, clip) * scale, np.array(outliers, dtype=int), own
 
     # ---- rows ----
 
@@ -465,7 +483,7 @@ class NoiseFollower:
         if told == rows:
             return White.joined([])
         model, spread = self._current(), self._given[self.order :, 1]
-        z, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
+        z, _, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
         return White(values=(z * spread)[told:], unsteady=np.full(rows - told, model.unsteady[0]))
 
     def _advance(self, blocks: int) -> tuple[White, int]:
@@ -483,11 +501,11 @@ class NoiseFollower:
         learnt = self._open if blocks == 1 and self._open is not None else self._learnt(blocks)
         ends = self._ends
         if self._held is None:
-            z, outliers, ends = self._measure(learnt, x, spread)
+            (z, outliers, sizes), ends = self._measure(learnt, x, spread)
             model = learnt.model
         else:
             model = self._held.repeated(blocks)
-            z, outliers = self._whitened(x, spread, model.taps, model.clip, model.scale)
+            z, outliers, sizes = self._whitened(x, spread, model.taps, model.clip, model.scale)
         joined = np.concatenate([self._white, _filled(z)])
         suspected = self._suspected(joined, model)
         if self._held is not None:
@@ -500,6 +518,7 @@ class NoiseFollower:
             self._remember(learnt.new)
         rows = done * self._block
         self._white = joined[rows : rows + len(self._white)]
+        self._loud = np.concatenate([self._loud, sizes[:rows]])[rows:]
         outliers = outliers[outliers < rows]
         self.outliers += len(outliers)
         self._outlier = int(outliers[-1] if len(outliers) else self._outlier) - rows
@@ -600,6 +619,16 @@ def followed(
     """
     white = NoiseFollower(whitener, sample_period_s).push(residual, spread)
     return white if len(white) == len(residual) else White.steady(np.full(len(residual), np.nan))
+
+
+def lasting_rows(sample_period_s: float) -> int:
+    """Return over how many rows something has to be loud to be no outlier."""
+    return max(round(_LASTING_S / sample_period_s), _FEWEST_ROWS)
+
+
+def lasting(sizes: Iterable[float]) -> float:
+    """Return what a row counts for at least, by the sizes of the last ones, its own among them."""
+    return _OF_LASTING * statistics.median(sizes)
 
 
 def second_order(sample_period_s: float) -> int:
