@@ -20,6 +20,7 @@ from gtmbench.record import FloatArray
 
 NOISE_CHANGED, NOISE_WANDERS = "the noise changed", "the noise wanders"
 _WANDERS = 0.15  # sigma^2 of the noise, beyond which nobody is named
+_NOISY = ("noise", "random_walk", "oscillation")  # kinds that vibration passes for, however loud it gets
 _LOUD = 3.0  # times the level that was learnt: a fault
 _LEAST = 1e-6  # of the power: silence has none
 
@@ -60,11 +61,12 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
 
 
 def wandering_noise(case: Case, told: Judgement) -> Judgement:
-    """Return what is told of an alarm, without a name where noise that wanders may be as loud."""
+    """Return what is told of an alarm, without a name where noise that wanders may be what is there."""
     whiteners, outputs = case.monitor.whiteners, tuple(case.residuals.raw)
     unsteady = max((whiteners[output].unsteady for output in outputs), default=0.0)
     loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
-    if told.sensor is None or unsteady <= _WANDERS or loudest > _LOUD**2:
+    is_noise = told.kind in _NOISY or loudest <= _LOUD**2
+    if told.sensor is None or unsteady <= _WANDERS or not is_noise:
         return told
     return replace(told, sensor=None, partner=None, reason=f"a fault of {told.sensor} explains it", doubt=NOISE_WANDERS)
 
