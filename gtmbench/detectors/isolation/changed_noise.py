@@ -15,12 +15,14 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.record import FloatArray
 
 NOISE_CHANGED, NOISE_WANDERS = "the noise changed", "the noise wanders"
 _WANDERS = 0.15  # sigma^2 of the noise, beyond which nobody is named
 _NOISY = ("noise", "random_walk", "oscillation")  # kinds that vibration passes for, however loud it gets
+_CLEARLY = 0.05  # of what a fault explains, that no other sensor's does, where noise wanders
 _LOUD = 3.0  # times the level that was learnt: a fault
 _LEAST = 1e-6  # of the power: silence has none
 
@@ -60,13 +62,21 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
     )
 
 
-def wandering_noise(case: Case, told: Judgement) -> Judgement:
-    """Return what is told of an alarm, without a name where noise that wanders may be what is there."""
+def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
+    """Return what is told of an alarm, without a name where noise that wanders may be what is there.
+
+    Of sensors whose faults explain nearly as much, such noise decides which one does it better.
+    """
     whiteners, outputs = case.monitor.whiteners, tuple(case.residuals.raw)
     unsteady = max((whiteners[output].unsteady for output in outputs), default=0.0)
+    if told.sensor is None or unsteady <= _WANDERS:
+        return told
     loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
-    is_noise = told.kind in _NOISY or loudest <= _LOUD**2
-    if told.sensor is None or unsteady <= _WANDERS or not is_noise:
+    best = min((fit.bic for fit in ranking if fit.channel == told.sensor), default=case.deviance)
+    others = (fit.bic for fit in ranking if fit.channel != told.sensor and fit.kind != UNKNOWN)
+    other = min(others, default=case.deviance)
+    is_clear = min(other, case.deviance) - best > _CLEARLY * (case.deviance - best)
+    if told.kind not in _NOISY and loudest > _LOUD**2 and is_clear:
         return told
     return replace(told, sensor=None, partner=None, reason=f"a fault of {told.sensor} explains it", doubt=NOISE_WANDERS)
 

@@ -100,7 +100,7 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
     told = _weighed(case, ranking, replace(first, reason="", doubt=""))
     if case.monitor.is_cautious:
         told = _cautious(case, ranking, told)
-    return wandering_noise(case, changed_noise(case, ranking, told, DECISIVE))
+    return wandering_noise(case, ranking, changed_noise(case, ranking, told, DECISIVE))
 
 
 def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
