@@ -184,13 +184,12 @@ def test_the_command_line_refuses_in_one_line(cli, tmp_path, options, said):
 
 
 @pytest.mark.parametrize("broken", [gb.Jam, gb.SignFlip])
-def test_what_is_broken_from_the_first_sample_on_cannot_be_told(broken):
+def test_what_is_broken_from_the_first_sample_on_is_learnt_and_accuses_nobody_else(broken):
     fault = broken(channel="q" if broken is gb.Jam else "p", onset_s=0.0)
     flight = gb.fly_in_loop(duration_s=30.0, faults=fault)
-    unbroken = gb.measure(flight.truth, noise="t2", seed=1)
-    verdict = gb.score(monitor().watch(flight.sensed), fault=fault, healthy=unbroken, broken=flight.sensed)
-    assert not verdict.detected
-    assert verdict.reason.startswith("can't tell")
+    watch = monitor().watch(flight.sensed)
+    assert {alarm.sensor for alarm in watch.alarms} <= {None, fault.channel}
+    assert all(alarm.time_s > 20.0 for alarm in watch.alarms)  # if at all, when the motion has grown beyond what it was
 
 
 def test_a_gyro_that_never_speaks_is_missing_and_a_stream_takes_it():
