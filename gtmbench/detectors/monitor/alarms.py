@@ -79,7 +79,7 @@ class Arming:
     source : str
         Whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about.
     came_down : bool
-        Whether it has been known at or below 1 since watching it began.
+        Whether it has been known at or below 1 since watching it began, or what was before is known to be healthy.
     low : bool
         Whether it was when last known, or since it was disarmed: a rise is news.
     disarmed_row : int or None
@@ -206,7 +206,14 @@ class AlarmLogic:
                 raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
         sources = {spec.output: spec.source for spec in self._bank.residuals}
         self.arming = [
-            Arming(output=output, source=sources[output], track=track, changes=[] if keeps_changes else None)
+            Arming(
+                output=output,
+                source=sources[output],
+                track=track,
+                came_down=track.knows_before,
+                low=track.knows_before,
+                changes=([(0, True)] if track.knows_before else []) if keeps_changes else None,
+            )
             for output, track in sorted(tracks.items())
         ]
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)

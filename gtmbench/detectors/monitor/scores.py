@@ -116,6 +116,7 @@ class Track:
         self._tolerance, self._calibrated = monitor.tolerances[output], monitor.whiteners[output]
         self._thresholds = monitor.thresholds[output]
         self._noise = None if monitor.knows_noise else follower(self._calibrated, self._period_s, before)
+        self.knows_before = self._noise is not None and self._noise.is_learnt  # so that the first score may be an alarm
         self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
         self._history = round(monitor.history_of(output) / self._period_s)
         self._looks_back = self._test.looks_back(self._period_s)

@@ -383,7 +383,7 @@ def ordinary_powers(rows: int, nats: float) -> tuple[float, float]:
 
     >>> low, high = ordinary_powers(100, 10.0)
     >>> round(low, 2), round(high, 2)
-    (0.46, 1.74)
+    (0.49, 1.77)
     """
     powers = np.geomspace(1e-12, 1e6, 20_000)
     near = powers[0.5 * rows * (powers - 1.0 - np.log(powers)) < nats]
