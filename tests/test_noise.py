@@ -46,7 +46,9 @@ def test_the_same_in_whatever_chunks(chunk):
     noise = COLOURED[:6000].copy()
     noise[2500:2520] = np.nan
     noise[3015:3170] = np.nan  # blocks of which nothing is learnt
+    noise[3400] += 50.0  # an outlier
     noise[4000:] += 3.0  # held from here on
+    noise[5200:5400] += 40.0  # what lasts is none
     whole = NoiseFollower(CALIBRATED, TS).push(noise)
     follower = NoiseFollower(CALIBRATED, TS)
     told = White.joined([follower.push(noise[i : i + chunk]) for i in range(0, len(noise), chunk)])
@@ -82,6 +84,27 @@ def test_a_step_is_seen_in_noise_of_any_law(law):
     scores = Statistic().scores(broken, told, TS, Tolerance())
     above = np.logical_or.reduce([score.values > 23.0 for score in scores])
     assert 10_000 <= np.argmax(above) < 10_200
+
+
+@pytest.mark.parametrize("law", ["t4", "wandering", "outliers"])
+def test_a_large_step_shows_as_large_in_noise_of_any_tail(law):
+    def seen(size):
+        broken = LAWS[law](8).copy()
+        broken[10_000:10_200] += size
+        scores = Statistic().scores(broken, followed(CALIBRATED, broken, TS), TS, Tolerance())
+        return max(np.nanmax(score.values[10_000:10_200]) for score in scores)
+
+    assert seen(40.0) > 10.0 * seen(4.0)
+
+
+def test_one_sample_far_off_is_no_fault_and_some_a_second_are():
+    def seen(rows):
+        broken = COLOURED[:12_000].copy()
+        broken[rows] += 30.0
+        return greatest(broken)
+
+    assert seen([9000]) < 20.0
+    assert seen(np.arange(9000, 9500, 20)) > 40.0
 
 
 def test_nothing_is_learnt_while_something_is_suspected():
@@ -129,6 +152,26 @@ def test_sensors_ten_times_as_noisy_are_healthy(name):
     watch = monitor(name).watch(with_noise(record(), CHANNELS, 10.0))
     assert watch.faults == ()
     assert 5.0 < min(watch.noise_levels.values()) < 20.0
+
+
+def test_a_stream_of_single_samples_says_of_heavy_tails_what_is_said_of_the_record():
+    healthy = record()
+    draw = np.random.default_rng(2)
+    for name in CHANNELS:
+        healthy = healthy.replace(
+            name, healthy[name] + 2.0 * gb.CHANNELS[name].noise * draw.standard_t(3, len(healthy))
+        )
+    broken = gb.inject(healthy, gb.Bias(channel="r", onset_s=healthy.start_s + 60.0, size=30.0))
+    stream, whole = monitor("C").stream(), monitor("C").watch(broken)
+    first = int(np.searchsorted(broken.time_s, healthy.start_s + 50.0))
+    stream.push(broken.between(broken.start_s, broken.time_s[first - 1]))
+    for row in range(first, first + 2500):
+        stream.push(broken.between(broken.time_s[row], broken.time_s[row]))
+    told = [alarm for alarm in whole.alarms if alarm.time_s <= broken.time_s[first + 2499]]
+    assert [(alarm.time_s, alarm.onset_s, alarm.source) for alarm in stream.alarms] == [
+        (alarm.time_s, alarm.onset_s, alarm.source) for alarm in told
+    ]
+    assert told[0].time_s - healthy.start_s == pytest.approx(60.2, abs=0.2)
 
 
 def test_noise_that_changes_is_a_verdict_that_names_nobody():
