@@ -65,20 +65,30 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
 def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
     """Return what is told of an alarm, without a name where noise that wanders may be what is there.
 
-    Of sensors whose faults explain nearly as much, such noise decides which one does it better.
+    Of sensors whose faults explain nearly as much, such noise decides which one does it better. An either-or is weighed
+    likewise, both against the others.
     """
     whiteners, outputs = case.monitor.whiteners, tuple(case.residuals.raw)
     unsteady = max((whiteners[output].unsteady for output in outputs), default=0.0)
-    if told.sensor is None or unsteady <= _WANDERS:
+    accused = (told.sensor,) if told.sensor else told.candidates
+    if told.doubt or told.kind is None or unsteady <= _WANDERS:
         return told
     loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
-    best = min((fit.bic for fit in ranking if fit.channel == told.sensor), default=case.deviance)
-    others = (fit.bic for fit in ranking if fit.channel != told.sensor and fit.kind != UNKNOWN)
-    other = min(others, default=case.deviance)
-    is_clear = min(other, case.deviance) - best > _CLEARLY * (case.deviance - best)
+    best = min((fit.bic for fit in ranking if fit.channel in accused), default=case.deviance)
+    others = [fit for fit in ranking if fit.channel not in accused and fit.kind != UNKNOWN]
+    is_clear = all(fit.bic - best > _clearly(fit.kind) * (case.deviance - best) for fit in others)
     if told.kind not in _NOISY and loudest > _LOUD**2 and is_clear:
         return told
-    return replace(told, sensor=None, partner=None, reason=f"a fault of {told.sensor} explains it", doubt=NOISE_WANDERS)
+    reason = f"a fault of {' or '.join(accused)} explains it"
+    return replace(told, sensor=None, partner=None, reason=reason, doubt=NOISE_WANDERS)
+
+
+def _clearly(kind: str) -> float:
+    """Return the share of what a fault explains that another sensor's, of a kind, must leave, so that it isn't meant.
+
+    What noise passes for fits anything a little.
+    """
+    return 0.4 * _CLEARLY if kind in _NOISY else _CLEARLY
 
 
 def _judged(case: Case, output: str) -> FloatArray:
