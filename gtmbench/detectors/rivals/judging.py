@@ -64,8 +64,6 @@ def judgings(
     judged: Mapping[str, Sequence[FloatArray]],
     sample_period_s: float,
     rate: float,
-    *,
-    learns_noise: bool,
 ) -> tuple[dict[str, Judging], Luck]:
     """Return what residuals are judged by, for a false-alarm rate an hour, as banks are calibrated, and its luck.
 
@@ -77,21 +75,13 @@ def judgings(
         tolerances and thresholds.
     sample_period_s, rate : float
         The rate is shared evenly by all scores.
-    learns_noise : bool
-        As `Judge` has it.
     """
     order = round(_WHITENING_S / sample_period_s)
     is_level = isinstance(statistic, Level)
     whiteners = {name: _AS_IT_IS if is_level else fit_whitener(parts, order=order) for name, parts in learnt.items()}
     healthy = {
         name: [
-            (
-                raw,
-                followed(whiteners[name], raw, sample_period_s)
-                if learns_noise
-                else White.steady(whiteners[name].whiten(raw)),
-                None,
-            )
+            (raw, White.steady(raw) if is_level else followed(whiteners[name], raw, sample_period_s), None)
             for raw in parts
         ]
         for name, parts in judged.items()
@@ -114,22 +104,20 @@ def judgings(
 class Judge:
     """The score of one residual, as its rows come in: the greatest of a statistic's tests over their thresholds.
 
-    It keeps the samples that the statistic looks back at; missing ones are passed over.
+    It keeps the samples that the statistic looks back at; missing ones are passed over. The noise is learnt on what
+    comes in, as a bank's is.
 
     Parameters
     ----------
     statistic : Statistic
     judging : Judging
     sample_period_s : float
-    learns_noise : bool
-        Whether the residual is the sensors' noise, which is learnt on what comes in as a bank's is; not that of a model
-        of the aircraft, which grows with motion.
     """
 
-    def __init__(self, statistic: Statistic, judging: Judging, sample_period_s: float, *, learns_noise: bool) -> None:
+    def __init__(self, statistic: Statistic, judging: Judging, sample_period_s: float) -> None:
         self._statistic, self._judging, self._period_s = statistic, judging, sample_period_s
-        self._noise = NoiseFollower(judging.whitener, sample_period_s) if learns_noise else None
-        self._raw = np.full(judging.whitener.order, np.nan)  # what the calibrated filter looks back at
+        is_level = isinstance(statistic, Level)
+        self._noise = None if is_level else NoiseFollower(judging.whitener, sample_period_s)
         self._row = 0  # the next
         self._samples = np.zeros((0, 2))  # and how steady their noise is
         self._carried: Carried = {}
@@ -141,7 +129,7 @@ class Judge:
         """
         scores, looks_back = np.full(len(raw), np.nan), np.zeros(len(raw), dtype=int)
         first, self._row = self._row, self._row + len(raw)
-        white = self._whitened(raw) if self._noise is None else self._noise.push(raw)
+        white = White.steady(raw) if self._noise is None else self._noise.push(raw)
         own = np.full(len(white), np.nan)  # of the residual, for levels, which are judged as they are
         own[max(len(white) - len(raw), 0) :] = raw[max(len(raw) - len(white), 0) :]
         there, new = self._statistic.given(own, white)
@@ -168,10 +156,3 @@ class Judge:
         if self._noise is not None:
             self._noise.drop_before(self._row)
         return scores, looks_back
-
-    def _whitened(self, raw: FloatArray) -> White:
-        """Return the next rows by the calibrated filter."""
-        order = len(self._raw)
-        joined = np.concatenate([self._raw, raw])
-        self._raw = joined[len(joined) - order :]
-        return White.steady(self._judging.whitener.whiten(joined)[order:])

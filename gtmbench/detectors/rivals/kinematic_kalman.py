@@ -37,7 +37,6 @@ class KinematicKalmanFilter(Rival):
     name: str = "kinematic-kalman"
     past_s: float = 0.15
     settles_s: ClassVar[float] = 2.0
-    learns_noise: ClassVar[bool] = True
     channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES)
 
     @property

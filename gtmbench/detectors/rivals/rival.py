@@ -59,14 +59,11 @@ class Rival(ABC):
         A key of `JUDGES`: what its residuals are judged by.
     settles_s : float
         How long it takes to forget where it began; it says nothing before.
-    learns_noise : bool
-        Whether its residuals are the sensors' noise and nothing else, which is learnt where it watches.
     """
 
     name: str
     judge: str = "glr"
     settles_s: ClassVar[float] = 0.0
-    learns_noise: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -119,7 +116,7 @@ class Rival(ABC):
         made = [[self._residuals(model, values, period_s) for values in part] for part in (learn, judged)]
         learnt, held = ({name: [one[name] for one in part] for name in self.outputs} for part in made)
         self._check_there(held)
-        by, luck = judgings(JUDGES[self.judge], learnt, held, period_s, rate, learns_noise=self.learns_noise)
+        by, luck = judgings(JUDGES[self.judge], learnt, held, period_s, rate)
         progress("done", 2, 2)
         hours = sum(map(len, judged)) * period_s / 3600.0
         provenance = {
@@ -242,11 +239,8 @@ class RivalMonitor:
 
     def judges(self) -> dict[str, Judge]:
         """Return a fresh judge of each residual."""
-        statistic, learns = JUDGES[self.rival.judge], self.rival.learns_noise
-        return {
-            name: Judge(statistic, self.judgings[name], self.sample_period_s, learns_noise=learns)
-            for name in self.rival.outputs
-        }
+        statistic = JUDGES[self.rival.judge]
+        return {name: Judge(statistic, self.judgings[name], self.sample_period_s) for name in self.rival.outputs}
 
     def stream(self) -> RivalStream:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
