@@ -293,7 +293,7 @@ class NoiseFollower:
             mean=mean,
             deviation=calibrated.deviation / (float(taps[0]) * scale),
             most=float(model.clip[block]) * scale,
-            loudest=(_LOUDEST if model.clip[block] == _CLIPS[-1] else float(model.clip[block])) * scale,
+            loudest=float(_loudest(model.clip[block])) * scale,
             unsteady=float(model.unsteady[block]),
         )
 
@@ -461,7 +461,7 @@ class NoiseFollower:
         sizes = np.concatenate([self._loud, _filled(np.abs(z))])
         own = sizes[len(self._loud) :]
         gross = np.flatnonzero((own > _GROSS) & (clip < _HEAVY))
-        clip[(own > _GROSS) & (clip == _CLIPS[-1])] = _LOUDEST
+        clip = np.where(own > _GROSS, _loudest(clip), clip)
         outliers, last = [], self._outlier
         while len(gross := gross[np.searchsorted(gross, last + self._apart) :]):
             last = int(gross[0])
@@ -586,6 +586,11 @@ def _filled(values: FloatArray) -> FloatArray:
     """Return values, 0 where they are missing."""
     there = np.isfinite(values)
     return values if there.all() else np.where(there, values, 0.0)
+
+
+def _loudest(clip: FloatArray) -> FloatArray:
+    """Return what a gross outlier counts for, by the clip of the noise that it is in."""
+    return np.where(clip == _CLIPS[-1], _LOUDEST, clip)
 
 
 def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
