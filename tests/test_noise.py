@@ -8,7 +8,7 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.noise import NoiseFollower, followed
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White, Whitener
-from tests.monitors import monitor, record
+from tests.monitors import monitor, record, truth
 
 TS = 0.01
 CALIBRATED = Whitener(coefficients=np.array([1.0, -0.2]), mean=0.0, deviation=1.0)
@@ -192,3 +192,32 @@ def test_noise_of_one_gyro_beyond_three_times_is_its_fault():
     noise = gb.Noise(channel="q", onset_s=healthy.start_s + 60.0, deviation=8.0 * gb.CHANNELS["q"].noise, seed=3)
     (alarm,) = monitor("C").watch(gb.inject(healthy, noise)).faults
     assert (alarm.sensor, alarm.judgements[-1].kind) == ("q", "noise")
+
+
+def wandering_record(seed):
+    """A healthy record of 120 s, every sensor's noise of a level that wanders by a factor of two within a minute."""
+    healthy, draw = truth(seed=11), np.random.default_rng(seed)
+    for name in CHANNELS:
+        slow = lfilter([1.0], [1.0, -0.9993], draw.standard_normal(len(healthy))) * np.sqrt(1.0 - 0.9993**2)
+        level = gb.CHANNELS[name].noise * np.exp(0.7 * (slow - slow.mean()))
+        healthy = healthy.replace(name, healthy[name] + level * draw.standard_normal(len(healthy)))
+    return healthy
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("channel", ["p", "r", "phi", "psi"])
+def test_what_is_named_in_noise_that_wanders_is_what_failed(seed, channel):
+    slope = 12.0 * gb.CHANNELS["p"].noise  # of an angle: what it adds to the gyro's residual
+    onset_s = 70.0
+    fault = (
+        gb.Drift(channel=channel, onset_s=onset_s, slope=slope)
+        if channel in ("phi", "psi")
+        else gb.Bias(channel=channel, onset_s=onset_s, size=slope)
+    )
+    watch = monitor("C").watch(gb.inject(wandering_record(seed), fault))
+    late = [alarm for alarm in watch.faults if alarm.time_s > onset_s]
+    assert late
+    assert {judged.sensor for alarm in late for judged in alarm.judgements} <= {channel, None}
+    assert any(alarm.sensor == channel or channel in alarm.candidates for alarm in late)
+    if channel in ("p", "r"):  # a gyro's bias enters one residual, a drift of the angle all of them
+        assert {alarm.sensor for alarm in late} == {channel}

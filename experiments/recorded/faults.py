@@ -11,6 +11,8 @@ import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.study.log.certificate import KINDS, Smallest
+from gtmbench.study.log.records import outside
+from gtmbench.study.log.starts import steady
 from gtmbench.study.log.watched import WatchedLog
 
 TIMES = (1, 3)  # the certificate's size
@@ -64,11 +66,14 @@ def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
 
 def _before(said: WatchedLog) -> gb.Record | None:
     """Return the last stretch that was identified on: the noise was learnt there, before watching began."""
-    for first_s, last_s in said.identified_s[-1:]:
-        for segment in said.log.segments:
-            if segment.start_s <= last_s and segment.end_s >= first_s:
-                return segment.between(max(first_s, segment.start_s), min(last_s, segment.end_s))
-    return None
+    left_out = [each.span for each in said.left_out]
+    stretches = [
+        segment.between(max(first_s, segment.start_s), min(last_s, segment.end_s))
+        for first_s, last_s in said.identified_s
+        for segment in said.log.segments
+        if segment.start_s <= last_s and segment.end_s >= first_s
+    ]
+    return next(reversed(outside(stretches, left_out)), None)
 
 
 def _drawn(watches: Sequence[BankWatch], within_s: float, share: float) -> tuple[BankWatch, float] | None:
@@ -107,7 +112,8 @@ def _tried(
     assert row.size is not None
     size = times * row.size
     fault = _KIND[row.kind].at(row.sensor, onset_s, size, is_turned=is_turned)
-    again = watch.monitor.watch(gb.inject(watch.record, fault), outside=watch.outside, before=before)
+    broken = gb.inject(watch.record, fault)
+    again = steady(watch.monitor, watch.monitor.watch(broken, outside=watch.outside, before=before), before)
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
     alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]

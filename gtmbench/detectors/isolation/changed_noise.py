@@ -7,7 +7,7 @@ is a fault, and so is silence: a sensor that is stuck.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +15,15 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
-from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST
+from gtmbench.detectors.statistics.noise import BLOCK_S
 from gtmbench.record import FloatArray
 
 NOISE_CHANGED, NOISE_WANDERS = "the noise changed", "the noise wanders"
-_WANDERS = 0.15  # sigma^2 of the noise, beyond which nobody is named
-_NOISY = ("noise", "random_walk", "oscillation")  # kinds that vibration passes for, however loud it gets
-_CLEARLY = 0.05  # of what a fault explains, that no other sensor's does, where noise wanders
+_WANDERS = 0.15  # sigma^2 of the noise, beyond which names stand on what is left by `_wandering`
+# kinds that attitude filters, mounts and vibration pass for, however loud it gets
+MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
+_NOISY = ("noise", "random_walk", *MIMICKED)
 _LOUD = 3.0  # times the level that was learnt: a fault
 _LEAST = 1e-6  # of the power: silence has none
 
@@ -62,11 +63,11 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
     )
 
 
-def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
+def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement, decisive: float) -> Judgement:
     """Return what is told of an alarm, without a name where noise that wanders may be what is there.
 
-    Of sensors whose faults explain nearly as much, such noise decides which one does it better. An either-or is weighed
-    likewise, both against the others.
+    Which of two sensors' faults explains more must not hang on a level of noise that has changed meanwhile: what is
+    told has to be decisively better by `_wandering`, too. An either-or is weighed likewise, both against the others.
     """
     whiteners, outputs = case.monitor.whiteners, tuple(case.residuals.raw)
     unsteady = max((whiteners[output].unsteady for output in outputs), default=0.0)
@@ -74,21 +75,46 @@ def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judge
     if told.doubt or told.kind is None or unsteady <= _WANDERS:
         return told
     loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
-    best = min((fit.bic for fit in ranking if fit.channel in accused), default=case.deviance)
-    others = [fit for fit in ranking if fit.channel not in accused and fit.kind != UNKNOWN]
-    is_clear = all(fit.bic - best > _clearly(fit.kind) * (case.deviance - best) for fit in others)
-    if told.kind not in _NOISY and loudest > _LOUD**2 and is_clear:
+    doubted = replace(told, sensor=None, partner=None, doubt=NOISE_WANDERS)
+    if told.kind in _NOISY or loudest <= _LOUD**2:
+        return replace(doubted, reason=f"a fault of {' or '.join(accused)} explains it")
+    as_is = {output: _wandering(case, output, case.white[output][case.judged]) for output in outputs}
+    left = {fit: _left(case, fit, as_is) for fit in ranking}
+    best = min((left[fit] for fit in ranking if fit.channel in accused), default=np.inf)
+    near = {fit.channel for fit in ranking if fit.channel not in accused and left[fit] <= best + decisive}
+    if not near and best + decisive < sum(as_is.values()):
         return told
-    reason = f"a fault of {' or '.join(accused)} explains it"
-    return replace(told, sensor=None, partner=None, reason=reason, doubt=NOISE_WANDERS)
+    order = tuple(dict.fromkeys([*accused, *(fit.channel for fit in ranking if fit.channel in near)]))
+    return replace(doubted, candidates=order, reason=f"a fault of {' or '.join(order)} explains it")
 
 
-def _clearly(kind: str) -> float:
-    """Return the share of what a fault explains that another sensor's, of a kind, must leave, so that it isn't meant.
+def _left(case: Case, fit: FittedHypothesis, as_is: Mapping[str, float]) -> float:
+    """Return the BIC of what a fault leaves in the residuals, by noise that wanders; `as_is` of those it doesn't enter.
 
-    What noise passes for fits anything a little.
+    Noise that belongs to a fault is left: it may be what wanders.
     """
-    return 0.4 * _CLEARLY if kind in _NOISY else _CLEARLY
+    own = {output: _wandering(case, output, fit.left.white[i]) for i, output in enumerate(fit.left.outputs)}
+    return sum(own.get(output, energy) for output, energy in as_is.items()) + fit.free * float(
+        np.log(max(case.count, 2))
+    )
+
+
+def _wandering(case: Case, output: str, white: FloatArray) -> float:
+    """Return -2 log likelihood of a residual whose noise has a level of its own in every block.
+
+    Student's, nu = 2 / sigma^2: of L samples with the sum of squares s it is L + (nu + L) log((nu + s) / (nu + L)),
+    which is s where noise is steady (sigma^2 = 0). Of what isn't a residual it is 0.
+    """
+    if output not in case.residuals.raw:
+        return 0.0
+    squares = np.square(_told(white))
+    if not len(squares):
+        return 0.0
+    rows = max(round(BLOCK_S / case.period_s), 1)
+    firsts = np.arange(0, max(len(squares) - rows, 0) + 1, rows)  # the last one takes what is over
+    counts = np.diff(firsts, append=len(squares))
+    freedom = 2.0 / max(case.monitor.whiteners[output].unsteady, 1e-9) + counts
+    return float(np.sum(counts + freedom * np.log1p((np.add.reduceat(squares, firsts) - counts) / freedom)))
 
 
 def _judged(case: Case, output: str) -> FloatArray:

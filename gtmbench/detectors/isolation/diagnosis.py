@@ -26,7 +26,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
+from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
 from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, greatest
@@ -55,11 +55,10 @@ _LASTING_S, _SHOWN_S = 8.0, 4.0  # of the case, until a sensor is named; whose r
 _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
-# what attitude filters, mounts and vibration do
-_MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
 _ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
 _RATES = ("drift",)  # of an angle: what a bias of its gyro is
 _TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
+_DEAD = 0.1  # the factor of a gyro that reads nothing of a turn: one that is dead is stuck, or an estimator turned
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
 EARLY = "it is too early to tell"
 DOUBT = "motion or model"
@@ -100,7 +99,7 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
     told = _weighed(case, ranking, replace(first, reason="", doubt=""))
     if case.monitor.is_cautious:
         told = _cautious(case, ranking, told)
-    return wandering_noise(case, ranking, changed_noise(case, ranking, told, DECISIVE))
+    return wandering_noise(case, ranking, changed_noise(case, ranking, told, DECISIVE), DECISIVE)
 
 
 def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) -> Judgement:
@@ -141,7 +140,9 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
 
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
-    if fit.kind in (UNKNOWN, "random_walk", *_MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
+    if fit.kind in (UNKNOWN, "random_walk", *MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
+        return False
+    if fit.kind == "scale_factor" and abs(fit.parameters["factor"]) < _DEAD:
         return False
     if fit.kind in _TIED and not set(axis_of(fit.channel)) & set(case.monitor.bank.kinematic):
         return False

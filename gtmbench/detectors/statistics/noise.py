@@ -31,7 +31,8 @@ from gtmbench.record import BoolArray, FloatArray
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
 
-_BLOCK_S, _FEWEST_ROWS = 0.5, 5  # of a block: the filter changes from block to block
+BLOCK_S = 0.5  # the filter changes from block to block
+_FEWEST_ROWS = 5  # of one
 _NEIGHBOURS = 4  # blocks, whose powers tell how steady noise is
 _SUB = 5  # parts of a block, whose powers tell of bursts
 _FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
@@ -221,7 +222,7 @@ class NoiseFollower:
         self, whitener: Whitener, sample_period_s: float, *, row: int = 0, before: FloatArray | None = None
     ) -> None:
         self._calibrated = whitener
-        self._block = max(round(_BLOCK_S / sample_period_s), _FEWEST_ROWS)
+        self._block = max(round(BLOCK_S / sample_period_s), _FEWEST_ROWS)
         self._order = second_order(sample_period_s)
         self._echo, self._apart = (max(round(span_s / sample_period_s), 1) for span_s in (_ECHO_S, _APART_S))
         self.outliers = 0  # gross ones so far
