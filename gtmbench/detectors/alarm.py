@@ -10,6 +10,8 @@ from gtmbench.detectors.virtual import ANGLES
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
 OUTSIDE = "outside"  # of one that tells of a score where motion is beyond what the monitor knows
+NOISE_CHANGED = "the noise changed"  # a doubt: sensors that became louder or quieter are no fault by themselves
+TIMES_LOUDER = 3.0  # than the noise that was learnt: from there on it is a fault
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,19 +12,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.alarm import NOISE_CHANGED, TIMES_LOUDER, Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.statistics.noise import BLOCK_S
 from gtmbench.record import FloatArray
 
-NOISE_CHANGED, NOISE_WANDERS = "the noise changed", "the noise wanders"
+NOISE_WANDERS = "the noise wanders"
 _WANDERS = 0.15  # sigma^2 of the noise, beyond which names stand on what is left by `_wandering`
 # kinds that attitude filters, mounts and vibration pass for, however loud it gets
 MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
 _NOISY = ("noise", "random_walk", *MIMICKED)
-_LOUD = 3.0  # times the level that was learnt: a fault
 _LEAST = 1e-6  # of the power: silence has none
 
 
@@ -43,12 +42,12 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
     if not told.candidates or not ranking:
         return told
     best = ranking[0]
-    is_noise = best.kind == "noise" and told.kind == "noise"
+    is_noise = _explains_as_well(ranking, best, told, decisive)
     if not is_noise and best.bic < _bic(case) + decisive:
         return told
     channels = (best.channel,) if is_noise else tuple(dict.fromkeys([*told.candidates, *case.residuals.raw]))
     concerned = [power for name in channels for power in (_power(case, name), _grown(case, name)) if power]
-    if not concerned or max(concerned) > _LOUD**2:
+    if not concerned or max(concerned) > TIMES_LOUDER**2:
         return told
     times = float(np.sqrt(max(concerned) if max(concerned) > 1.0 else min(concerned)))
     return replace(
@@ -61,6 +60,21 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
         reason=f"it is {times:.2g} times what was learnt",
         doubt=NOISE_CHANGED,
     )
+
+
+def _explains_as_well(
+    ranking: Sequence[FittedHypothesis], best: FittedHypothesis, told: Judgement, decisive: float
+) -> bool:
+    """Tell whether noise of the likeliest sensor explains as much as the kind of fault that is told of it.
+
+    A kind is told, too, where it only explains nearly all.
+    """
+    least = dict.fromkeys(("noise", told.kind), np.inf)
+    for fit in ranking:
+        if fit.channel == best.channel and fit.kind in least:
+            least[fit.kind] = min(least[fit.kind], fit.bic)
+    is_as_good = told.kind is not None and least["noise"] <= least[told.kind]
+    return bool(is_as_good and least["noise"] < best.bic + decisive)
 
 
 def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement, decisive: float) -> Judgement:
@@ -76,7 +90,7 @@ def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judge
         return told
     loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
     doubted = replace(told, sensor=None, partner=None, doubt=NOISE_WANDERS)
-    if told.kind in _NOISY or loudest <= _LOUD**2:
+    if told.kind in _NOISY or loudest <= TIMES_LOUDER**2:
         return replace(doubted, reason=f"a fault of {' or '.join(accused)} explains it")
     as_is = {output: _wandering(case, output, case.white[output][case.judged]) for output in outputs}
     left = {fit: _left(case, fit, as_is) for fit in ranking}

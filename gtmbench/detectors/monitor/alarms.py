@@ -33,10 +33,9 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.isolation.case import Case, shift_of
-from gtmbench.detectors.isolation.changed_noise import NOISE_CHANGED
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
     by_signature,

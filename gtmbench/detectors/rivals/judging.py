@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.detectors.alarm import TIMES_LOUDER
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
 from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.statistics.noise import NoiseFollower, followed
@@ -21,6 +22,10 @@ from gtmbench.record import FloatArray
 
 IntArray = NDArray[np.int_]
 _WHITENING_S = 0.3  # the banks'
+_FEWEST = 4  # samples that tell of their noise
+_SILENT = 0.01  # of the power that was learnt: a sensor that is stuck leaves the other one's
+_SHIFTED, _MEAN_S = 12.0, 0.16  # nats; over what is a mean
+_APART_S, _ALIKE = 0.04, 0.5  # the correlation of rows so far apart that noise doesn't reach
 _AS_IT_IS = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
 
 
@@ -119,7 +124,8 @@ class Judge:
         is_level = isinstance(statistic, Level)
         self._noise = None if is_level else NoiseFollower(judging.whitener, sample_period_s)
         self._row = 0  # the next
-        self._samples = np.zeros((0, 2))  # and how steady their noise is
+        self._samples = np.zeros((0, 3))  # their rows, values, and how steady their noise is
+        self._recent = self._samples  # those of the last chunk, and what it looked back at
         self._carried: Carried = {}
 
     def push(self, raw: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -136,12 +142,12 @@ class Judge:
         rows = there + self._row - len(white)
         told = int(np.searchsorted(rows, first))
         before = len(self._samples) + told
-        samples = np.concatenate([self._samples, np.column_stack([new.values, new.unsteady])])
-        self._samples = samples[max(len(samples) - self._statistic.looks_back(self._period_s), 0) :]
+        samples = np.concatenate([self._samples, np.column_stack([rows, new.values, new.unsteady])])
+        self._recent, self._samples = samples, samples[-self._statistic.looks_back(self._period_s) :]
         at, rows = range(before, len(samples)), rows[told:] - first
         if not at:
             return scores, looks_back
-        values, unsteady = np.ascontiguousarray(samples.T)
+        _, values, unsteady = np.ascontiguousarray(samples.T)
         given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady)
         greatest = np.full(len(at), -math.inf)
         for test in self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried):
@@ -156,3 +162,29 @@ class Judge:
         if self._noise is not None:
             self._noise.drop_before(self._row)
         return scores, looks_back
+
+    def is_noise(self, rows: range) -> bool:
+        """Tell whether nothing but noise of another level is in some rows, the last of which came with the last chunk.
+
+        It isn't where power passes nine times what was learnt, or there is next to none; where the rows are alike that
+        are 0.04 s apart, for motion is in them; nor where the mean m is off by more than noise would have it whose
+        means over 0.16 s have the variance v: n m^2 / 2v in nats, n being how many of these there are.
+        """
+        if self._noise is None:
+            return False
+        first, stop = np.searchsorted(self._recent[:, 0], [rows.start, rows.stop])
+        longest = max(round(self._statistic.baseline_s / self._period_s), 1)
+        values, before = self._recent[first:stop, 1], self._recent[max(first - longest, 0) : first, 1]
+        if len(values) < _FEWEST or not len(before):
+            return False
+        off = values - before.mean()
+        power, mean = float(np.mean(np.square(off))), float(off.mean())
+        left = off - mean
+        variance = max(float(np.mean(np.square(left))), 1e-12)
+        lag, rows_each = (max(round(span_s / self._period_s), 1) for span_s in (_APART_S, _MEAN_S))
+        alike = float(np.mean(left[lag:] * left[:-lag])) / variance if len(left) > lag else 0.0
+        count = len(left) / rows_each
+        means = left[: int(count) * rows_each].reshape(-1, rows_each).mean(axis=1)
+        varied = max(float(np.mean(np.square(means))) if len(means) > 1 else 0.0, variance / rows_each)
+        shift = 0.5 * count * mean**2 / varied
+        return _SILENT < power < TIMES_LOUDER**2 and alike < _ALIKE and shift < _SHIFTED

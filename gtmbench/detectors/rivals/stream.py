@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from gtmbench.clock import ChunkClock, advanced
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.method.alarms import came_down, rising
@@ -63,6 +63,7 @@ class _Looking:
     """An alarm that is to be judged at a row, by the greatest score of each suspect until then."""
 
     number: int
+    onset_row: int
     due_row: int
     peaks: dict[str, float] = field(default_factory=dict)
 
@@ -166,11 +167,13 @@ class RivalStream:
             time_s, since = float(known_s[row]), rows.start + row - last[row]
             is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
             fault = self._alarms[number - 1].fault if is_same else number
-            onset_s = round(time_s - min(int(looks_back[name][row]), rows.start + row) * self._period_s, 9)
+            back = min(int(looks_back[name][row]), rows.start + row)
+            onset_s = round(time_s - back * self._period_s, 9)
             self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=onset_s, source=name, fault=fault)
             if not is_same and self._monitor.suspects:
-                due_row = rows.start + row + round(_LOOKS_S / self._period_s)
-                self._looking = _Looking(number=number, due_row=due_row)
+                here = rows.start + row
+                due_row = here + round(_LOOKS_S / self._period_s)
+                self._looking = _Looking(number=number, onset_row=here - back, due_row=due_row)
         self._look(scores, known_s, rows, range(begin, len(rows)))
         self._above_row = float(last[-1])
 
@@ -193,8 +196,16 @@ class RivalStream:
         if looking.due_row < rows.start + part.stop:
             alarm = self._alarms[looking.number]
             judged = named(looking.peaks, float(known_s[looking.due_row - rows.start]))
+            if judged.candidates and all(map(self._is_noise, judged.candidates)):
+                judged = replace(judged, sensor=None, kind="noise", reason="its level did", doubt=NOISE_CHANGED)
             self._alarms[looking.number] = replace(alarm, judgements=(judged,))
             self._looking = None
+
+    def _is_noise(self, suspect: str) -> bool:
+        """Tell whether all that its residuals have shown since the onset is noise of another level."""
+        assert self._looking is not None
+        rows = range(self._looking.onset_row, self._looking.due_row + 1)
+        return all(judge.is_noise(rows) for name, judge in self._judges.items() if name.split()[0] == suspect)
 
 
 def named(peaks: Mapping[str, float], time_s: float) -> Judgement:
