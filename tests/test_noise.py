@@ -221,3 +221,31 @@ def test_what_is_named_in_noise_that_wanders_is_what_failed(seed, channel):
     assert any(alarm.sensor == channel or channel in alarm.candidates for alarm in late)
     if channel in ("p", "r"):  # a gyro's bias enters one residual, a drift of the angle all of them
         assert {alarm.sensor for alarm in late} == {channel}
+
+
+@pytest.fixture(scope="module")
+def rival():
+    return gb.find_detector("kinematic-kalman-no-fir").calibrate([record(seed=seed) for seed in range(1, 4)])
+
+
+@pytest.mark.parametrize("times", [0.4, 1.8, 2.5])
+def test_a_rival_names_nobody_for_noise_of_another_level(rival, times):
+    since_s = 60.0
+    draw, sensed = np.random.default_rng(4), truth(seed=11)
+    for name in CHANNELS:
+        level = gb.CHANNELS[name].noise * np.where(sensed.time_s < since_s, 1.0, times)
+        sensed = sensed.replace(name, sensed[name] + level * draw.standard_normal(len(sensed)))
+    watch = rival.watch(sensed)
+    assert watch.faults
+    assert {alarm.verdict for alarm in watch.faults} == {"can't tell: the noise changed"}
+    assert min(alarm.time_s for alarm in watch.faults) > since_s
+
+
+@pytest.mark.parametrize("gyro", ["p", "q", "r"])
+def test_a_rival_names_a_gyro_whose_error_has_a_mean_or_motion_in_it(rival, gyro):
+    sensed, noise = record(seed=11), gb.CHANNELS[gyro].noise
+    for fault in (
+        gb.Bias(channel=gyro, onset_s=60.0, size=3.0 * noise),
+        gb.ScaleFactor(channel=gyro, onset_s=60.0, factor=0.6),
+    ):
+        assert {alarm.sensor for alarm in rival.watch(gb.inject(sensed, fault)).faults} == {gyro}

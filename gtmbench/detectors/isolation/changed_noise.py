@@ -24,6 +24,7 @@ _WANDERS = 0.15  # sigma^2 of the noise, beyond which names stand on what is lef
 # kinds that attitude filters, mounts and vibration pass for, however loud it gets
 MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
 _NOISY = ("noise", "random_walk", *MIMICKED)
+_PLAIN = 60.0  # of BIC: what a fault explains of noise that wanders
 _LEAST = 1e-6  # of the power: silence has none
 
 
@@ -88,15 +89,14 @@ def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judge
     accused = (told.sensor,) if told.sensor else told.candidates
     if told.doubt or told.kind is None or unsteady <= _WANDERS:
         return told
-    loudest = max((_power(case, output) or 0.0 for output in outputs), default=0.0)
     doubted = replace(told, sensor=None, partner=None, doubt=NOISE_WANDERS)
-    if told.kind in _NOISY or loudest <= TIMES_LOUDER**2:
+    if told.kind in _NOISY:
         return replace(doubted, reason=f"a fault of {' or '.join(accused)} explains it")
     as_is = {output: _wandering(case, output, case.white[output][case.judged]) for output in outputs}
     left = {fit: _left(case, fit, as_is) for fit in ranking}
     best = min((left[fit] for fit in ranking if fit.channel in accused), default=np.inf)
     near = {fit.channel for fit in ranking if fit.channel not in accused and left[fit] <= best + decisive}
-    if not near and best + decisive < sum(as_is.values()):
+    if not near and best + _PLAIN < sum(as_is.values()):
         return told
     order = tuple(dict.fromkeys([*accused, *(fit.channel for fit in ranking if fit.channel in near)]))
     return replace(doubted, candidates=order, reason=f"a fault of {' or '.join(order)} explains it")
