@@ -40,7 +40,7 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
         mean = (sums[ends] - sums[ends - rows]) / rows
         power = np.maximum((squares[ends] - squares[ends - rows]) / rows, 1e-12)
         low = tolerance.low if test.two_sided and not is_corrected else 0.0
-        chance = 1.0 / rows + 1.0 / baseline
+        chance = 1.0 / rows + 1.0 / baseline + 2.0 * whitener.slow
         of_mean, of_energy = glr(mean, power, rows, chance, tolerance.mean, low, tolerance.high, steadiness)
         window = f"{rows * period_s:g} s"
         limits = monitor.thresholds[output]

@@ -75,7 +75,7 @@ class RowByRow:
             line.track.pass_over()
             if line.is_stale:
                 line.load_whitening()
-                self._ratios.steadiness(line.place, line.unsteady)
+                self._ratios.steadiness(line.place, line.unsteady, line.slow)
                 self.is_stale |= (line.is_learnt, line.track.outliers) != before  # samples aren't what was told of them
 
     def reopen(self) -> None:
@@ -111,7 +111,7 @@ class RowByRow:
             if line.is_early:
                 line.load_read(wanted[line.output][:-1])
             line.load_whitening()
-            self._ratios.steadiness(line.place, line.unsteady)
+            self._ratios.steadiness(line.place, line.unsteady, line.slow)
         self._ratios.load([line.track.latest() for line in self._lines])
         self.is_stale = False
 
@@ -135,7 +135,8 @@ class _Line:
         self._x = _Window(self.taps, len(operator.inputs))
         self._e = _Window(self._order + 1, 1)
         self._alike = 0  # rows that are whitened by what was loaded
-        self._whitening, self._mean, self.unsteady = np.zeros(self._order + 1), 0.0, 0.0
+        self._whitening, self._mean = np.zeros(self._order + 1), 0.0
+        self.unsteady = self.slow = 0.0
         self._most = self._loudest = 0.0
         self._sizes = deque([0.0], lasting_rows(monitor.sample_period_s))  # of the last ones, before they are clipped
 
@@ -170,7 +171,8 @@ class _Line:
         if self.is_learnt:
             self._whitening = whitener.coefficients[::-1] / whitener.deviation
             self._mean = float(whitener.mean * self._whitening.sum())
-            self._most, self._loudest, self.unsteady = whitener.most, whitener.loudest, whitener.unsteady
+            self._most, self._loudest = whitener.most, whitener.loudest
+            self.unsteady, self.slow = whitener.unsteady, whitener.slow
 
     def read(self, output: float) -> None:
         """Take an early one's output at the sample before the last."""
@@ -244,7 +246,7 @@ class _Ratios:
         self._first: IntArray = np.array([line, line, line + len(outputs) * self._capacity])
         self._full = np.full(len(self._rows), float(self._longest))
         self._chance = 1.0 / self._windows + 1.0 / self._full
-        self._unsteady = np.zeros((len(outputs), 1))
+        self._unsteady, self._slow = np.zeros((2, len(outputs), 1))
         self._steadiness = Steadiness.of(self._unsteady)
         # between these, ratios are below their thresholds, however steady the noise is
         self._near = self._mean + np.sqrt(2.0 * self._of_mean * self._chance)
@@ -254,9 +256,9 @@ class _Ratios:
         ]
         self._least, self._loudest = np.moveaxis(np.array(powers), 2, 0) * np.array([self._low, self._high])
 
-    def steadiness(self, i: int, unsteady: float) -> None:
-        """Take how steady the noise of a residual is."""
-        self._unsteady[i] = unsteady
+    def steadiness(self, i: int, unsteady: float, slow: float) -> None:
+        """Take how steady and how slow the noise of a residual is."""
+        self._unsteady[i], self._slow[i] = unsteady, slow
         self._steadiness = Steadiness.of(self._unsteady)
 
     def load(self, samples: list[FloatArray]) -> None:
@@ -304,7 +306,7 @@ class _Ratios:
             shift,
             np.maximum(power, 1e-12),
             self._windows,
-            chance,
+            chance + 2.0 * self._slow,
             self._mean,
             self._low,
             self._high,

@@ -418,15 +418,17 @@ def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
 
 
 def _matrix(given: Given) -> FloatArray:
-    """Return samples as rows: values and how steady their noise is; where an operator is uncertain, all else, too."""
+    """Return samples as rows: values, how steady and how slow their noise is; of uncertain operators all else, too."""
+    noise = (given.values, given.unsteady, given.slow)
     if given.values is given.plain:
-        return np.column_stack([given.values, given.unsteady])
-    return np.column_stack([given.values, given.unsteady, given.plain, given.uncertain, *given.means.values()])
+        return np.column_stack(noise)
+    return np.column_stack([*noise, given.plain, given.uncertain, *given.means.values()])
 
 
 def _given(samples: FloatArray, windows: list[int]) -> Given:
-    values, unsteady = (np.ascontiguousarray(samples[:, i]) for i in (0, 1))
-    if samples.shape[1] == 2:
-        return Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady)
-    means = dict(zip(windows, samples[:, 4:].T, strict=False))
-    return Given(values=values, plain=samples[:, 2], means=means, uncertain=samples[:, 3], unsteady=unsteady)
+    values, unsteady, slow = (np.ascontiguousarray(samples[:, i]) for i in range(3))
+    plain, uncertain, means = (values, values, {})
+    if samples.shape[1] > 3:
+        plain, uncertain = samples[:, 3], samples[:, 4]
+        means = dict(zip(windows, samples[:, 5:].T, strict=False))
+    return Given(values=values, plain=plain, means=means, uncertain=uncertain, unsteady=unsteady, slow=slow)

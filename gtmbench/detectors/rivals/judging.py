@@ -124,7 +124,7 @@ class Judge:
         is_level = isinstance(statistic, Level)
         self._noise = None if is_level else NoiseFollower(judging.whitener, sample_period_s)
         self._row = 0  # the next
-        self._samples = np.zeros((0, 3))  # their rows, values, and how steady their noise is
+        self._samples = np.zeros((0, 4))  # their rows, values, and how steady and how slow their noise is
         self._recent = self._samples  # those of the last chunk, and what it looked back at
         self._carried: Carried = {}
 
@@ -142,13 +142,13 @@ class Judge:
         rows = there + self._row - len(white)
         told = int(np.searchsorted(rows, first))
         before = len(self._samples) + told
-        samples = np.concatenate([self._samples, np.column_stack([rows, new.values, new.unsteady])])
+        samples = np.concatenate([self._samples, np.column_stack([rows, new.values, new.unsteady, new.slow])])
         self._recent, self._samples = samples, samples[-self._statistic.looks_back(self._period_s) :]
         at, rows = range(before, len(samples)), rows[told:] - first
         if not at:
             return scores, looks_back
-        _, values, unsteady = np.ascontiguousarray(samples.T)
-        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady)
+        _, values, unsteady, slow = np.ascontiguousarray(samples.T)
+        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady, slow=slow)
         greatest = np.full(len(at), -math.inf)
         for test in self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried):
             over_one = over(test.values, self._judging.thresholds[test.label])

@@ -8,7 +8,9 @@ itself: to its first seven seconds, and from then on to the last twenty, half a 
 - the tail: samples are clipped where they are rarer than Gaussian ones would be, so that no window's mean is one
   outlier's; where the tail is heavy, what follows a gross outlier within a quarter of a second is its echo;
 - how steady that is: sigma^2, the variance of the logarithm of the noise's power beyond chance, from products of the
-  powers of neighbouring blocks, which chance leaves at 0. Noise that wanders widens what is normal.
+  powers of neighbouring blocks, which chance leaves at 0. Noise that wanders widens what is normal;
+- how slow it is: the variance of means that no averaging takes away, which a short filter can't whiten, from means over
+  half a second to eight.
 
 Nothing is learnt while something is suspected: from where a window departs from what was learnt, the filter is held,
 and the blocks of that window are taken out of what was learnt, until two seconds look healthy again.
@@ -35,6 +37,10 @@ BLOCK_S = 0.5  # the filter changes from block to block
 _FEWEST_ROWS = 5  # of one
 _NEIGHBOURS = 4  # blocks, whose powers tell how steady noise is
 _SUB = 5  # parts of a block, whose powers tell of bursts
+_MEANS = (1, 2, 4, 8, 16)  # blocks, whose means tell how slow noise is
+_CHANCE, _OF_BLOCKS = 2.5, 4  # deviations of what chance makes of these; times a mean's blocks that tell of it
+_WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
+_UNKNOWN_SLOW = 5.0  # of a block's variance, before anything is known
 _FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
 _GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
 _AT_ONCE = 128  # blocks
@@ -59,7 +65,8 @@ _CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as 
 
 _COUNT, _SIZE, _SUM, _FOURTH, _SLOW, _FAST, _LOW, _SQUARES, _FOURTHS = range(9)
 _CLIPPED = slice(9, 9 + len(_CLIPS))
-_LAGS = slice(9 + len(_CLIPS), None)
+_SQUARED_MEANS = slice(_CLIPPED.stop, _CLIPPED.stop + len(_MEANS))
+_LAGS = slice(_SQUARED_MEANS.stop, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +78,7 @@ class _Model:
     clip: FloatArray  # in deviations of what that gives
     scale: FloatArray  # to variance 1
     unsteady: FloatArray
+    slow: FloatArray
     base: FloatArray  # mean of what is white
 
     def first(self, blocks: int) -> _Model:
@@ -89,10 +97,11 @@ class _Ends:
     clipped: FloatArray  # rows behind the calibrated filter
     powers: FloatArray  # less 1, of samples and of sums, shape (_NEIGHBOURS, 2)
     burst: float  # of the last part of a block, less 1
+    sums: FloatArray  # of the last blocks
 
     @classmethod
     def nothing(cls, order: int) -> _Ends:
-        return cls(np.zeros(order), np.zeros((_NEIGHBOURS, 2)), 0.0)
+        return cls(np.zeros(order), np.zeros((_NEIGHBOURS, 2)), 0.0, np.zeros(_MEANS[-1] - 1))
 
 
 class _Learnt:
@@ -172,18 +181,18 @@ class _Learnt:
             clip=clip,
             scale=scale,
             unsteady=np.maximum(self._unsteady, np.square(0.5 * np.log(quiet))),
+            slow=self._slow,
             base=self._recent([_SUM])[:, 0],
         )
 
-    @property
+    @cached_property
     def _unsteady(self) -> FloatArray:
         """sigma^2: the greatest of three products of neighbouring powers, less what chance may make of it.
 
         To it comes what short sums have of a heavy tail, which a gyro's outliers leave there though no sample shows it,
         and what isn't known yet.
         """
-        end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
-        first = np.maximum(end - _MEMORY, 0)
+        first, end = self._remembered
         blocks = end - first
         sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS], first, end)
         slow, fast, low, squares, fourths = (sums / blocks[:, np.newaxis]).T
@@ -193,6 +202,31 @@ class _Learnt:
         tail = np.minimum(np.maximum(kurtosis - 3.0, 0.0), _HEAVIEST) / _TAILS
         unknown = _UNSTEADY * np.square(_WORTH / (_WORTH + blocks))
         return np.asarray(np.maximum(np.maximum.reduce(found), 0.0) + tail + unknown + _STEADIEST)
+
+    @property
+    def _slow(self) -> FloatArray:
+        """The variance of means that stays, however long they are: of some lengths the greatest excess over white's.
+
+        Of M blocks of L rows it is mean(S^2) / (M L)^2 less that of the mean of all and 1 / (M L), S the blocks' sums.
+        To it comes what isn't known yet.
+        """
+        first, end = self._remembered
+        blocks = (end - first)[:, np.newaxis]
+        squares = self._sums(_SQUARED_MEANS, first, end) / blocks
+        mean = self._sums([_SUM], first, end) / (blocks * self._rows)
+        lengths = np.array(_MEANS)
+        excess = squares - lengths * self._rows * np.square(mean) - 1.0
+        chance = (1.0 + _WANDERING * self._unsteady[:, np.newaxis]) * np.sqrt(2.0 * lengths / blocks)
+        tells = (excess > _CHANCE * chance) & (_OF_BLOCKS * lengths <= blocks)
+        found = np.where(tells, excess / (lengths * self._rows), 0.0).max(axis=1)
+        unknown = _UNKNOWN_SLOW / self._rows * np.power(_WORTH / (_WORTH + blocks[:, 0]), 4)
+        return np.asarray(found + unknown)
+
+    @property
+    def _remembered(self) -> tuple[IntArray, IntArray]:
+        """The first of the blocks that tell of steadiness, and the end of them."""
+        end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
+        return np.maximum(end - _MEMORY, 0), end
 
 
 class NoiseFollower:
@@ -296,6 +330,7 @@ class NoiseFollower:
             most=float(model.clip[block]) * scale,
             loudest=float(_loudest(model.clip[block])) * scale,
             unsteady=float(model.unsteady[block]),
+            slow=float(model.slow[block]),
         )
 
     @property
@@ -415,13 +450,14 @@ class NoiseFollower:
             table[:, _CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
         table[:, _FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
 
-    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> tuple[FloatArray, float]:
+    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> tuple[FloatArray, float, FloatArray]:
         """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1.
 
-        Return the last of these powers.
+        Return the last of these powers, and of the blocks' sums.
         """
         there = _filled(z)
         table[:, _SUM] = there.reshape(len(table), -1).sum(axis=1)
+        sums_before = self._measure_means(table)
         powers, bursts, sums = self._powers_of(there)
         table[:, _SQUARES], table[:, _FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
         both, lags = np.concatenate([self._ends.powers, powers]), _NEIGHBOURS
@@ -429,7 +465,16 @@ class NoiseFollower:
         table[:, [_SLOW, _LOW]] = both[lags:] * before
         parts = np.concatenate([[self._ends.burst], bursts.ravel()])
         table[:, _FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
-        return both[-lags:], float(parts[-1])
+        return both[-lags:], float(parts[-1]), sums_before
+
+    def _measure_means(self, table: FloatArray) -> FloatArray:
+        """Take squares of sums over some blocks, over their rows; return the last blocks' sums."""
+        own = np.concatenate([self._ends.sums, table[:, _SUM]])
+        sums = np.concatenate([[0.0], np.cumsum(own)])
+        stop = np.arange(len(self._ends.sums), len(own)) + 1
+        for i, length in enumerate(_MEANS):
+            table[:, _SQUARED_MEANS.start + i] = np.square(sums[stop] - sums[stop - length]) / (length * self._block)
+        return own[-len(self._ends.sums) :]
 
     def _powers_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return powers less 1: of blocks, that of samples and that of short sums; of their parts; and these sums.
@@ -485,7 +530,8 @@ class NoiseFollower:
             return White.joined([])
         model, spread = self._current(), self._given[self.order :, 1]
         z, _, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
-        return White(values=(z * spread)[told:], unsteady=np.full(rows - told, model.unsteady[0]))
+        unsteady, slow = (np.full(rows - told, of[0]) for of in (model.unsteady, model.slow))
+        return White(values=(z * spread)[told:], unsteady=unsteady, slow=slow)
 
     def _advance(self, blocks: int) -> tuple[White, int]:
         """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state.
@@ -525,7 +571,8 @@ class NoiseFollower:
         self._outlier = int(outliers[-1] if len(outliers) else self._outlier) - rows
         self._open = None
         self._past.append((self.row - self._told, model.first(done), self._calibrated.mean))
-        return White(values=z * spread, unsteady=np.repeat(model.unsteady, self._block)), done
+        unsteady, slow = (np.repeat(of, self._block) for of in (model.unsteady, model.slow))
+        return White(values=z * spread, unsteady=unsteady, slow=slow), done
 
     def _remember(self, table: FloatArray) -> None:
         """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
@@ -539,7 +586,7 @@ class NoiseFollower:
         """
         sums, squares = (np.concatenate([[0.0], np.cumsum(of)]) for of in (joined, joined * joined))
         first = len(self._white) + 1
-        base, unsteady = (np.repeat(of, self._block) for of in (model.base, model.unsteady))
+        base, unsteady, slow = (np.repeat(of, self._block) for of in (model.base, model.unsteady, model.slow))
         reach = np.zeros(len(base), dtype=int)
         for rows in self._windows:
             least = _SUSPECTED - math.log(rows / self._windows[0])
@@ -551,7 +598,8 @@ class NoiseFollower:
             low, high = ordinary_powers(rows, least)
             some = np.flatnonzero((shift * shift > 2.0 * least / rows) | (power < low) | (power > high))
             if len(some):
-                nats = glr(shift[some], power[some], rows, 1.0 / rows, 0.0, 1.0, 1.0, Steadiness.of(unsteady[some]))
+                chance = 1.0 / rows + slow[some]
+                nats = glr(shift[some], power[some], rows, chance, 0.0, 1.0, 1.0, Steadiness.of(unsteady[some]))
                 reach[some[np.maximum(*nats) > least]] = rows
         return np.asarray(reach.reshape(-1, self._block).max(axis=1))
 

@@ -82,7 +82,7 @@ class Given:
     """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
 
     `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known; `unsteady`
-    as in `White`.
+    and `slow` as in `White`.
     """
 
     values: FloatArray
@@ -90,6 +90,7 @@ class Given:
     means: Mapping[int, FloatArray]
     uncertain: FloatArray
     unsteady: FloatArray
+    slow: FloatArray
 
     @cached_property
     def sums(self) -> _Sums:
@@ -189,10 +190,10 @@ class Statistic:
         most = 1e150 if self.name == "energy" else MOST
         clipped = plain[there]
         np.clip(clipped, -most, most, out=clipped)
-        unsteady = white.unsteady[there]
+        unsteady, slow = white.unsteady[there], white.slow[there]
         if spread is None:
             known = np.broadcast_to(0.0, len(there))
-            return there, Given(values=clipped, plain=clipped, means={}, uncertain=known, unsteady=unsteady)
+            return there, Given(values=clipped, plain=clipped, means={}, uncertain=known, unsteady=unsteady, slow=slow)
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
             values=np.clip((plain / by)[there], -most, most),
@@ -200,6 +201,7 @@ class Statistic:
             means={rows: values[there] for rows, values in spread.means.items()},
             uncertain=(1.0 - 1.0 / np.square(spread.white))[there],
             unsteady=unsteady,
+            slow=slow,
         )
 
     def of(
@@ -287,12 +289,13 @@ def _glr(
 ) -> Iterator[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
-    Of another mean than m0 before: z^2 = (|m1 - m0| - t)^2 / (1/L + 1/M + v) beyond the tolerance t, v the variance
-    that the operator's error gives it. Of another variance: s, the mean square about m0 over the nearest end of the
-    tolerated range, which is wider where the operator's error dominates. `glr` makes ratios of them.
+    Of another mean than m0 before: z^2 = (|m1 - m0| - t)^2 / (1/L + 1/M + 2 w + v) beyond the tolerance t, w the
+    variance that slow noise gives a mean, v what the operator's error does. Of another variance: s, the mean square
+    about m0 over the nearest end of the tolerated range, which is wider where the operator's error dominates. `glr`
+    makes ratios of them.
     """
     low = tolerance.low if test.two_sided else 0.0
-    steadiness = Steadiness.of(given.unsteady[at.start : at.stop])
+    steadiness, slow = Steadiness.of(given.unsteady[at.start : at.stop]), given.slow[at.start : at.stop]
     for rows in test.rows(sample_period_s):
         shift, power, length = _windows(given.plain_sums, rows, test, sample_period_s, at)
         variance: float | FloatArray = 0.0
@@ -302,7 +305,7 @@ def _glr(
             uncertain = _trailing(given.uncertain, rows, at) / rows
             high = np.maximum(tolerance.high, 1.0 + (_FAR**2 - 1.0) * uncertain)
             variance = given.means[rows][at.start : at.stop] if rows in given.means else 0.0
-        chance = 1.0 / rows + 1.0 / length + variance
+        chance = 1.0 / rows + 1.0 / length + 2.0 * slow + variance
         of_mean, of_energy = glr(shift, power, rows, chance, tolerance.mean, low, high, steadiness)
         window = f"{rows * sample_period_s:g} s"
         looks = min(8.0 / rows, 1.0)  # overlapping windows: several a length

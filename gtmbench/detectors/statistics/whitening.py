@@ -27,8 +27,8 @@ class Whitener:
         Deviations that one sample counts for, in tests: the noise's tail may be heavier than a Gaussian one.
     loudest : float
         Those that one beyond twice `most` counts for: in noise with a Gaussian tail it isn't noise.
-    unsteady : float
-        sigma^2, as `White` has it.
+    unsteady, slow : float
+        As `White` has them.
     """
 
     coefficients: FloatArray
@@ -37,6 +37,7 @@ class Whitener:
     most: float = math.inf
     loudest: float = math.inf
     unsteady: float = 0.0
+    slow: float = 0.0
 
     @property
     def order(self) -> int:
@@ -64,22 +65,26 @@ class White:
         White, of variance 1 while all is well, and clipped; NaN where a residual that it needs is missing.
     unsteady : shape (rows,)
         sigma^2: the variance of the logarithm of the noise's power, beyond chance; 0 of noise that is known.
+    slow : shape (rows,)
+        The variance of a mean that no averaging takes away; 0 where the noise is as white as it should be.
     """
 
     values: FloatArray = field(repr=False)
     unsteady: FloatArray = field(repr=False)
+    slow: FloatArray = field(repr=False)
 
     @classmethod
     def steady(cls, values: FloatArray) -> White:
         """Return one of noise that is known."""
-        return cls(values=values, unsteady=np.broadcast_to(0.0, len(values)))
+        nothing = np.broadcast_to(0.0, len(values))
+        return cls(values=values, unsteady=nothing, slow=nothing)
 
     def __len__(self) -> int:
         return len(self.values)
 
     def between(self, rows: slice) -> White:
         """Return some rows."""
-        return White(values=self.values[rows], unsteady=self.unsteady[rows])
+        return White(values=self.values[rows], unsteady=self.unsteady[rows], slow=self.slow[rows])
 
     @staticmethod
     def joined(parts: Sequence[White]) -> White:
@@ -87,6 +92,7 @@ class White:
         return White(
             values=np.concatenate([part.values for part in parts] or [np.zeros(0)]),
             unsteady=np.concatenate([part.unsteady for part in parts] or [np.zeros(0)]),
+            slow=np.concatenate([part.slow for part in parts] or [np.zeros(0)]),
         )
 
 
