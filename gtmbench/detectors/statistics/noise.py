@@ -40,7 +40,7 @@ _SUB = 5  # parts of a block, whose powers tell of bursts
 _MEANS = (1, 2, 4, 8, 16)  # blocks, whose means tell how slow noise is
 _CHANCE, _OF_BLOCKS = 2.5, 4  # deviations of what chance makes of these; times a mean's blocks that tell of it
 _WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
-_UNKNOWN_SLOW = 5.0  # of a block's variance, before anything is known
+_UNKNOWN_SLOW = 1.0  # of a block's variance, before anything is known
 _FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
 _GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
 _AT_ONCE = 128  # blocks
@@ -207,20 +207,28 @@ class _Learnt:
     def _slow(self) -> FloatArray:
         """The variance of means that stays, however long they are: of some lengths the greatest excess over white's.
 
-        Of M blocks of L rows it is mean(S^2) / (M L)^2 less that of the mean of all and 1 / (M L), S the blocks' sums.
-        To it comes what isn't known yet.
+        Of M blocks of L rows it is mean(S^2) / (M L)^2 less 1 / (M L) and that of the straight line through all, S the
+        blocks' sums: a drift is no noise. To it comes what isn't known yet.
         """
         first, end = self._remembered
         blocks = (end - first)[:, np.newaxis]
-        squares = self._sums(_SQUARED_MEANS, first, end) / blocks
-        mean = self._sums([_SUM], first, end) / (blocks * self._rows)
         lengths = np.array(_MEANS)
-        excess = squares - lengths * self._rows * np.square(mean) - 1.0
+        steady = np.square(self._sums([_SUM], first, end) / blocks) + self._trend(first, end)[:, np.newaxis]
+        excess = self._sums(_SQUARED_MEANS, first, end) / blocks - lengths / self._rows * steady - 1.0
         chance = (1.0 + _WANDERING * self._unsteady[:, np.newaxis]) * np.sqrt(2.0 * lengths / blocks)
         tells = (excess > _CHANCE * chance) & (_OF_BLOCKS * lengths <= blocks)
         found = np.where(tells, excess / (lengths * self._rows), 0.0).max(axis=1)
         unknown = _UNKNOWN_SLOW / self._rows * np.power(_WORTH / (_WORTH + blocks[:, 0]), 4)
         return np.asarray(found + unknown)
+
+    def _trend(self, first: IntArray, end: IntArray) -> FloatArray:
+        """Return the variance of the straight line through the sums of some blocks."""
+        begin, blocks = int(first[0]), (end - first).astype(float)
+        own = self._table[begin : int(end[-1]), _SUM]
+        sums, moments = (np.concatenate([[0.0], np.cumsum(of)]) for of in (own, own * np.arange(len(own))))
+        total, moment = (of[end - begin] - of[first - begin] for of in (sums, moments))
+        along = moment - total * (0.5 * (first + end - 1.0) - begin)  # sums times how far they are from the middle
+        return np.asarray(12.0 * np.square(along) / (blocks**2 * np.maximum(blocks**2 - 1.0, 1.0)))
 
     @property
     def _remembered(self) -> tuple[IntArray, IntArray]:
