@@ -300,7 +300,7 @@ def test_a_streams_memory_doesnt_grow():
     used = monitor("C")
     stream = used.stream()
     sizes, values, start = [], healthy().values, 0
-    for _ in range(10):  # 13 minutes
+    for _ in range(16):  # 21 minutes, with an alarm at every seam: how much is held back then is another after each
         for row in range(0, len(values), 250):
             part = values[row : row + 250]
             stream.push(Record(part, channels=healthy().channels, sample_period_s=PERIOD_S, start_s=start * PERIOD_S))
@@ -313,7 +313,7 @@ def test_a_streams_memory_doesnt_grow():
                 max(len(track.values) for track in tracks),
             )
         )
-    assert sizes[5:] == sizes[5:6] * 5
+    assert (np.max(sizes[8:], axis=0) <= np.max(sizes[:8], axis=0)).all()
 
 
 def test_a_record_full_of_alarms_is_diagnosed_a_few_times_only():

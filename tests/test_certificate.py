@@ -40,9 +40,9 @@ def alarmed(watch, fault, within_s):
 
 
 def trials(kind, sensor, size, count, seed):
-    """Return faults of a size at onsets drawn from the time watched that leaves time to alarm."""
+    """Return faults of a size at onsets drawn from when its residual is armed, which leaves time to alarm."""
     random, watch = np.random.default_rng(seed), flight()
-    able_s = watch.record.time_s[watch.armed]
+    able_s = watch.record.time_s[superposition(watch, sensor).armed]
     able_s = able_s[able_s < watch.record.end_s - KIND[kind].within_s]
     return [
         KIND[kind].at(sensor, float(onset_s), size, is_turned=bool(random.integers(2)))

@@ -249,3 +249,22 @@ def test_a_rival_names_a_gyro_whose_error_has_a_mean_or_motion_in_it(rival, gyro
         gb.ScaleFactor(channel=gyro, onset_s=60.0, factor=0.6),
     ):
         assert {alarm.sensor for alarm in rival.watch(gb.inject(sensed, fault)).faults} == {gyro}
+
+
+@pytest.mark.parametrize("memory_s", [1.0, 5.0])
+def test_a_slow_part_of_the_noise_is_learnt_and_white_noise_has_none(memory_s):
+    pole = np.exp(-TS / memory_s)
+    slow = lfilter([1.0], [1.0, -pole], white(31)) * np.sqrt(1.0 - pole**2)
+    with_it, without = (followed(CALIBRATED, noise, TS) for noise in (white(32) + 0.4 * slow, white(32)))
+    late = slice(10_000, None)
+    assert np.median(with_it.slow[late]) > 5e-3  # the second filter has taken some of 0.16
+    assert np.median(without.slow[late]) < 1e-4
+    healthy = Statistic().scores(white(32) + 0.4 * slow, with_it, TS, Tolerance())
+    assert max(np.nanmax(score.values[late]) for score in healthy) < 25.0
+
+
+def test_a_drift_is_no_slow_noise():
+    drift = 1e-3 * np.maximum(np.arange(20_000) - 1000.0, 0.0)
+    told = followed(CALIBRATED, white(33) + drift, TS)
+    scores = Statistic().scores(white(33) + drift, told, TS, Tolerance())
+    assert 1000 <= np.argmax(np.logical_or.reduce([score.values > 25.0 for score in scores])) < 2500
