@@ -4,7 +4,7 @@
 
 Parts, each a table of the report:
 
-- ``laws``: healthy flights of 200 s, three excitations, noise of eleven laws; none may have a sensor named.
+- ``laws``: healthy flights of 200 s, three excitations, noise of thirteen laws; none may have a sensor named.
 - ``limit``: delays of faults over the limit of quickest detection (Lorden 1971) of whoever knows kinematics, noise, the
   fault's shape and which sensor; with the default calibration, one of 6 flights of 200 s, one of the log itself.
 - ``learnt``: delays by a monitor that 120 s of the log itself were learnt on, over those of the default calibration.
@@ -52,6 +52,14 @@ def wandering(draw: np.random.Generator, count: int, pole: float, size: float) -
     return noise / noise.std()
 
 
+def flicker(draw: np.random.Generator, count: int) -> np.ndarray:
+    """Return noise of deviation 1 whose spectral density falls as 1/f."""
+    frequency = np.fft.rfftfreq(count)
+    frequency[0] = frequency[1]
+    noise = np.fft.irfft(np.fft.rfft(draw.standard_normal(count)) / np.sqrt(frequency), count)
+    return np.asarray((noise - noise.mean()) / noise.std())
+
+
 LAWS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {  # of deviation 1 but for the levels
     "white": lambda draw, n: draw.standard_normal(n),
     "level x0.6": lambda draw, n: 0.6 * draw.standard_normal(n),
@@ -64,6 +72,10 @@ LAWS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {  # of devi
     "2 % five times": lambda draw, n: np.where(draw.random(n) < 0.02, 5.0, 1.0) * draw.standard_normal(n) / 1.22,
     "bursts, 0.2 s": lambda draw, n: wandering(draw, n, 0.95, 0.5),
     "tone at 23 Hz": lambda draw, n: 0.7 * draw.standard_normal(n) + np.sin(1.445 * np.arange(n) + 6.0 * draw.random()),
+    "half AR(1) 0.99": lambda draw, n: (
+        0.87 * draw.standard_normal(n) + 0.07 * lfilter([1.0], [1.0, -0.99], draw.standard_normal(n))
+    ),
+    "a fifth flicker": lambda draw, n: 0.98 * draw.standard_normal(n) + 0.2 * flicker(draw, n),
 }
 
 
