@@ -70,12 +70,11 @@ def _explains_as_well(
 
     A kind is told, too, where it only explains nearly all.
     """
-    least = dict.fromkeys(("noise", told.kind), np.inf)
-    for fit in ranking:
-        if fit.channel == best.channel and fit.kind in least:
-            least[fit.kind] = min(least[fit.kind], fit.bic)
-    is_as_good = told.kind is not None and least["noise"] <= least[told.kind]
-    return bool(is_as_good and least["noise"] < best.bic + decisive)
+    noise, kind = (
+        min((fit.bic for fit in ranking if (fit.channel, fit.kind) == (best.channel, meant)), default=np.inf)
+        for meant in ("noise", told.kind)
+    )
+    return told.kind is not None and noise <= kind and noise < best.bic + decisive
 
 
 def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement, decisive: float) -> Judgement:
@@ -107,20 +106,17 @@ def _left(case: Case, fit: FittedHypothesis, as_is: Mapping[str, float]) -> floa
 
     Noise that belongs to a fault is left: it may be what wanders.
     """
-    own = {output: _wandering(case, output, fit.left.white[i]) for i, output in enumerate(fit.left.outputs)}
-    return sum(own.get(output, energy) for output, energy in as_is.items()) + fit.free * float(
-        np.log(max(case.count, 2))
-    )
+    entered = zip(fit.left.outputs, fit.left.white, strict=True)
+    own = {output: _wandering(case, output, white) for output, white in entered if output in as_is}
+    return sum({**as_is, **own}.values()) + fit.free * float(np.log(max(case.count, 2)))
 
 
 def _wandering(case: Case, output: str, white: FloatArray) -> float:
     """Return -2 log likelihood of a residual whose noise has a level of its own in every block.
 
     Student's, nu = 2 / sigma^2: of L samples with the sum of squares s it is L + (nu + L) log((nu + s) / (nu + L)),
-    which is s where noise is steady (sigma^2 = 0). Of what isn't a residual it is 0.
+    which is s where noise is steady (sigma^2 = 0).
     """
-    if output not in case.residuals.raw:
-        return 0.0
     squares = np.square(_told(white))
     if not len(squares):
         return 0.0

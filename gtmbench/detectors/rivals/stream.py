@@ -196,15 +196,14 @@ class RivalStream:
         if looking.due_row < rows.start + part.stop:
             alarm = self._alarms[looking.number]
             judged = named(looking.peaks, float(known_s[looking.due_row - rows.start]))
-            if judged.candidates and all(map(self._is_noise, judged.candidates)):
+            rows_since = range(looking.onset_row, looking.due_row + 1)
+            if judged.candidates and all(self._is_noise(suspect, rows_since) for suspect in judged.candidates):
                 judged = replace(judged, sensor=None, kind="noise", reason="its level did", doubt=NOISE_CHANGED)
             self._alarms[looking.number] = replace(alarm, judgements=(judged,))
             self._looking = None
 
-    def _is_noise(self, suspect: str) -> bool:
-        """Tell whether all that its residuals have shown since the onset is noise of another level."""
-        assert self._looking is not None
-        rows = range(self._looking.onset_row, self._looking.due_row + 1)
+    def _is_noise(self, suspect: str, rows: range) -> bool:
+        """Tell whether all that a suspect's residuals have shown over some rows is noise of another level."""
         return all(judge.is_noise(rows) for name, judge in self._judges.items() if name.split()[0] == suspect)
 
 
