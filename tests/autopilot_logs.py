@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
+from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.testing.flights import fly_once
 from tests import intake_files as files
 

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
+from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS
+from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.testing.mechanisms import ACCELERATIONS, CHANNELS, MECHANISMS, late_s
 
 SEEDS = (0, 1)

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS, STEEPEST_DEG, AttitudeEstimator, carried_on, held, less, too_steep
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
 
-GYROS = ("p", "q", "r")
-ATTITUDE = ("phi", "theta", "psi")
-STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
 FASTEST_DEG_S = 1e6  # no gyro reads this, and no float overflows below
-
-_RAD = math.pi / 180.0
 
 
 def filtered_attitude(
-    record: Record, *, time_constant_s: float, reference_noise_deg: float = 0.5, seed: int = 1
+    record: Record,
+    *,
+    time_constant_s: float,
+    reference_noise_deg: float = 0.5,
+    seed: int = 1,
+    bias_time_constant_s: float | None = None,
 ) -> Record:
     """Return the record with phi, theta, psi as a complementary filter estimates them from the record's gyros.
 
@@ -47,6 +49,10 @@ def filtered_attitude(
         Standard deviation of the reference's white noise, in degrees. Sample 0 has none: there the filter starts.
     seed : int
         Of the noise. Every angle has a random stream of its own.
+    bias_time_constant_s : float, optional
+        tau_b: in how long the filter learns a gyro's bias, as a Kalman filter with bias states does; it is taken from
+        the gyro's readings: b(k) = b(k-1) - Ts/(tau tau_b) (reference(k) + noise(k) - predicted(k)). By default it
+        learns none.
 
     Returns
     -------
@@ -73,59 +79,49 @@ def filtered_attitude(
     tau = number("time_constant_s", time_constant_s, 0.0)
     deviation = number("reference_noise_deg", reference_noise_deg, 0.0, 180.0)
     seed = whole("seed", seed)
+    bias_s = math.inf
+    if bias_time_constant_s is not None:
+        bias_s = number("bias_time_constant_s", bias_time_constant_s, 0.0, above=True)
+    estimator = AttitudeEstimator(time_constant_s=tau, bias_time_constant_s=bias_s)
     gyros, reference = record.matrix(GYROS), record.matrix(ATTITUDE)
     _check(gyros, reference, record)
     # names of channels are printable: none has a zero byte, so these streams are no channel's measurement noise
     noise = np.column_stack([stream(seed, f"{name}\0reference").standard_normal(len(record)) for name in ATTITUDE])
     noise[0] = 0.0
-    rates = np.column_stack([_held(gyros[:, i]) for i in range(3)])
     told = reference + deviation * noise
-    attitude = _filter(rates, told, tau / (tau + record.sample_period_s), record)
+    attitude = _filter(held(gyros), told, estimator, record)
     for i, name in enumerate(ATTITUDE):
         record = record.replace(name, attitude[:, i])
     return record
 
 
-def _filter(rates: FloatArray, told: FloatArray, a: float, record: Record) -> FloatArray:
+def _filter(rates: FloatArray, told: FloatArray, estimator: AttitudeEstimator, record: Record) -> FloatArray:
     """Return the filtered attitude in degrees, shape (samples, 3): the equation of `filtered_attitude`, in floats."""
-    ts = record.sample_period_s
-    half = 0.5 * ts
+    ts, tau = record.sample_period_s, estimator.time_constant_s
+    a = tau / (tau + ts)
+    learning = ts / (tau * estimator.bias_time_constant_s) if tau else 0.0
     before, *later = rates.tolist()
-    phi, theta, psi = told[0].tolist()
-    path = [(phi, theta, psi)]
+    angles: Sequence[float] = told[0].tolist()
+    bias: Sequence[float] = (0.0, 0.0, 0.0)
+    path = [angles]
     for k, (now, reference) in enumerate(zip(later, told[1:].tolist(), strict=True), start=1):
-        phi_1, theta_1, psi_1 = _euler_rates(phi, theta, *before)
-        theta_2 = theta + ts * theta_1
-        if abs(theta_2) > STEEPEST_DEG:
-            raise _too_steep(theta_2, k, record)
-        phi_2, theta_2, psi_2 = _euler_rates(phi + ts * phi_1, theta_2, *now)
-        phi = _corrected(phi + half * (phi_1 + phi_2), reference[0], a)
-        theta = _corrected(theta + half * (theta_1 + theta_2), reference[1], a)
-        psi = _corrected(psi + half * (psi_1 + psi_2), reference[2], a)
-        if abs(theta) > STEEPEST_DEG:
-            raise _too_steep(theta, k, record)
-        path.append((phi, theta, psi))
+        reached = carried_on(angles, less(before, bias), less(now, bias), ts)
+        angles = [_corrected(*pair, a) for pair in zip(reached, reference, strict=True)]
+        if max(abs(reached[1]), abs(angles[1])) > STEEPEST_DEG:
+            raise too_steep(max(reached[1], angles[1], key=abs), k * ts + record.start_s)
+        if learning:
+            bias = [_learnt(*each, learning) for each in zip(bias, reached, reference, strict=True)]
+        path.append(angles)
         before = now
     return np.array(path)
-
-
-def _euler_rates(phi_deg: float, theta_deg: float, p: float, q: float, r: float) -> tuple[float, float, float]:
-    """Return phi', theta', psi' in deg/s."""
-    phi, theta = phi_deg * _RAD, theta_deg * _RAD
-    sin_phi, cos_phi = math.sin(phi), math.cos(phi)
-    turn = (q * sin_phi + r * cos_phi) / math.cos(theta)
-    return p + math.sin(theta) * turn, q * cos_phi - r * sin_phi, turn
 
 
 def _corrected(predicted: float, reference: float, a: float) -> float:
     return predicted if math.isnan(reference) else a * predicted + (1.0 - a) * reference
 
 
-def _held(rate: FloatArray) -> FloatArray:
-    """Return a rate with its last value where a sample is missing, and zero before the first."""
-    there = np.isfinite(rate)
-    last = np.maximum.accumulate(np.where(there, np.arange(len(rate)), -1))
-    return np.where(last < 0, 0.0, rate[np.maximum(last, 0)])
+def _learnt(bias: float, predicted: float, reference: float, gain: float) -> float:
+    return bias if math.isnan(reference) else bias - gain * (reference - predicted)
 
 
 def _check(gyros: FloatArray, reference: FloatArray, record: Record) -> None:
@@ -147,10 +143,3 @@ def _check(gyros: FloatArray, reference: FloatArray, record: Record) -> None:
                 f"'{name}' jumps by more than 180 deg at {record.time_s[jumps[0] + 1]:g} s; unwrap it with "
                 f"np.unwrap({name}, period=360)"
             )
-
-
-def _too_steep(theta_deg: float, k: int, record: Record) -> InputError:
-    return InputError(
-        f"theta reaches {theta_deg:.4g} deg at {record.time_s[k]:g} s; the attitude filter's Euler angles end near "
-        f"+-90 deg (here at {STEEPEST_DEG:g}); take a shorter time constant or a milder fault"
-    )

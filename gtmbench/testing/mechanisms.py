@@ -13,7 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
+from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.intake.events import Event, EventKind, in_order
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.testing.flights import fly_once

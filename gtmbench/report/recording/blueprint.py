@@ -9,7 +9,7 @@ from itertools import cycle, groupby
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.bench.attitude_filter import ATTITUDE
+from gtmbench.attitude import ATTITUDE
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Score, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
