@@ -67,6 +67,23 @@ class AttitudeEstimator:
         gain = math.sqrt((gyro_noise / reference_noise) ** 2 + 2.0 * turn)
         return cls(time_constant_s=1.0 / gain, bias_time_constant_s=gain / turn if turn else math.inf)
 
+    def response(self, period_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return the filter from a change of an angle's rate to that of the angle, near wings level: b and a.
+
+        d(k) = a (d(k-1) + Ts (u(k-1) + u(k))/2 - Ts b_d(k-1)) with b_d as in `bent`, as a filter of the second order.
+
+        >>> from scipy.signal import lfilter
+        >>> b, a = AttitudeEstimator(time_constant_s=5.0).response(0.01)
+        >>> lfilter(b, a, np.full(2000, 2.0))[[100, 1999]].round(1)
+        array([1.8, 9.8])
+        """
+        kept = self.time_constant_s / (self.time_constant_s + period_s)
+        learning = kept * period_s**2 / (self.time_constant_s * self.bias_time_constant_s)
+        over = 0.5 * kept * period_s * np.array([1.0, 0.0, -1.0])
+        if not learning:
+            return over[:1] * np.ones(2), np.array([1.0, -kept])
+        return over, np.array([1.0, learning - 1.0 - kept, kept])
+
     def bent(self, healthy: Record, broken: Record) -> Record:
         """Return a broken record with the attitude that the estimator would have made of its gyros.
 

@@ -8,8 +8,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from gtmbench.attitude import GYROS, AttitudeEstimator
 from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
+from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.readings import Habit, straight_rows
@@ -22,7 +24,9 @@ ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
+_REMEMBERED_S = 0.3  # by filters, that matters
 _SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
+_REFERRED_S = 1.0  # over which what references say of a gyro is smooth: they are noisier than it is
 _FREQUENCIES = 64
 
 
@@ -75,6 +79,13 @@ class Case:
         """Ts."""
         return self.record.sample_period_s
 
+    @cached_property
+    def driving(self) -> tuple[str, ...]:
+        """The suspects that drive the attitude; none where it is of its own."""
+        bank = self.monitor.bank
+        gyros = GYROS if bank.attitude_from_gyros and {"phi", "theta"} <= set(bank.channels) else ()
+        return tuple(gyro for gyro in gyros if gyro in self.residuals.raw and gyro in self.virtual)
+
     @property
     def end_s(self) -> float:
         """When the last sample of the case is there."""
@@ -88,7 +99,11 @@ class Case:
         """
         monitor = self.monitor
         outputs = tuple(self.residuals.raw)
-        memory = max(monitor.operators[name].causal_order + monitor.whiteners[name].order for name in outputs) + 1
+        most = round(_REMEMBERED_S / self.period_s)
+        memory = max(
+            monitor.operators[name].causal_order + min(monitor.whiteners[name].order, most) for name in outputs
+        )
+        memory += 1
         ahead = max(round(monitor.look_ahead_of(name) / self.period_s) for name in outputs)
         stop = max(len(self.record) - ahead, 0)
         return slice(min(self.sure + memory, stop), stop)
@@ -145,6 +160,8 @@ class Case:
     def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
         referee = self.referees.get(axis[0])
         predicted = self.residuals.predicted  # a gyro's with its bias, as it was learnt
+        if self.monitor.bank.attitude_from_gyros:  # what predicts the gyros has bent with them
+            return {}
         if referee is None or not all(name in predicted or name in self.virtual for name in axis):
             return {}
         virtual = {name: predicted[name] if name in predicted else self.virtual[name] for name in axis}
@@ -210,7 +227,18 @@ class Case:
         if not window:
             return values
         near = np.convolve(unknown, np.ones(window), mode="same") > 0.5 if unknown.any() else unknown
-        return np.where(near, values, _smooth(values, _cubics(window)))
+        return np.where(near, values, self.smooth(values))
+
+    def smooth(self, values: FloatArray) -> FloatArray:
+        """Return rows without most of their noise."""
+        return _smooth(values, _cubics(self._window)) if self._window else values
+
+    def undriven(self, channel: str, estimator: AttitudeEstimator) -> FloatArray:
+        """Return what a gyro that drives the attitude should have read, by the references of the estimator."""
+        residual = self.residuals.raw[channel] - self.shift[channel] - self._mean(channel)
+        window = min(2 * int(0.5 * _REFERRED_S / self.period_s) + 1, (len(residual) - 1) // 2 * 2 + 1)
+        smooth = _smooth(np.nan_to_num(residual), _cubics(window)) if window >= 5 else np.nan_to_num(residual)
+        return np.asarray(self.record[channel] - undriven(estimator, smooth, self.period_s))
 
     @cached_property
     def smoothing(self) -> FloatArray:

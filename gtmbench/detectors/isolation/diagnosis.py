@@ -60,6 +60,17 @@ _RATES = ("drift",)  # of an angle: what a bias of its gyro is
 _TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
 _DEAD = 0.1  # the factor of a gyro that reads nothing of a turn: one that is dead is stuck, or an estimator turned
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
+_FARTHEST_DEG = 20.0  # that a gyro has bent the attitude, while what shows of it is linear
+_OF_ESTIMATES = (
+    "jam",
+    "stuck",
+    "hardover",
+    "stale",
+    "quantisation",
+    "noise",
+    "spikes",
+)  # what an estimator's angle has
+ESTIMATED = "an estimator that the gyros drive has no such fault of its own"
 EARLY = "it is too early to tell"
 DOUBT = "motion or model"
 
@@ -99,6 +110,8 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
     told = _weighed(case, ranking, replace(first, reason="", doubt=""))
     if case.monitor.is_cautious:
         told = _cautious(case, ranking, told)
+    if told.sensor in ANGLES and case.driving and told.kind not in _OF_ESTIMATES:
+        told = replace(told, sensor=None, partner=None, candidates=first.candidates, reason=ESTIMATED)
     return wandering_noise(case, ranking, changed_noise(case, ranking, told, DECISIVE), DECISIVE)
 
 
@@ -414,6 +427,16 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
         return None
     return round(float(case.record.time_s[case.judged.start + ended]), 9)
+
+
+def is_bent_far(case: Case) -> bool:
+    """Tell whether a gyro seems to have bent the attitude beyond what is linear: what was said before stands."""
+    for suspect in suspects_in(case, case.driving):
+        assert suspect.bend is not None
+        bends = suspect.bend.of(suspect.off[np.newaxis])
+        if any(float(np.abs(bend).max()) > _FARTHEST_DEG for bend in bends.values()):
+            return True
+    return False
 
 
 def fault_of(fit: FittedHypothesis) -> Fault | None:

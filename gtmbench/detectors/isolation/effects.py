@@ -7,11 +7,14 @@ order. Where an operator's input is the channel itself, it is exact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
 from gtmbench.record import FloatArray, Record
 
@@ -20,7 +23,8 @@ from gtmbench.record import FloatArray, Record
 class Path:
     """A way from a channel into a whitened residual: w(k) += sum over j of kernel_j u(k + ahead - j).
 
-    u = of_value x + of_slope x', x' the central difference per second.
+    u = of_value x + of_slope x', x' the central difference per second; x is a change of the channel, or what that
+    bends of the angle that it goes through.
     """
 
     output: str
@@ -28,11 +32,13 @@ class Path:
     ahead: int
     of_value: float | FloatArray = field(repr=False)
     of_slope: FloatArray | None = field(repr=False)
+    through: str = ""
 
     @property
     def is_alone(self) -> bool:
         """Whether it is the channel itself that enters: u = x."""
-        return self.of_slope is None and np.ndim(self.of_value) == 0 and self.of_value == 1.0
+        is_direct = self.of_slope is None and not self.through
+        return is_direct and np.ndim(self.of_value) == 0 and self.of_value == 1.0
 
     def later(self, start: int) -> Path:
         """Return the path for rows from `start` on."""
@@ -53,6 +59,38 @@ class Path:
         if self.of_slope is not None:
             by += float(np.mean(np.square(self.of_slope))) * np.square(np.sin(frequency) / sample_period_s)
         return np.asarray(gain * by)
+
+
+def bent_paths(monitor: CalibratedBank, record: Record, channel: str, virtual: FloatArray) -> list[Path]:
+    """Return all ways of a gyro that drives the attitude: its own, and by the angles that bend with it."""
+    direct = paths_of(monitor, record, channel, virtual)
+    angles = [angle for angle in ATTITUDE if angle in monitor.bank.channels]
+    return direct + [
+        replace(path, through=angle) for angle in angles for path in paths_of(monitor, record, angle, record[angle])
+    ]
+
+
+def powers(
+    paths: Sequence[Path], outputs: Sequence[str], frequency: FloatArray, period_s: float, bend: Bend | None
+) -> FloatArray:
+    """Return what white noise of unit variance on a channel makes of residuals, shape (outputs, frequencies).
+
+    Ways of their own add up as powers; what goes through an angle is the same noise once more, so that these add up
+    before.
+    """
+    found = np.zeros((len(outputs), len(frequency)))
+    if bend is None:
+        for path in paths:
+            found[outputs.index(path.output)] += path.power(frequency, period_s)
+        return found
+    turned = np.exp(-1j * frequency)
+    together = np.zeros(found.shape, dtype=complex)
+    for path in paths:
+        gain = np.polyval(path.kernel[::-1], turned) * np.exp(1j * path.ahead * frequency)
+        if path.through and path.of_slope is not None:
+            gain = gain * bend.response(frequency, path.through, path.of_slope) * 1j * np.sin(frequency) / period_s
+        together[outputs.index(path.output)] += 0.0 if path.through and path.of_slope is None else gain
+    return np.asarray(np.square(np.abs(together)))
 
 
 def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: FloatArray) -> list[Path]:
@@ -93,12 +131,14 @@ class Effects:
     rows : int
         How many rows a change has.
     sample_period_s : float
+    bend : Bend, optional
+        Of the paths that go through an angle.
     """
 
-    def __init__(self, paths: list[Path], rows: int, sample_period_s: float) -> None:
+    def __init__(self, paths: list[Path], rows: int, sample_period_s: float, bend: Bend | None = None) -> None:
         from scipy.fft import next_fast_len
 
-        self._paths, self._period_s = paths, sample_period_s
+        self._paths, self._period_s, self._bend = paths, sample_period_s, bend
         self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
         self._kernels = [np.fft.rfft(path.kernel, self._size) for path in paths]
 
@@ -106,8 +146,10 @@ class Effects:
         """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows."""
         shown: dict[str, FloatArray] = {}
         alone = np.fft.rfft(changes, self._size)
+        bends = {} if self._bend is None else self._bend.of(changes)
         for path, kernel in zip(self._paths, self._kernels, strict=True):
-            driven = alone if path.is_alone else np.fft.rfft(path.drive(changes, self._period_s), self._size)
+            source = bends[path.through] if path.through else changes
+            driven = alone if path.is_alone else np.fft.rfft(path.drive(source, self._period_s), self._size)
             wave = np.fft.irfft(driven * kernel, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
             shown[path.output] = shown[path.output] + wave if path.output in shown else wave
         return shown

@@ -10,8 +10,9 @@ from itertools import combinations
 import numpy as np
 
 from gtmbench.channels import axis_of
+from gtmbench.detectors.isolation.bend import CANDIDATES
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, least_of
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
@@ -34,7 +35,10 @@ def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
 
 @lru_cache(maxsize=12)  # one case is judged in several steps
 def _suspect(case: Case, channel: str) -> Suspect | None:
-    return Suspect.of(case, channel)
+    if channel not in case.driving:
+        return Suspect.of(case, channel)
+    tried = [Suspect.of(case, channel, estimator) for estimator in CANDIDATES]
+    return min((each for each in tried if each is not None), key=least_of, default=None)
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:

@@ -53,6 +53,8 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("t", "x", "x'"),
 )
 
+_SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), ("x", "x'"))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
@@ -123,8 +125,12 @@ class Fitter:
 
     @cached_property
     def shapes(self) -> dict[str, FloatArray]:
-        """What a fault may add, per unit; nothing before the onset."""
-        v, t = self.virtual, self.after_s
+        """What a fault may add, per unit; nothing before the onset.
+
+        Where the attitude bends with the sensor, what it should have read is known far worse than what it read, which
+        tells the same: a gain is one over another. Noise is left out, or a shape would take the sensor's own away.
+        """
+        v, t = self.suspect.case.smooth(self.measured) if self.is_driven else self.virtual, self.after_s
         level = v - (v[0] if self.suspect.channel == "psi" else 0.0)
         frequency = 2.0 * np.pi * self.frequency_hz
         shapes = {
@@ -141,6 +147,15 @@ class Fitter:
             shapes[f"of {name}"] = readings
         shapes |= {f"of {name}": readings for name, readings in self.felt.items()}
         return {name: shape * self.on for name, shape in shapes.items()}
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the attitude bends with the sensor."""
+        return self.suspect.bend is not None
+
+    def gain(self, more: float) -> float:
+        """Return the factor by which a sensor reads, from how much of shape x there is."""
+        return 1.0 / (1.0 - more) if self.is_driven and more != 1.0 else 1.0 + more
 
     @cached_property
     def frequency_hz(self) -> float:
@@ -311,6 +326,13 @@ class Fitter:
         """Whether shapes of readings that come late explain anything."""
         late = [self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
         return min(late, default=np.inf) < self.anything[()].deviance - WORTH
+
+
+def least_of(suspect: Suspect) -> float:
+    """Return about the least -2 log likelihood that simple shapes leave of a suspect, a number fitted costing two."""
+    fitter = Fitter(suspect)
+    columns = Columns(suspect, {name: fitter.shapes[name] for name in dict.fromkeys(sum(_SIMPLE, ()))})
+    return min(of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True))
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:

@@ -73,7 +73,7 @@ def _oscillation(fitter: Fitter) -> Iterator[Fit]:
     """Give a sine that is added, and one in place of the signal; its frequency was fitted, too."""
     for family, names in (("additive", ("sin", "cos")), ("replacing", ("sin", "cos", "x"))):
         weights = fitter.weights(*names)
-        if len(names) == 2 or abs(weights[2] + 1.0) <= _REPLACED:
+        if len(names) == 2 or (abs(weights[2] + 1.0) <= _REPLACED and not fitter.is_driven):
             found = {"amplitude": float(np.hypot(*weights[:2])), "frequency_hz": fitter.frequency_hz}
             errors = partial(_errors, fitter, "amplitude", "sin", "cos")
             yield fitter.shaped("oscillation", family, names, found, errors, more=1)
@@ -82,7 +82,7 @@ def _oscillation(fitter: Fitter) -> Iterator[Fit]:
 def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
     """Give a wrong gain, of the signal or of all that is read, noise too, and a wrong sign."""
     (more,) = fitter.weights("x")
-    factor = 1.0 + float(more)
+    factor = fitter.gain(float(more))
     is_flipped = abs(factor + 1.0) < _FLIPPED
     plain = fitter.shaped(
         "sign_flip" if is_flipped else "scale_factor",
@@ -92,9 +92,10 @@ def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
         dict if is_flipped else partial(_errors, fitter, "factor", "x"),
     )
     yield plain
-    if abs(factor) > _LEAST_GAIN:
+    if abs(factor) > _LEAST_GAIN and not fitter.is_driven:
         yield replace(plain, left=fitter.suspect.rescaled(factor))
-    yield fitter.fixed("sign_flip", "multiplicative", -2.0 * fitter.shapes["x"], {}, 0)
+    turned = 2.0 if fitter.is_driven else -2.0  # of what is read, of what should be
+    yield fitter.fixed("sign_flip", "multiplicative", turned * fitter.shapes["x"], {}, 0)
 
 
 def _timing(fitter: Fitter) -> Iterator[Fit]:
@@ -196,9 +197,11 @@ def _crossing(fitter: Fitter) -> Iterator[Fit]:
     for name in fitter.peers:
         names = ("x", f"of {name}")
         more, other = fitter.weights(*names)
-        if more < -1.0 or abs(np.hypot(1.0 + more, other) - 1.0) > _TURNED:
+        along = fitter.gain(float(more))
+        across = float(other) * (along if fitter.is_driven else 1.0)
+        if along < 0.0 or abs(np.hypot(along, across) - 1.0) > _TURNED:
             continue
-        found = {"angle_deg": float(np.rad2deg(np.arctan2(other, 1.0 + more)))}
+        found = {"angle_deg": float(np.rad2deg(np.arctan2(across, along)))}
         errors = partial(_angle_error, fitter, names)
         yield fitter.shaped("misalignment", "cross-axis", names, found, errors, partner=name)
     for name in fitter.felt:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.isolation.case import own
+from gtmbench.detectors.isolation.effects import powers
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.record import FloatArray
@@ -162,10 +163,7 @@ class Noise:
     def _power(self) -> FloatArray:
         """What white noise of unit variance on the readings makes of the residuals, shape (outputs, bins)."""
         suspect = self._suspect
-        power = np.zeros((len(suspect.outputs), len(self._frequency)))
-        for path in suspect.paths:
-            power[suspect.outputs.index(path.output)] += path.power(self._frequency, suspect.case.period_s)
-        return power
+        return powers(suspect.paths, suspect.outputs, self._frequency, suspect.case.period_s, suspect.bend)
 
 
 def spikes_of(suspect: Suspect) -> SpikesFit | None:

@@ -8,9 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.attitude import AttitudeEstimator
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.effects import Effects, Path, paths_of
+from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
@@ -68,6 +70,8 @@ class Suspect:
     time_s : shape (rows,)
     paths : list of Path
         Into the residuals, and into its own innovations, the last.
+    bend : Bend or None
+        Of a gyro that drives the attitude.
     """
 
     case: Case
@@ -76,15 +80,27 @@ class Suspect:
     virtual: FloatArray = field(repr=False)
     time_s: FloatArray = field(repr=False)
     paths: list[Path] = field(repr=False)
+    bend: Bend | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, case: Case, channel: str) -> Suspect | None:
-        """Return a suspect, or None where nothing predicts it."""
+    def of(cls, case: Case, channel: str, estimator: AttitudeEstimator | None = None) -> Suspect | None:
+        """Return a suspect, or None where nothing predicts it.
+
+        One that drives the attitude does so through an estimator; what it should have read, what the attitude's
+        references say.
+        """
         virtual = case.virtual.get(channel)
         if virtual is None:
             return None
         rows = slice(case.start, None)
-        paths = [path.later(case.start) for path in paths_of(case.monitor, case.record, channel, virtual)]
+        bend = None
+        if estimator is None:
+            found = paths_of(case.monitor, case.record, channel, virtual)
+        else:
+            found = bent_paths(case.monitor, case.record, channel, virtual)
+            bend = Bend(estimator, case.record.between(case.record.time_s[case.start], case.record.end_s), channel)
+            virtual = case.undriven(channel, estimator)
+        paths = [path.later(case.start) for path in found]
         habit = case.habits.get(channel)
         if habit is not None:
             paths.append(Path(output=own(channel), kernel=habit.taps, ahead=0, of_value=1.0, of_slope=None))
@@ -95,6 +111,7 @@ class Suspect:
             virtual=virtual[rows],
             time_s=case.record.time_s[rows],
             paths=[path for path in paths if path.output in case.white],
+            bend=bend,
         )
 
     @property
@@ -132,7 +149,7 @@ class Suspect:
     @cached_property
     def expected(self) -> FloatArray:
         """What it should have read, without the virtual sensor's noise; what it read, where that isn't known."""
-        if self.channel in self.case.expected:
+        if self.bend is None and self.channel in self.case.expected:
             return self.case.expected[self.channel][self.case.start :]
         return np.where(np.isfinite(self.virtual), self.virtual, np.nan_to_num(self.measured))
 
@@ -212,7 +229,7 @@ class Suspect:
 
     @cached_property
     def _effects(self) -> Effects:
-        return Effects(self.paths, len(self.measured), self.case.period_s)
+        return Effects(self.paths, len(self.measured), self.case.period_s, self.bend)
 
     def shown(self, changes: FloatArray) -> FloatArray:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""

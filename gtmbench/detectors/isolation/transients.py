@@ -42,7 +42,8 @@ def transients(case: Case, suspects: Sequence[Suspect]) -> list[Transient]:
     white = {output: np.nan_to_num(case.white[output][rows]) for output in entered}
     found: list[Transient] = []
     for suspect in suspects:
-        ways = [_matches(path, white[path.output], case.period_s) for path in suspect.paths]
+        direct = [path for path in suspect.paths if not path.through]  # what an angle bends doesn't come at once
+        ways = [_matches(path, white[path.output], case.period_s) for path in direct]
         found.extend(_best(suspect, of_shape, is_step=i == 0) for i, of_shape in enumerate(zip(*ways, strict=True)))
     return sorted(found, key=lambda each: -each.gain)
 

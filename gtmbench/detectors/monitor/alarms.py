@@ -42,6 +42,7 @@ from gtmbench.detectors.isolation.diagnosis import (
     ended_s,
     entered,
     fault_of,
+    is_bent_far,
     judge,
     suspects_of,
 )
@@ -444,9 +445,12 @@ class AlarmLogic:
                 return
         if is_late:
             return
-        fault.ruled_out |= hopeless(case, ranking, suspects)
         first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
+        last = fault.alarm.last
+        if last is not None and not set(judged.candidates) <= set(last.candidates) and is_bent_far(case):
+            return
+        fault.ruled_out |= hopeless(case, ranking, suspects)
         settling = fault.settling
         if settling is not None and judged.candidates and case.end_s < settling.end_s + settling.settles_s:
             judged = replace(judged, sensor=None, partner=None, doubt=settling.reason)
