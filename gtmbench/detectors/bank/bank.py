@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, r
 from gtmbench.shipped import shipped_banks
 
 _MOST_RESIDUALS = 50
+_DRIVEN_WHITENING_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +79,8 @@ class Bank:
         Length of the whitening filters.
     attitude_from_gyros : bool
         Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
-        so that after an alarm no residual that uses it can be trusted, and no fault's kind fits for long.
+        so that what shows of it is how the filter's references pull the attitude back, and after an alarm no residual
+        that uses it tells of another fault. `driven` makes such a bank of any.
 
     Examples
     --------
@@ -126,6 +128,16 @@ class Bank:
     def check_channels(self, channels: Iterable[str]) -> None:
         """Refuse a record that lacks a channel, and say what could be used instead."""
         check_channels(f"bank {self.name}", self.channels, channels)
+
+    def driven(self) -> Bank:
+        """Return the bank for an attitude that the gyros drive.
+
+        What its references leave of a gyro's fault is slow beside their noise, so it takes longer filters to whiten.
+
+        >>> load_bank("C").driven().attitude_from_gyros
+        True
+        """
+        return replace(self, attitude_from_gyros=True, whitening_s=max(self.whitening_s, _DRIVEN_WHITENING_S))
 
     disturbs = renamed("Bank.disturbs", "affects")
 

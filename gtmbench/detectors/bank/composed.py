@@ -50,15 +50,15 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     judged = next((bank for bank, spec in taken if len(spec.inputs) > 1), _banks()[0])
     needs = {channel for spec in specs for channel in spec.needs}
     suspected = dict.fromkeys(name for bank, _ in taken for name in bank.suspects)
-    return replace(
+    bank = replace(
         first,
         name=AUTO,
         title=_title(taken),
         residuals=specs,
         suspects=tuple(name for name in suspected if name in needs),
         statistic=judged.statistic,
-        attitude_from_gyros=attitude_from_gyros,
     )
+    return bank.driven() if attitude_from_gyros else bank
 
 
 def unwatched(bank: Bank, channels: Collection[str]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, AttitudeEstimator
+from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
 from gtmbench.record import FloatArray, Record
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
@@ -18,6 +18,7 @@ CANDIDATES = (
     *(AttitudeEstimator(time_constant_s=tau) for tau in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)),
     *(AttitudeEstimator(time_constant_s=tau, bias_time_constant_s=4.0 * tau) for tau in (2.0, 5.0, 15.0)),
 )
+_ALL = (*GYROS, *ATTITUDE)
 _TURNS = 3  # how often one angle's bend is passed on to the others
 
 
@@ -31,15 +32,17 @@ class Bend:
     ----------
     estimator : AttitudeEstimator
     record : Record
-        What was read, of the rows that changes have.
+        About what it is linear.
+    start : int
+        The record's row from which on there are changes.
     channel : str
         p, q or r.
     """
 
-    def __init__(self, estimator: AttitudeEstimator, record: Record, channel: str) -> None:
-        self.estimator = estimator
+    def __init__(self, estimator: AttitudeEstimator, record: Record, start: int, channel: str) -> None:
+        self.estimator, self.record, self._start, self._channel = estimator, record, start, channel
         self._period_s = record.sample_period_s
-        phi, theta, q, r = (_radians(record, name) for name in ("phi", "theta", "q", "r"))
+        phi, theta, q, r = (_radians(record, name)[start:] for name in ("phi", "theta", "q", "r"))
         sin, cos, tan, secant = np.sin(phi), np.cos(phi), np.tan(theta), 1.0 / np.cos(theta)
         turn, pitch = q * sin + r * cos, q * cos - r * sin
         none, all_of_it = np.zeros_like(phi), np.ones_like(phi)
@@ -65,6 +68,28 @@ class Bend:
                 for angle, rate in rates.items()
             }
         return bends
+
+    def straightened(self, change: FloatArray) -> Bend:
+        """Return it about the record without a change of the gyro, shape (rows of the record,): by the whole equations.
+
+        Raises
+        ------
+        InputError
+            Where Euler angles end.
+        """
+        record = self.record
+        there = [name for name in (*GYROS, *ATTITUDE) if name in record.channels]
+        columns = {name: np.nan_to_num(record[name]) if name in there else np.zeros(len(record)) for name in _ALL}
+        read = Record(
+            np.column_stack(list(columns.values())),
+            channels=_ALL,
+            sample_period_s=self._period_s,
+            start_s=record.start_s,
+        )
+        straight = self.estimator.bent(read, read.replace(self._channel, read[self._channel] - change))
+        for name in there:
+            record = record.replace(name, np.where(np.isfinite(record[name]), straight[name], np.nan))
+        return Bend(self.estimator, record, self._start, self._channel)
 
     def _passed(self, rates: FloatArray) -> FloatArray:
         from scipy.signal import lfilter

@@ -60,7 +60,7 @@ _RATES = ("drift",)  # of an angle: what a bias of its gyro is
 _TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
 _DEAD = 0.1  # the factor of a gyro that reads nothing of a turn: one that is dead is stuck, or an estimator turned
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
-_FARTHEST_DEG = 20.0  # that a gyro has bent the attitude, while what shows of it is linear
+_FARTHEST_DEG = 45.0  # that a gyro may have bent the attitude
 _OF_ESTIMATES = (
     "jam",
     "stuck",
@@ -430,11 +430,11 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
 
 
 def is_bent_far(case: Case) -> bool:
-    """Tell whether a gyro seems to have bent the attitude beyond what is linear: what was said before stands."""
+    """Tell whether a gyro seems to have bent the attitude so far that its fit errs: what was said stands."""
     for suspect in suspects_in(case, case.driving):
         assert suspect.bend is not None
-        bends = suspect.bend.of(suspect.off[np.newaxis])
-        if any(float(np.abs(bend).max()) > _FARTHEST_DEG for bend in bends.values()):
+        change = suspect.off if suspect.away is None else suspect.away
+        if any(float(np.abs(bend).max()) > _FARTHEST_DEG for bend in suspect.bend.of(change[np.newaxis]).values()):
             return True
     return False
 

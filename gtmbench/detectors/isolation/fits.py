@@ -10,12 +10,13 @@ from itertools import combinations
 import numpy as np
 
 from gtmbench.channels import axis_of
-from gtmbench.detectors.isolation.bend import CANDIDATES
+from gtmbench.detectors.isolation.bend import CANDIDATES, Bend
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, least_of
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
+_LIKELY = 3  # estimators
 _HOPELESS = 200.0  # of -2 log likelihood
 ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
@@ -35,10 +36,21 @@ def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
 
 @lru_cache(maxsize=12)  # one case is judged in several steps
 def _suspect(case: Case, channel: str) -> Suspect | None:
-    if channel not in case.driving:
-        return Suspect.of(case, channel)
-    tried = [Suspect.of(case, channel, estimator) for estimator in CANDIDATES]
-    return min((each for each in tried if each is not None), key=least_of, default=None)
+    return _driving(case, channel) if channel in case.driving else Suspect.of(case, channel)
+
+
+def _driving(case: Case, channel: str) -> Suspect:
+    """Return a gyro that drives the attitude, through the estimator by which simple shapes explain most.
+
+    Which that is the linear tells but for a few, and of these the whole equations.
+    """
+    bends = [Bend(estimator, case.record, case.start, channel) for estimator in CANDIDATES]
+    tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
+    likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
+    straight = [simple.suspect.without(simple.change) for simple in likely]
+    if straight[0] is likely[0].suspect:
+        return straight[0]
+    return min(map(simplest, straight), key=lambda simple: simple.deviance).suspect
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:

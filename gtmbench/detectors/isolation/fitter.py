@@ -328,11 +328,27 @@ class Fitter:
         return min(late, default=np.inf) < self.anything[()].deviance - WORTH
 
 
-def least_of(suspect: Suspect) -> float:
-    """Return about the least -2 log likelihood that simple shapes leave of a suspect, a number fitted costing two."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simple:
+    """What a few simple shapes explain of a suspect: about the least deviance, a number fitted costing two of it."""
+
+    suspect: Suspect
+    deviance: float
+    change: FloatArray = field(repr=False)
+
+
+def simplest(suspect: Suspect) -> Simple:
+    """Return how simple shapes explain a suspect; where it is held or clipped, what it should have read does."""
     fitter = Fitter(suspect)
     columns = Columns(suspect, {name: fitter.shapes[name] for name in dict.fromkeys(sum(_SIMPLE, ()))})
-    return min(of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True))
+    deviances = [of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True)]
+    best = int(np.argmin(deviances))
+    if fitter.is_traced:
+        change = (fitter.measured - fitter.virtual) * fitter.on
+    else:
+        weights = columns.weights(_SIMPLE[best])
+        change = sum(weight * fitter.shapes[name] for weight, name in zip(weights, _SIMPLE[best], strict=True))
+    return Simple(suspect=suspect, deviance=deviances[best], change=np.asarray(change))
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
@@ -16,12 +16,16 @@ from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, path
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.record import BoolArray, FloatArray
+from gtmbench.errors import InputError
+from gtmbench.record import BoolArray, FloatArray, Record
 
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
 _LIKELIEST = 8.9  # of -2 log likelihood a row: its noise has gone (3.5), its gain nearly (4.6), any gain will do (0.8)
 _FAR_DEG = 5.0
+_LINEAR_DEG = (
+    1.0  # of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
+)
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
@@ -72,6 +76,8 @@ class Suspect:
         Into the residuals, and into its own innovations, the last.
     bend : Bend or None
         Of a gyro that drives the attitude.
+    away : shape (rows,) or None
+        What has been taken out of its readings, attitude and all, so that only the rest has to be small.
     """
 
     case: Case
@@ -81,29 +87,30 @@ class Suspect:
     time_s: FloatArray = field(repr=False)
     paths: list[Path] = field(repr=False)
     bend: Bend | None = field(default=None, repr=False)
+    away: FloatArray | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, case: Case, channel: str, estimator: AttitudeEstimator | None = None) -> Suspect | None:
-        """Return a suspect, or None where nothing predicts it.
-
-        One that drives the attitude does so through an estimator; what it should have read, what the attitude's
-        references say.
-        """
+    def of(cls, case: Case, channel: str) -> Suspect | None:
+        """Return a suspect, or None where nothing predicts it."""
         virtual = case.virtual.get(channel)
         if virtual is None:
             return None
-        rows = slice(case.start, None)
-        bend = None
-        if estimator is None:
-            found = paths_of(case.monitor, case.record, channel, virtual)
-        else:
-            found = bent_paths(case.monitor, case.record, channel, virtual)
-            bend = Bend(estimator, case.record.between(case.record.time_s[case.start], case.record.end_s), channel)
-            virtual = case.undriven(channel, estimator)
+        return cls._made(case, channel, virtual, paths_of(case.monitor, case.record, channel, virtual))
+
+    @classmethod
+    def driving(cls, case: Case, channel: str, bend: Bend, away: FloatArray | None = None) -> Suspect:
+        """Return a gyro that drives the attitude through an estimator: what it should have read, its references say."""
+        virtual = case.undriven(channel, bend.estimator)
+        found = bent_paths(case.monitor, bend.record, channel, virtual)
+        return cls._made(case, channel, virtual, found, bend=bend, away=away)
+
+    @classmethod
+    def _made(cls, case: Case, channel: str, virtual: FloatArray, found: Sequence[Path], **more: Any) -> Suspect:
         paths = [path.later(case.start) for path in found]
         habit = case.habits.get(channel)
         if habit is not None:
             paths.append(Path(output=own(channel), kernel=habit.taps, ahead=0, of_value=1.0, of_slope=None))
+        rows = slice(case.start, None)
         return cls(
             case=case,
             channel=channel,
@@ -111,8 +118,26 @@ class Suspect:
             virtual=virtual[rows],
             time_s=case.record.time_s[rows],
             paths=[path for path in paths if path.output in case.white],
-            bend=bend,
+            **more,
         )
+
+    def without(self, change: FloatArray) -> Suspect:
+        """Return a driving gyro of which a change is taken out, attitude and all: what shows of the rest is linear.
+
+        Itself, where the attitude bends by so little that all is, or where its estimator can't have made the attitude.
+        """
+        bend = self.bend
+        if (
+            bend is None
+            or max(float(np.abs(angle).max()) for angle in bend.of(change[np.newaxis]).values()) < _LINEAR_DEG
+        ):
+            return self
+        start = np.concatenate([np.zeros(self.case.start), change])
+        try:
+            straight = bend.straightened(start)
+        except InputError:  # too steep for Euler angles
+            return self
+        return Suspect.driving(self.case, self.channel, straight, away=change)
 
     @property
     def onset(self) -> int:
@@ -164,7 +189,7 @@ class Suspect:
 
         Its own innovations are missing where it isn't known what it should have read, too.
         """
-        white = self._near if self._is_far else self._as_measured
+        white = self._as_measured if self._taken_out is None else self._near(*self._taken_out)
         unknown = ~np.isfinite(self.virtual)
         if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
             reach = np.ones(len(self.case.habits[self.channel].taps))
@@ -175,19 +200,23 @@ class Suspect:
     def _as_measured(self) -> FloatArray:
         return np.asarray([self.case.white[output][self.case.judged] for output in self.outputs], dtype=float)
 
-    @cached_property
-    def _is_far(self) -> bool:
-        """Whether an angle reads so far off that what it adds to the residuals is no longer linear."""
-        return self.channel in ANGLES and bool(np.abs(self.off[self.sure :]).max(initial=0.0) > _FAR_DEG)
-
     @property
-    def _near(self) -> FloatArray:
-        """The residuals had it read what it should have, and what its change adds as if that were linear."""
+    def _taken_out(self) -> tuple[Record, FloatArray] | None:
+        """The record without a change that is too large to be linear, and that; None where none is."""
+        record, start = self.case.record, self.case.start
+        if self.bend is not None and self.away is not None:
+            return self.bend.record, self.away
+        if self.channel in ANGLES and np.abs(self.off[self.sure :]).max(initial=0.0) > _FAR_DEG:
+            readings = record[self.channel].copy()
+            readings[start:] -= self.off
+            return record.replace(self.channel, readings), self.off
+        return None
+
+    def _near(self, record: Record, change: FloatArray) -> FloatArray:
+        """Return the residuals of a record without a change, and what the change adds as if that were linear."""
         case = self.case
-        readings = case.record[self.channel].copy()
-        readings[case.start :] -= self.off
-        near = case.with_record(case.record.replace(self.channel, readings))
-        white, shown = self._as_measured, self.shown(self.off[np.newaxis])[0]
+        near = case.with_record(record)
+        white, shown = self._as_measured, self.shown(change[np.newaxis])[0]
         for i, output in enumerate(self.outputs):
             if output in case.residuals.raw:  # its own innovations are linear, however far
                 white[i] = near.white[output][case.judged] + shown[i]

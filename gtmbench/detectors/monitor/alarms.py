@@ -448,7 +448,7 @@ class AlarmLogic:
         first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         last = fault.alarm.last
-        if last is not None and not set(judged.candidates) <= set(last.candidates) and is_bent_far(case):
+        if last is not None and not _is_narrower(judged, last) and is_bent_far(case):
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
         settling = fault.settling
@@ -532,6 +532,12 @@ class AlarmLogic:
 
     def _rows_of(self, span_s: float) -> int:
         return round(span_s / self._monitor.sample_period_s)
+
+
+def _is_narrower(judged: Judgement, last: Judgement) -> bool:
+    """Tell whether a judgement says at least what the last one said, and nothing else."""
+    is_named = judged.sensor is not None or last.sensor is None
+    return is_named and set(judged.candidates) <= set(last.candidates)
 
 
 def span_rows(monitor: CalibratedBank) -> int:
