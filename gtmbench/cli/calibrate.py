@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import attitude_option, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank.detectability import Signatures
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.protocol import Detector, Monitor
+    from gtmbench.method.attitude_origin import Origin
     from gtmbench.record import Record
 
 
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     help="Imperfections of healthy gyros that must not alarm, such as bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the first flight, its noise and imperfections.")
+@attitude_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def calibrate_command(
@@ -68,6 +71,7 @@ def calibrate_command(
     aircraft: str | None,
     tolerate: str | None,
     seed: int,
+    attitude: str,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -79,13 +83,12 @@ def calibrate_command(
     It says what thresholds owe to the luck of these flights, and refuses where that is more than three times.
     """
     from gtmbench.bench.imperfections import parse_imperfections
-    from gtmbench.detectors.auto import AutoDetector
-    from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.files import save_monitor
-    from gtmbench.report.words.monitor import facts, origin_text
+    from gtmbench.report.words.monitor import facts
     from gtmbench.study.calibration import with_provenance
     from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-    from gtmbench.study.log.auto import bank_for_logs
+    from gtmbench.study.log.auto import recipe_for_logs
+    from gtmbench.study.log.origin import FROM_LOG
 
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
@@ -101,12 +104,14 @@ def calibrate_command(
         raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
     if mapping and not logs:
         raise InputError("--map is about logs, and none is given; name the logs, or leave it out")
+    if attitude != FROM_LOG and not logs:
+        raise InputError("--attitude is about logs, and none is given; name the logs, or leave it out")
     wanted = CalibrationFlights(**(usual | given), seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
+    attitude_of_logs = None
     with progress_bar(silent=as_json or quiet) as tell:
         records: list[Record]
         if logs:
-            if isinstance(recipe, AutoDetector):
-                recipe, _ = bank_for_logs(logs, mapping)
+            recipe, attitude_of_logs = recipe_for_logs(recipe, logs, mapping, attitude)
             records, origin = logged_records(
                 logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
             )
@@ -119,12 +124,7 @@ def calibrate_command(
     if as_json:
         print_json(facts(monitor) | {"out": str(out)})
     elif not quiet:
-        if isinstance(monitor, BankMonitor):
-            _print_monitor(monitor)
-        else:
-            echo(f"{monitor.name}: calibrated on {len(records)} records of {', '.join(records[0].channels)}")
-            for line in origin_text(monitor)[1:]:
-                echo(line)
+        _print_calibrated(monitor, records, attitude_of_logs)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
 
@@ -144,6 +144,21 @@ def _check_luck(monitor: Monitor, records: int, what: str) -> None:
     luck = Luck.told(monitor.provenance)
     if luck is not None:
         luck.check(records, what)
+
+
+def _print_calibrated(monitor: Monitor, records: Sequence[Record], attitude: Origin | None) -> None:
+    from gtmbench.detectors.bank_detector import BankMonitor
+    from gtmbench.report.words.log import attitude_lines
+    from gtmbench.report.words.monitor import origin_text
+
+    if isinstance(monitor, BankMonitor):
+        _print_monitor(monitor)
+        for line in attitude_lines(attitude):
+            echo(line)
+        return
+    echo(f"{monitor.name}: calibrated on {len(records)} records of {', '.join(records[0].channels)}")
+    for line in origin_text(monitor)[1:]:
+        echo(line)
 
 
 def _print_monitor(monitor: BankMonitor) -> None:

@@ -12,7 +12,15 @@ import click
 from gtmbench.checks import number, whole
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
-from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json, screen_width
+from gtmbench.cli.output import (
+    attitude_option,
+    common_options,
+    echo,
+    map_option,
+    print_columns,
+    print_json,
+    screen_width,
+)
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file, is_file
 from gtmbench.progress import progress_bar
@@ -50,6 +58,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # 
     type=float,
     help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
 )
+@attitude_option
 @click.option("--named", is_flag=True, help="Say from which size on faults would have been named, too: seconds.")
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
@@ -73,6 +82,7 @@ def monitor_command(
     look: float,
     rate: float | None,
     wanted: float | None,
+    attitude: str,
     named: bool,
     record: Path | None,
     figure: Path | None,
@@ -120,6 +130,7 @@ def monitor_command(
             mapping=mapping,
             rate_hz=rate,
             false_alarms_per_hour=_wanted(wanted),
+            attitude=attitude,
             limit_s=LIMIT_S if time_limit is None else time_limit,
         )
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
@@ -149,6 +160,7 @@ def monitor_command(
             mapping=mapping,
             rate_hz=rate,
             false_alarms_per_hour=_wanted(wanted),
+            attitude=attitude,
             progress=tell,
         )
         if named:

@@ -68,6 +68,18 @@ def map_option(command: F) -> F:
     )(command)
 
 
+def attitude_option(command: F) -> F:
+    """Add ``--attitude`` to a command that calibrates on logs."""
+    return click.option(
+        "--attitude",
+        type=click.Choice(["auto", "own", "driven"]),
+        default="auto",
+        show_default=True,
+        help="Whether the gyros drive the log's attitude, as an estimator's. auto: as its format documents, else as "
+        "its samples show.",
+    )(command)
+
+
 def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
     """Print lines, without what a terminal would take for commands: names and titles come from files."""
     plain = "\n".join(map(printable, text.split("\n")))

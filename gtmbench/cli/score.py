@@ -9,7 +9,7 @@ import click
 
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.monitor import healthy_part
-from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table
+from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
     help="What is healthy, to calibrate on. Without it, what lies before the first failure, 300 s at most.",
 )
 @click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@attitude_option
 @common_options
 def score_command(
     log: Path,
@@ -37,6 +38,7 @@ def score_command(
     detector: str | None,
     healthy: tuple[str, ...],
     rate: float | None,
+    attitude: str,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -56,6 +58,7 @@ def score_command(
             healthy=[healthy_part(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
+            attitude=attitude,
             progress=tell,
         )
     if as_json:

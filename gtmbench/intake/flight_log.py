@@ -95,6 +95,8 @@ class FlightLog:
         In time: the failures that the log says were put into its flight.
     imus : tuple of Imu
         The gyros of three axes that it holds, each with stamps that come often enough to be compared.
+    attitude_from_gyros : bool
+        Whether its format documents that its attitude is an estimator's which the gyros drive.
 
     Examples
     --------
@@ -117,6 +119,7 @@ class FlightLog:
     events: tuple[Event, ...] = ()
     injections: tuple[Injection, ...] = ()
     imus: tuple[Imu, ...] = ()
+    attitude_from_gyros: bool = False
 
     def _repr_html_(self) -> str:
         facts = {

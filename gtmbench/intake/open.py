@@ -157,6 +157,7 @@ def _opened(
         events=events,
         injections=_injections(raw, breaks_s, segments),
         imus=imus_of(raw),
+        attitude_from_gyros=raw.attitude_from_gyros and not set(_ATTITUDE) <= set(columns),
     )
 
 

@@ -6,22 +6,26 @@ doesn't. So a gyro's noise is looked for in the attitude's rate, at frequencies 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 from gtmbench.checks import listed
 from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
-from gtmbench.record import Record
+from gtmbench.record import BoolArray, Record
 
 _HALF_OCTAVE = 2.0**0.5
 _LOWEST_HZ = 0.5
 _FEWEST = 2  # gyros whose noise has to be missing in the attitude
-_WIDEST_HZ = 1000.0  # a gyro's noise, both sides of zero: unfiltered, a slower log holds so much more than its attitude
+_SLOWEST_HZ = 90.0  # of the sample rate: in slower logs noise and vibration fold back, into the gyros alone
 _MOST = 0.1  # of its noise may stand in an own attitude
 _ERRORS = 2.0  # standard errors, by which that is kept
 _FOLLOWS = 0.85  # of what a gyro reads is motion, so that it shows that the attitude's rate passes it
-_APART, _UNSEEN = 0.15, 0.1  # by which a gain may differ from the expected one; a standard error that tells nothing
+_APART, _OF_MOTION = 0.05, 0.05  # by which a gain may differ from the expected one, and by such a part of that
+_FLAT = 1.2  # times the power in a half octave has the next one, of noise
+_NOTHING_FOLDS_HZ = 180.0  # of the sample rate, little vibration folds back, and a gyro's own filter may show
+_UNSEEN = 0.1  # a standard error that tells nothing
 _STANDS, _SURE = 0.5, 0.15  # a share of the gyro in the attitude, and its standard error, that show that it drives it
 _OF_GRID = 4.0  # times the power of its readings' steps is noise
 
@@ -37,12 +41,16 @@ class Origin:
     why : str
         What was measured, what the format documents, or that driven is assumed, for nothing shows it.
     shares : mapping of float
-        By gyro, where it was measured: how much of its noise stands in the gyro less the attitude's rate.
+        By gyro, where it was measured: how much of its noise, or of all that it reads at high frequencies where its
+        noise isn't seen to be missing, stands in the gyro less the attitude's rate.
+    is_assumed : bool
+        Whether it is taken for driven because nothing shows that it is of its own.
     """
 
     is_driven: bool
     why: str
     shares: Mapping[str, float] = field(default_factory=dict)
+    is_assumed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,10 +68,11 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     What a format documents is believed. Else an attitude is said to be of its own only where, of two gyros or more, the
     noise is seen to be missing in the attitude's rate; where nothing is seen, it is taken for driven, as most are.
 
-    Missing means, in an octave: the rate's regression on the gyro leaves less than a tenth, or than a gyro's noise that
-    was sampled without a filter would leave (the sample rate over 1 kHz), whatever the delay up to a quarter of a
-    second. And below that octave the rate has to follow the gyro by as much as it stands above that noise, in quiet and
-    in loud windows, up to where nearly all is motion: an attitude that was low-passed follows it by another curve.
+    Missing means: in an octave in which the gyro's power is flat, as noise is, the rate's regression on the gyro leaves
+    less than a tenth, whatever the delay up to a quarter of a second. And below that octave the rate has to follow the
+    gyro by just what it reads above that noise, in quiet and in loud windows, up to where nearly all is motion: an
+    attitude that was low-passed follows it by another curve. Slower than 90 Hz nothing is said to be of its own, for
+    what a gyro's samples fold back from higher frequencies is missing in a driven attitude, too.
 
     Parameters
     ----------
@@ -80,11 +89,11 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     (True, False)
     """
     if documented is not None:
-        kind = "that the gyros drive" if documented else "of its own"
-        return Origin(is_driven=documented, why=f"the log's format documents an attitude {kind}")
+        kind = "an estimator's, which the gyros drive" if documented else "of its own"
+        return Origin(is_driven=documented, why=f"the log's format documents that it is {kind}")
     spectra = spectra_of(records)
     if not spectra:
-        return Origin(is_driven=True, why="gyros and attitude can't be compared, and most attitudes are driven by them")
+        return _assumed("its rate can't be compared with the gyros")
     missing = {gyro: found for gyro, each in spectra.items() if (found := _missing(each)) is not None}
     standing = {gyro: share for gyro, each in spectra.items() if (share := _standing(each)) is not None}
     if len(missing) >= _FEWEST and not standing.keys() - missing.keys():
@@ -96,11 +105,13 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     shares = {gyro: share for gyro, share in standing.items() if gyro not in missing}
     if shares:
         said = listed([f"{100.0 * share:.0f} % of {gyro}" for gyro, share in shares.items()])
-        return Origin(is_driven=True, why=f"only {said} stands in gyro less attitude's rate", shares=shares)
-    return Origin(
-        is_driven=True,
-        why="the gyros' noise can't be told from motion and the attitude's own noise, and most attitudes are driven",
-    )
+        return _assumed(f"gyro less attitude's rate holds only {said}", shares)
+    return _assumed("the gyros' noise can't be told from motion and from the attitude's own noise")
+
+
+def _assumed(why: str, shares: Mapping[str, float] | None = None) -> Origin:
+    """Return that an attitude is taken for driven, and why it can't be said to be of its own."""
+    return Origin(is_driven=True, why=f"as most are; {why}", shares=shares or {}, is_assumed=True)
 
 
 def _own(missing: Mapping[str, _Missing]) -> str:
@@ -122,35 +133,84 @@ def _missing(spectra: RateSpectra) -> _Missing | None:
     """Find the highest octave in which a gyro's noise is missing in the attitude's rate."""
     bands = _bands(spectra)
     rate_hz = 2.0 * float(spectra.frequency_hz[-1])
-    most = min(_MOST, rate_hz / _WIDEST_HZ)
+    if rate_hz < _SLOWEST_HZ:
+        return None
     grid = _OF_GRID * spectra.quantum**2 / 12.0 * 2.0 / rate_hz
     for place in range(len(bands) - 2, 0, -1):
         low, high = bands[place][0], bands[place + 1][1]
         quiet, loud = spectra.halves
         for windows in (quiet, quiet | loud):
             gain = spectra.gain(low, high, windows)
-            if gain is None or gain.value + _ERRORS * gain.deviation > most or gain.density < grid:
+            if gain is None or gain.value + _ERRORS * gain.deviation > _MOST or gain.density < grid:
                 continue
-            below = [_as_expected(spectra, band, gain.density) for band in reversed(bands[:place])]
-            above = [_as_expected(spectra, band, gain.density) for band in bands[place + 2 :]]
-            passed = next((k for k, each in enumerate(below) if each != "agrees"), None)
-            if passed is not None and below[passed] == "follows" and "differs" not in above:
+            flat = bands[place : place + 2] if rate_hz > _NOTHING_FOLDS_HZ else bands[place:]
+            if not _is_flat([spectra.gain(*band, windows) for band in flat]):
+                continue
+            if _follows_the_rest(spectra, bands[:place], bands[place + 2 :], gain.density):
                 return _Missing(share=1.0 - gain.value, low_hz=low, high_hz=high)
     return None
 
 
-def _as_expected(spectra: RateSpectra, band: tuple[float, float], noise: float) -> str:
-    """Say whether the rate follows what the gyro reads above its noise, as it does where that noise isn't in it."""
-    told = []
-    for windows in spectra.halves:
-        gain = spectra.gain(*band, windows)
-        if gain is None or gain.deviation > _UNSEEN:
-            return "unseen"
-        motion = max(1.0 - noise / gain.density, 0.0)
-        if abs(gain.value - motion) > _APART + 1.5 * _ERRORS * gain.deviation:
-            return "differs"
-        told.append(motion)
-    return "follows" if max(told) >= _FOLLOWS else "agrees"
+def _follows_the_rest(
+    spectra: RateSpectra,
+    below: Sequence[tuple[float, float]],
+    above: Sequence[tuple[float, float]],
+    noise: float,
+) -> bool:
+    """Tell whether, of a gyro's noise, the rate follows the rest, band by band, and down to where nearly all is that.
+
+    Of the noise it follows less than a tenth there, too, all bands taken together.
+    """
+    excess, weight = 0.0, 0.0
+    for band in reversed(below):
+        told = [_beside(spectra, band, windows, noise) for windows in spectra.halves]
+        if any(each is None or not each.agrees for each in told):
+            return False
+        for each in told:
+            if each is not None:
+                excess += each.weight * each.excess
+                weight += each.weight
+        if any(each is not None and each.motion >= _FOLLOWS for each in told):
+            others = [_beside(spectra, other, windows, noise) for other in above for windows in spectra.halves]
+            is_missing = excess / weight + weight**-0.5 <= _MOST
+            return is_missing and all(each is None or each.agrees for each in others)
+    return False
+
+
+def _is_flat(gains: Sequence[Gain | None]) -> bool:
+    """Tell whether a gyro has the same power in all bands, as noise has, and neither motion nor what folds back."""
+    seen = [gain for gain in gains if gain is not None]
+    lowest = min(seen, key=lambda gain: gain.density)
+    return all(gain.density < (_FLAT + 2.0 * (gain.of_density + lowest.of_density)) * lowest.density for gain in seen)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Beside:
+    """A band's gain beside the one that is expected of a rate that follows all but the gyro's noise.
+
+    `motion` is the expected one, `excess` which share of the noise there is more, `weight` that of this share.
+    """
+
+    motion: float
+    excess: float
+    weight: float
+    agrees: bool
+
+
+def _beside(spectra: RateSpectra, band: tuple[float, float], windows: BoolArray, noise: float) -> _Beside | None:
+    """Hold a band's gain beside what is expected; None where it can't be seen."""
+    gain = spectra.gain(*band, windows)
+    if gain is None or gain.deviation > _UNSEEN:
+        return None
+    share = min(noise / gain.density, 1.0)  # that is noise
+    excess = gain.value - (1.0 - share)
+    error = math.hypot(gain.deviation, share * gain.of_density)
+    return _Beside(
+        motion=1.0 - share,
+        excess=excess / share,
+        weight=share**2 / error**2,
+        agrees=abs(excess) <= _APART + _OF_MOTION * (1.0 - share) + _ERRORS * error,
+    )
 
 
 def _standing(spectra: RateSpectra) -> float | None:

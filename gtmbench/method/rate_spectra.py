@@ -37,11 +37,14 @@ class Gain:
         Its standard error.
     density : float
         The gyro's power by frequency there, (deg/s)^2/Hz.
+    of_density : float
+        Its standard error, as a share of it.
     """
 
     value: float
     deviation: float
     density: float
+    of_density: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +96,12 @@ class RateSpectra:
         value = float(np.abs(turns @ (z * y.conj()).sum(axis=0)).max()) / power
         unexplained = max(float(np.square(np.abs(z)).sum()) / power - value**2, 0.0)
         density = float((np.square(np.abs(y)) * self.scale[bins]).mean())
-        return Gain(value=value, deviation=float(np.sqrt(unexplained / y.size)), density=density)
+        return Gain(
+            value=value,
+            deviation=float(np.sqrt(unexplained / y.size)),
+            density=density,
+            of_density=float(np.sqrt(2.0 / y.size)),  # windows overlap by half
+        )
 
     def _bins(self, low_hz: float, high_hz: float) -> BoolArray:
         return np.asarray((self.frequency_hz >= low_hz) & (self.frequency_hz < high_hz), dtype=np.bool_)

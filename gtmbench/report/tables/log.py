@@ -53,6 +53,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
         "installation": None if watched.installation is None else watched.installation.table(),
+        "attitude": None if watched.attitude is None else asdict(watched.attitude),
         "log": _log(watched.log),
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),

@@ -16,6 +16,7 @@ from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.faults.additive import Bias
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.method.attitude_origin import Origin
 from gtmbench.pieces import deviation, rms
 from gtmbench.record import Span
 from gtmbench.report.watched import (
@@ -202,8 +203,21 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
         return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
+    origin += attitude_lines(watched.attitude)
     told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, BankMonitor) else []
     return [title, *origin, *told, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
+
+
+def attitude_lines(origin: Origin | None) -> list[str]:
+    """Say whether the gyros drive the attitude, and what that stands on.
+
+    >>> attitude_lines(Origin(is_driven=False, why="as it was told"))
+    ['attitude: of its own (as it was told)']
+    """
+    if origin is None:
+        return []
+    taken = "taken for driven by the gyros" if origin.is_assumed else "driven by the gyros"
+    return [f"attitude: {taken if origin.is_driven else 'of its own'} ({origin.why})"]
 
 
 def _explained_lines(explained: Sequence[Explained]) -> list[str]:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from gtmbench.checks import naming
+from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.method.attitude_origin import Origin
+from gtmbench.study.log.origin import FROM_LOG, check_attitude, origin_in_logs, rests_on_attitude, with_origin
 
 
-def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDetector, tuple[str, ...]]:
+def bank_for_logs(
+    paths: Sequence[Path], mapping: Sequence[str], origin: Origin | None = None
+) -> tuple[BankDetector, tuple[str, ...]]:
     """Return the bank that logs allow, and which gyros it doesn't watch, and why.
-
-    Its attitude is taken to come from the gyros where any log's format says so.
 
     Parameters
     ----------
@@ -23,6 +28,8 @@ def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDe
         The first is the one that the bank is for.
     mapping : sequence of str
         As `open_log` takes it, for all of them.
+    origin : Origin, optional
+        Whether the gyros drive the attitude; without it, as `origin_in_logs` finds it.
 
     Raises
     ------
@@ -34,5 +41,26 @@ def bank_for_logs(paths: Sequence[Path], mapping: Sequence[str]) -> tuple[BankDe
     with naming(paths[0]):
         if logs[0].no_time:
             raise InputError(logs[0].no_time)
-        bank = composed_bank(there, attitude_from_gyros=any(log.attitude_from_gyros for log in logs))
+        composed_bank(there)  # refused before samples are looked at
+    known = origin_in_logs(paths, mapping) if origin is None else origin
+    bank = composed_bank(there, attitude_from_gyros=known.is_driven)
     return BankDetector(bank=bank), unwatched(bank, there)
+
+
+def recipe_for_logs(
+    recipe: Detector,
+    logs: Sequence[Path],
+    mapping: Sequence[str],
+    attitude: str = FROM_LOG,
+) -> tuple[Detector, Origin | None]:
+    """Return a recipe as logs, all of them healthy, allow it and their attitude wants it, and what that is.
+
+    None where it doesn't rest on one.
+    """
+    check_attitude(attitude)
+    if not isinstance(recipe, AutoDetector) and not rests_on_attitude(recipe):
+        return recipe, None
+    origin = origin_in_logs(logs, mapping, attitude=attitude, spans=[(-math.inf, math.inf)])
+    if isinstance(recipe, AutoDetector):
+        recipe, _ = bank_for_logs(logs, mapping, origin)
+    return (with_origin(recipe, origin), origin) if isinstance(recipe, BankDetector) else (recipe, None)

@@ -30,6 +30,7 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Span
 from gtmbench.shipped import code_facts
 from gtmbench.study.calibration import prepared
+from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 
@@ -52,6 +53,8 @@ class Watching:
         Spans of each log, or other logs.
     mapping : tuple of str
     rate_hz, false_alarms_per_hour : float or None
+    attitude : str
+        Whether the gyros drive it, as `watch_log` takes it.
     limit_s : float
         How long one log may take.
     """
@@ -61,6 +64,7 @@ class Watching:
     mapping: tuple[str, ...] = ()
     rate_hz: float | None = None
     false_alarms_per_hour: float | None = None
+    attitude: str = FROM_LOG
     limit_s: float = LIMIT_S
 
     def check(self) -> None:
@@ -72,6 +76,7 @@ class Watching:
         """
         prepared(self.detector)
         split_mapping(self.mapping)
+        check_attitude(self.attitude)
         number("the limit of time, in seconds,", self.limit_s, 1.0, 1e6)
         if self.rate_hz is not None:
             number("rate_hz", self.rate_hz, 1e-3, 1e6)
@@ -98,6 +103,7 @@ class Watching:
             "mapping": list(self.mapping),
             "rate_hz": self.rate_hz,
             "false_alarms_per_hour": self.false_alarms_per_hour,
+            "attitude": self.attitude,
             "python": digests_of(self.files()),
         }
 
@@ -241,6 +247,7 @@ def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row])
                 mapping=watching.mapping,
                 rate_hz=watching.rate_hz,
                 false_alarms_per_hour=watching.false_alarms_per_hour,
+                attitude=watching.attitude,
             )
         )
     except GtmbenchError as error:

@@ -32,6 +32,7 @@ from gtmbench.progress import Progress, silent
 from gtmbench.record import Span
 from gtmbench.study.calibration import prepared
 from gtmbench.study.log.autopilot import first_between, of_sensors, words_of
+from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
@@ -137,13 +138,14 @@ def score_log(
     healthy: Sequence[Span | str | Path] = (),
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
+    attitude: str = FROM_LOG,
     progress: Progress = silent,
 ) -> ScoredLog:
     r"""Watch a log and score what was said on the failures that it says were injected.
 
     Parameters
     ----------
-    path, detector, mapping, rate_hz, progress
+    path, detector, mapping, rate_hz, attitude, progress
         As `watch_log` takes them.
     healthy : sequence of (start, end), str or Path
         Likewise; without any, what lies before the first failure, 300 s at most.
@@ -180,7 +182,9 @@ def score_log(
         start_s, _ = whole_s(log)
         spans = spans or (_before(log.injections, start_s, path),)
         _check_healthy(spans, log.injections)
-    return scored(watch_log(path, watcher, healthy=spans, mapping=mapping, rate_hz=rate_hz, progress=progress))
+    return scored(
+        watch_log(path, watcher, healthy=spans, mapping=mapping, rate_hz=rate_hz, attitude=attitude, progress=progress)
+    )
 
 
 def _before(injections: Sequence[Injection], start_s: float, path: Path) -> Span:

@@ -22,6 +22,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
 from gtmbench.intake.open import open_log
+from gtmbench.method.attitude_origin import Origin
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
@@ -31,6 +32,14 @@ from gtmbench.study.calibration import prepared, with_provenance
 from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.study.log.identified import healthy_stretches, undisturbed
 from gtmbench.study.log.imus import beside, compare
+from gtmbench.study.log.origin import (
+    FROM_LOG,
+    check_attitude,
+    origin_in_log,
+    origin_in_logs,
+    rests_on_attitude,
+    with_origin,
+)
 from gtmbench.study.log.records import first_part, healthy_spans, open_for, outside, whole_s, within, without
 from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import (
@@ -92,6 +101,7 @@ def watch_log(
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
     false_alarms_per_hour: float | None = None,
+    attitude: str = FROM_LOG,
     progress: Progress = silent,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -116,6 +126,10 @@ def watch_log(
     false_alarms_per_hour : float, optional
         Wanted of a detector; of a bank 0.002, and 1 of one that is judged by its residuals' energy, as
         `bank_between`'s: most of that is the model's error, whose tail half a minute doesn't bound further.
+    attitude : str
+        For a bank that predicts gyros from the attitude: whether the gyros drive it, ``driven``, as an estimator's, or
+        it is of its ``own``. ``auto`` is what the format documents, else what the samples show: driven where they don't
+        show that it is of its own. A monitor keeps what it was calibrated with.
     progress : callable
         Told the step, how many are done, and of how many.
 
@@ -139,13 +153,15 @@ def watch_log(
     (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
     """
     watcher = prepared(detector)
-    unwatched: tuple[str, ...] = ()
-    if isinstance(watcher, AutoDetector):
-        logs = [Path(given) for given in (path, *healthy) if isinstance(given, (str, Path))]
-        watcher, unwatched = bank_for_logs(logs, mapping)
     if is_ready(watcher):
+        if check_attitude(attitude) != FROM_LOG:
+            raise InputError(
+                f"attitude is '{attitude}'; a calibrated monitor keeps what it was calibrated with, so leave it out, "
+                "or give a bank"
+            )
         return _by_monitor(path, watcher, healthy, mapping, rate_hz, progress)
     assert is_recipe(watcher)
+    watcher, attitude_of_log, unwatched = _for_logs(watcher, path, healthy, mapping, attitude)
     rate = _rate(watcher, false_alarms_per_hour)
     log = _opened(path, watcher, mapping, rate_hz)
     same_rate_hz = 1.0 / log.sample_period_s
@@ -187,12 +203,34 @@ def watch_log(
             reasons=(*check.stops, *reasons),
             check=check,
             left_out=stretches.left_out,
+            attitude=attitude_of_log,
         )
     before = stretches.records[-1] if spans else None
     watched = _watched(
         log, ready, mapping, identified_s=spans, before=before, reasons=reasons, check=check, progress=progress
     )
-    return replace(watched, left_out=stretches.left_out)
+    return replace(watched, left_out=stretches.left_out, attitude=attitude_of_log)
+
+
+def _for_logs(
+    watcher: Detector,
+    path: str | Path,
+    healthy: Sequence[Span | str | Path],
+    mapping: Sequence[str],
+    attitude: str,
+) -> tuple[Detector, Origin | None, tuple[str, ...]]:
+    """Return a recipe as logs allow it and their attitude wants it, what that is, and which gyros aren't watched."""
+    logs = [Path(path), *(Path(given) for given in healthy if isinstance(given, (str, Path)))]
+    if check_attitude(attitude) == FROM_LOG and not (isinstance(watcher, AutoDetector) or rests_on_attitude(watcher)):
+        return watcher, None, ()
+    own = [given for given in healthy if not isinstance(given, (str, Path))]
+    origin = origin_in_logs(logs, mapping, attitude=attitude, spans=own if healthy else None)
+    unwatched: tuple[str, ...] = ()
+    if isinstance(watcher, AutoDetector):
+        watcher, unwatched = bank_for_logs(logs, mapping, origin)
+    if not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+        return watcher, None, unwatched
+    return with_origin(watcher, origin), origin, unwatched
 
 
 def _by_monitor(
@@ -216,7 +254,25 @@ def _by_monitor(
     for source in log.sources:
         if monitor.sample_period_s and source.period_s and source.channel in monitor.channels:
             check_rate(source.period_s, monitor.sample_period_s, f"{path}: samples of {source.channel}")
-    return _watched(log, monitor, mapping, identified_s=(), reasons=(), check=SelfCheck(), progress=progress)
+    told, reasons = _as_calibrated(monitor, log)
+    watched = _watched(log, monitor, mapping, identified_s=(), reasons=reasons, check=SelfCheck(), progress=progress)
+    return replace(watched, attitude=told)
+
+
+def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, tuple[str, ...]]:
+    """Return whose attitude a monitor was calibrated for, and a word where the log shows that its own is another."""
+    if not rests_on_attitude(monitor):
+        return None, ()
+    assert isinstance(monitor, BankMonitor)
+    told = Origin(is_driven=monitor.bank.attitude_from_gyros, why="as the monitor was calibrated")
+    seen = origin_in_log(log)
+    if seen.is_assumed or seen.is_driven == told.is_driven:
+        return told, ()
+    names = {True: "one that the gyros drive", False: "one of its own"}
+    return told, (
+        f"the log's attitude is {names[seen.is_driven]} ({seen.why}), and the monitor was calibrated for "
+        f"{names[told.is_driven]}: calibrate one for such logs",
+    )
 
 
 def _rate(detector: Detector, wanted: float | None) -> float | None:

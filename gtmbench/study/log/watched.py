@@ -12,6 +12,7 @@ from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.method.attitude_origin import Origin
 from gtmbench.notebook import card
 from gtmbench.record import Span
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
@@ -65,6 +66,8 @@ class WatchedLog:
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were undone before a monitor heard them; None where it
         was identified on this log, or doesn't hear them all.
+    attitude : Origin or None
+        Whether its attitude was taken for one that the gyros drive, and why; None of what doesn't rest on one.
 
     Examples
     --------
@@ -92,6 +95,7 @@ class WatchedLog:
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
+    attitude: Origin | None = field(default=None, repr=False)
 
     def _repr_html_(self) -> str:
         facts = {

@@ -1,0 +1,105 @@
+"""Whether the gyros drive a log's attitude: as it is told, as its format documents, or as its samples show."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from gtmbench.attitude import ATTITUDE, DRIVEN, GYROS, OWN
+from gtmbench.checks import meant
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_contents
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.open import open_log
+from gtmbench.method.attitude_origin import Origin, origin_of
+from gtmbench.record import Record, Span
+from gtmbench.study.log.records import first_part, healthy_spans, whole_s, within
+
+FROM_LOG = "auto"
+ATTITUDES = (FROM_LOG, OWN, DRIVEN)
+
+
+def check_attitude(attitude: str) -> str:
+    """Return which attitude is meant.
+
+    >>> check_attitude("own")
+    'own'
+    """
+    if attitude not in ATTITUDES:
+        raise InputError(f"no attitude '{attitude}'; there is {', '.join(ATTITUDES)}{meant(attitude, ATTITUDES)}")
+    return attitude
+
+
+def origin_in_logs(
+    paths: Sequence[Path],
+    mapping: Sequence[str] = (),
+    *,
+    attitude: str = FROM_LOG,
+    spans: Sequence[Span] | None = None,
+) -> Origin:
+    """Return whether the gyros drive the attitude of logs that are watched, or learnt from, together.
+
+    It is what is told; else driven where any log's format documents that; else what the samples show that are healthy,
+    for a broken gyro says nothing of its attitude. They are taken at the slowest channel's rate, the highest at which
+    gyros and attitude can be compared.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The first is the one that is watched; the others are healthy.
+    mapping : sequence of str
+        As `open_log` takes it, for all of them.
+    attitude : str
+        "auto", or "own" or "driven" where somebody knows.
+    spans : sequence of (start, end), optional
+        What of the first log is healthy; without it, its first part.
+
+    Raises
+    ------
+    InputError
+        Where a log can't be read.
+    """
+    if check_attitude(attitude) != FROM_LOG:
+        return Origin(is_driven=attitude == DRIVEN, why="as it was told")
+    contents = [log_contents(path, mapping=mapping) for path in paths]
+    if any(each.attitude_from_gyros for each in contents):
+        return origin_of([], documented=True)
+    records: list[Record] = []
+    for place, (path, each) in enumerate(zip(paths, contents, strict=True)):
+        needs = [name for name in (*GYROS, *ATTITUDE) if name in each.usable]
+        with contextlib.suppress(InputError):  # whoever opens it to watch it says why
+            log = open_log(path, mapping=mapping, needs=needs)
+            of_first = (first_part(log),) if spans is None else healthy_spans(log, spans)
+            records += within(log, (whole_s(log),) if place else of_first)
+    return origin_of(records)
+
+
+def origin_in_log(log: FlightLog) -> Origin:
+    """Return the same of a log as it is opened, by all of it."""
+    return origin_of(log.segments, documented=log.attitude_from_gyros or None)
+
+
+def rests_on_attitude(watcher: Detector | Monitor) -> bool:
+    """Tell whether a bank predicts gyros from the attitude, so that it has to know who drives that.
+
+    >>> from gtmbench.detectors.registry import find_detector
+    >>> rests_on_attitude(find_detector("C"))
+    True
+    """
+    bank = getattr(watcher, "bank", None)
+    return isinstance(bank, Bank) and any(
+        spec.output in GYROS and bank.sources(spec) & set(ATTITUDE) for spec in bank.residuals
+    )
+
+
+def with_origin(watcher: BankDetector, origin: Origin) -> BankDetector:
+    """Return a bank that knows whether the gyros drive the attitude."""
+    bank = watcher.bank
+    if bank.attitude_from_gyros == origin.is_driven:
+        return watcher
+    return replace(watcher, bank=bank.driven() if origin.is_driven else replace(bank, attitude_from_gyros=False))
