@@ -12,11 +12,12 @@ import numpy as np
 from gtmbench.channels import axis_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, Simple, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
 _LIKELY = 3  # estimators
+_RARELY = 10.0  # of -2 log likelihood: an attitude that is taken for driven isn't
 _HOPELESS = 200.0  # of -2 log likelihood
 ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
@@ -42,15 +43,27 @@ def _suspect(case: Case, channel: str) -> Suspect | None:
 def _driving(case: Case, channel: str) -> Suspect:
     """Return a gyro that drives the attitude, through the estimator by which simple shapes explain most.
 
-    Which that is the linear tells but for a few, and of these the whole equations.
+    Which that is the linear tells but for a few, and of these the whole equations. It may also be that the estimator
+    takes another gyro than the one that is logged, or that there is none: then the attitude stays straight.
     """
     bends = [Bend(estimator, case.record, case.start, channel) for estimator in CANDIDATES]
     tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
     likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
-    straight = [simple.suspect.without(simple.change) for simple in likely]
-    if straight[0] is likely[0].suspect:
-        return straight[0]
-    return min(map(simplest, straight), key=lambda simple: simple.deviance).suspect
+    bent = [simple.suspect.without(simple.change) for simple in likely]
+    if bent[0] is likely[0].suspect:
+        best = likely[0]
+    else:
+        best = min(map(simplest, bent), key=lambda simple: simple.deviance)
+    straight = Suspect.of(case, channel)
+    if straight is not None and _left_by_simple(simplest(straight)) + _RARELY < _left_by_simple(best):
+        return straight
+    return best.suspect
+
+
+def _left_by_simple(simple: Simple) -> float:
+    """Return about the least deviance that a simple shape or noise leaves."""
+    left = [fit.left.deviance for fit in Fitter(simple.suspect).noises([()])[0]]
+    return min(simple.deviance, min(left) + simple.suspect.elsewhere)
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:

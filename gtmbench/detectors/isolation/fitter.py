@@ -338,17 +338,19 @@ class Simple:
 
 
 def simplest(suspect: Suspect) -> Simple:
-    """Return how simple shapes explain a suspect; where it is held or clipped, what it should have read does."""
+    """Return how simple shapes explain a suspect; where it is held or clipped, what it should have read may, too."""
     fitter = Fitter(suspect)
     columns = Columns(suspect, {name: fitter.shapes[name] for name in dict.fromkeys(sum(_SIMPLE, ()))})
     deviances = [of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True)]
     best = int(np.argmin(deviances))
+    deviance = deviances[best]
     if fitter.is_traced:
         change = (fitter.measured - fitter.virtual) * fitter.on
+        deviance = min(deviance, suspect.plain(fitter.left_of(change[np.newaxis])[0]).deviance)
     else:
         weights = columns.weights(_SIMPLE[best])
         change = sum(weight * fitter.shapes[name] for weight, name in zip(weights, _SIMPLE[best], strict=True))
-    return Simple(suspect=suspect, deviance=deviances[best], change=np.asarray(change))
+    return Simple(suspect=suspect, deviance=deviance + suspect.elsewhere, change=np.asarray(change))
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:
