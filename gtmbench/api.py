@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from gtmbench.attitude import AttitudeEstimator
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
@@ -95,6 +96,7 @@ __all__ = [
     "Alarm",
     "AlarmStream",
     "Alarms",
+    "AttitudeEstimator",
     "Autopilot",
     "Bank",
     "BankDetector",

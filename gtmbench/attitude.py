@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
@@ -52,6 +53,11 @@ class AttitudeEstimator:
 
     time_constant_s: float
     bias_time_constant_s: float = math.inf
+
+    def __post_init__(self) -> None:
+        number("time_constant_s", self.time_constant_s, 0.0)
+        if self.bias_time_constant_s != math.inf:
+            number("bias_time_constant_s", self.bias_time_constant_s, 0.0, above=True)
 
     @classmethod
     def kalman(cls, *, gyro_noise: float, bias_walk: float, reference_noise: float) -> AttitudeEstimator:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
 from gtmbench.channels import unit_of
 from gtmbench.checks import number, shown
 from gtmbench.clock import even_times_s
@@ -268,7 +269,7 @@ def check_unit(what: str, channel: str, unit: str) -> None:
         raise InputError(f"{what} is '{channel}', which is in {unit_of(channel)}; it must be a channel in {unit}")
 
 
-def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
+def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: AttitudeEstimator | None = None) -> Record:
     """Return the record with one or several faults, applied one after the other.
 
     Parameters
@@ -276,6 +277,9 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     record : Record
     faults : Fault or sequence of Fault
         Each acts on what those before it left.
+    attitude : AttitudeEstimator, optional
+        Whose the record's attitude is: phi, theta and psi are what it would have made of the broken gyros, and faults
+        of these act on that. Without one, the attitude stays as it is, as a vertical gyro's or a camera's would.
 
     Raises
     ------
@@ -288,13 +292,49 @@ def inject(record: Record, faults: Fault | Sequence[Fault]) -> Record:
     >>> record = gb.Record([3.0, 1.0, 2.0], channels=["p"], sample_period_s=1.0)
     >>> gb.inject(record, gb.Jam(channel="p", onset_s=1.0))["p"]
     array([3., 3., 3.])
+
+    An estimator integrates a gyro's bias until its references hold against it:
+
+    >>> level = {"p": 0.0, "q": 0.0, "r": 0.0, "phi": 1.0, "theta": 0.0, "psi": 90.0}
+    >>> flight = gb.Record([list(level.values())] * 3001, channels=list(level), sample_period_s=0.01)
+    >>> bias = gb.Bias(channel="p", onset_s=10.0, size=2.0)
+    >>> broken = gb.inject(flight, bias, attitude=gb.AttitudeEstimator(time_constant_s=5.0))
+    >>> broken["phi"][[0, 999, 1500, 3000]].round(1)
+    array([ 1. ,  1. ,  7.3, 10.8])
     """
-    for fault in [faults] if isinstance(faults, Fault) else faults:
+    listed = [faults] if isinstance(faults, Fault) else list(faults)
+    broken = _broken(record, listed)
+    if attitude is None:
+        return broken
+    _check_estimated(record, attitude)
+    estimated = attitude.bent(record, broken)
+    for name in ATTITUDE:
+        record = record.replace(name, estimated[name])
+    return _broken(record, listed)
+
+
+def _broken(record: Record, faults: Sequence[Fault]) -> Record:
+    for fault in faults:
         check_onset(fault, record.start_s, record.end_s)
         broken = {part.channel: part.array(record) for part in fault.parts}
         for channel, values in broken.items():
             record = record.replace(channel, values)
     return record
+
+
+def _check_estimated(record: Record, attitude: object) -> None:
+    """Refuse what is no estimator, and a record without the channels that one goes by."""
+    if not isinstance(attitude, AttitudeEstimator):
+        raise InputError(
+            f"attitude is {shown(attitude)}; give an estimator such as AttitudeEstimator(time_constant_s=5), or None "
+            "for an attitude that no gyro enters"
+        )
+    missing = [name for name in (*GYROS, *ATTITUDE) if name not in record.channels]
+    if missing:
+        raise InputError(
+            f"an estimator makes {', '.join(ATTITUDE)} of {', '.join(GYROS)}, and {', '.join(missing)} isn't there; "
+            "give a record that has them all, or leave attitude out"
+        )
 
 
 def check_onset(fault: object, start_s: float, end_s: float) -> None:
