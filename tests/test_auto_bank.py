@@ -19,6 +19,7 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.log.auto import bank_for_logs
+from gtmbench.study.log.origin import origin_in_logs
 from gtmbench.testing.contract.suite import check_detector
 from tests.intake_files import dataflash_text
 from tests.monitors import record
@@ -194,7 +195,9 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
     assert not log_contents(path, mapping=columns).attitude_from_gyros
     table = write(tmp_path)
     assert not log_contents(table).attitude_from_gyros
-    assert not bank_for_logs([table], ())[0].bank.attitude_from_gyros
+    assert bank_for_logs([table], ())[0].bank.attitude_from_gyros  # at 50 Hz nothing shows that it is of its own
+    told = origin_in_logs([table], attitude="own")
+    assert not bank_for_logs([table], (), told)[0].bank.attitude_from_gyros
 
 
 def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
@@ -207,7 +210,7 @@ def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     assert "not told apart: p, q, phi and theta from r, for nothing predicts r" in out
     assert "note: r isn't watched by itself: that takes psi" in out
     monitor = gb.load_monitor(tmp_path / "m.json")
-    assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING)
+    assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING, attitude_from_gyros=True)
     gb.save_monitor(monitor, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
     code, out, _ = cli("bank", "m.json", "--json")

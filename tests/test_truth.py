@@ -128,7 +128,7 @@ def scores(biased):
 
 def test_a_sitl_flight_is_a_trial_of_both(scores):
     (row,) = scores.trials
-    assert scores.watched.identified_s == ((pytest.approx(0.0, abs=1.5), pytest.approx(88.0)),)
+    assert scores.watched.identified_s == ((pytest.approx(0.0, abs=1.5), pytest.approx(84.0)),)
     assert row.said == NAMED
     assert row.alarm.sensor == "q"
     assert 0.0 < row.delay_s < 6.0
@@ -182,7 +182,7 @@ def test_without_truth_it_is_one_line(cli, tmp_path, flight):
 @pytest.mark.parametrize(
     ("settings", "arguments", "said"),
     [
-        ([(8.0, "SIM_GYR1_BIAS_X", 0.1)], (), "17 s are wanted to identify on"),
+        ([(8.0, "SIM_GYR1_BIAS_X", 0.1)], (), "21 s are wanted to identify on"),
         (BIASED, ("--identify", "0:100"), "give a span without a failure"),
     ],
 )

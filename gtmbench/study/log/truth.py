@@ -39,7 +39,7 @@ from gtmbench.study.log.watched import WatchedLog
 
 NAMED, EITHER_OR, CANT_TELL, WRONG, PASSED = "named", "either-or", "can't tell", "named wrong", "passed"
 _AFTER_S = 10.0
-_MARGIN_S, _SHORTEST_S, _LONGEST_S = 2.0, 15.0, 300.0  # of what is healthy before the first failure
+_MARGIN_S, _SHORTEST_S, _LONGEST_S = 6.0, 15.0, 300.0  # of what is healthy before the first failure: tests arm in it
 
 
 @dataclass(frozen=True, kw_only=True)
