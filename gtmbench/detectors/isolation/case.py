@@ -233,12 +233,17 @@ class Case:
         """Return rows without most of their noise."""
         return _smooth(values, _cubics(self._window)) if self._window else values
 
+    def referred(self, values: FloatArray) -> FloatArray:
+        """Return rows without the noise of an estimator's references."""
+        window = min(2 * int(0.5 * _REFERRED_S / self.period_s) + 1, (len(values) - 1) // 2 * 2 + 1)
+        known = np.nan_to_num(values)
+        return _smooth(known, _cubics(window)) if window >= 5 else known
+
     def undriven(self, channel: str, estimator: AttitudeEstimator) -> FloatArray:
         """Return what a gyro that drives the attitude should have read, by the references of the estimator."""
         residual = self.residuals.raw[channel] - self.shift[channel] - self._mean(channel)
-        window = min(2 * int(0.5 * _REFERRED_S / self.period_s) + 1, (len(residual) - 1) // 2 * 2 + 1)
-        smooth = _smooth(np.nan_to_num(residual), _cubics(window)) if window >= 5 else np.nan_to_num(residual)
-        return np.asarray(self.record[channel] - undriven(estimator, smooth, self.period_s))
+        off = undriven(estimator, self.referred(residual), self.period_s)
+        return np.asarray(self.record[channel] - self.referred(off))  # slopes are noisier than what they are of
 
     @cached_property
     def smoothing(self) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.channels import axis_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, Simple, simplest
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
@@ -50,20 +50,11 @@ def _driving(case: Case, channel: str) -> Suspect:
     tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
     likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
     bent = [simple.suspect.without(simple.change) for simple in likely]
-    if bent[0] is likely[0].suspect:
-        best = likely[0]
-    else:
-        best = min(map(simplest, bent), key=lambda simple: simple.deviance)
+    best = likely[0] if bent[0] is likely[0].suspect else min(map(simplest, bent), key=lambda simple: simple.deviance)
     straight = Suspect.of(case, channel)
-    if straight is not None and _left_by_simple(simplest(straight)) + _RARELY < _left_by_simple(best):
+    if straight is not None and simplest(straight).least + _RARELY < best.least:
         return straight
     return best.suspect
-
-
-def _left_by_simple(simple: Simple) -> float:
-    """Return about the least deviance that a simple shape or noise leaves."""
-    left = [fit.left.deviance for fit in Fitter(simple.suspect).noises([()])[0]]
-    return min(simple.deviance, min(left) + simple.suspect.elsewhere)
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:

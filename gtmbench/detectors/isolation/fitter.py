@@ -53,7 +53,7 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("t", "x", "x'"),
 )
 
-_SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), ("x", "x'"))
+_SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), ("x", "x'"), ("sgn",))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +139,7 @@ class Fitter:
             "x": level,
             "x'": np.gradient(v) / self.period_s,
             "lag": _lagged(v, _LAG_S, self.period_s) - v,
-            "sgn": np.sign(level),
+            "sgn": np.sign(self.measured if self.is_driven else level),
             "sin": np.sin(frequency * t),
             "cos": np.cos(frequency * t),
         }
@@ -330,27 +330,48 @@ class Fitter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simple:
-    """What a few simple shapes explain of a suspect: about the least deviance, a number fitted costing two of it."""
+    """What a few simple shapes explain of a suspect: about the least deviance, a number fitted costing two of it.
 
-    suspect: Suspect
+    Its change is that by the best of them; where the suspect is held or clipped, that by what it should have read.
+    """
+
+    fitter: Fitter = field(repr=False)
     deviance: float
     change: FloatArray = field(repr=False)
 
+    @property
+    def suspect(self) -> Suspect:
+        """Whom they explain."""
+        return self.fitter.suspect
+
+    @property
+    def least(self) -> float:
+        """About the least deviance, with noise in place of a shape, too."""
+        if self.fitter.is_constant:
+            return self.deviance
+        return min(self.deviance, *(of.left.deviance + self.suspect.elsewhere for of in self.fitter.noises([()])[0]))
+
 
 def simplest(suspect: Suspect) -> Simple:
-    """Return how simple shapes explain a suspect; where it is held or clipped, what it should have read may, too."""
+    """Return how simple shapes explain a suspect.
+
+    What a stuck one should have read explains its own residual whatever drives the attitude: others tell of that.
+    """
     fitter = Fitter(suspect)
-    columns = Columns(suspect, {name: fitter.shapes[name] for name in dict.fromkeys(sum(_SIMPLE, ()))})
-    deviances = [of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True)]
-    best = int(np.argmin(deviances))
-    deviance = deviances[best]
-    if fitter.is_traced:
-        change = (fitter.measured - fitter.virtual) * fitter.on
-        deviance = min(deviance, suspect.plain(fitter.left_of(change[np.newaxis])[0]).deviance)
+    change = (fitter.measured - fitter.virtual) * fitter.on
+    if fitter.is_constant:
+        left = fitter.left_of(change[np.newaxis])[0]
+        left[[output == suspect.channel for output in suspect.outputs]] = 0.0
+        deviance = suspect.plain(left).deviance
     else:
-        weights = columns.weights(_SIMPLE[best])
-        change = sum(weight * fitter.shapes[name] for weight, name in zip(weights, _SIMPLE[best], strict=True))
-    return Simple(suspect=suspect, deviance=deviance + suspect.elsewhere, change=np.asarray(change))
+        columns = Columns(suspect, {name: fitter.shapes[name] for name in dict.fromkeys(sum(_SIMPLE, ()))})
+        deviances = [of + 2.0 * len(names) for of, names in zip(columns.deviances(_SIMPLE), _SIMPLE, strict=True)]
+        best = int(np.argmin(deviances))
+        deviance = deviances[best]
+        if not fitter.is_traced:
+            weights = zip(columns.weights(_SIMPLE[best]), _SIMPLE[best], strict=True)
+            change = np.asarray(sum(weight * fitter.shapes[name] for weight, name in weights))
+    return Simple(fitter=fitter, deviance=deviance + suspect.elsewhere, change=change)
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:

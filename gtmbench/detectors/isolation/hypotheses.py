@@ -15,7 +15,13 @@ import numpy as np
 
 from gtmbench.detectors.isolation.fitter import UNKNOWN, WORTH, Fit, Fitter, Parameters, leads
 from gtmbench.detectors.isolation.noise import spikes_of
-from gtmbench.detectors.isolation.search import Search, hysteresis_step, rate_limited_step
+from gtmbench.detectors.isolation.search import (
+    Search,
+    before_deadzone,
+    before_saturation,
+    hysteresis_step,
+    rate_limited_step,
+)
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
 _REPLACED = 0.1  # of the signal, may be left of it
@@ -139,14 +145,18 @@ def _clipping(fitter: Fitter) -> Iterator[Fit]:
         return
     virtual = fitter.virtual[fitter.suspect.sure :]
     reach = float(np.max(np.abs(virtual), initial=0.0))
-    saturation = Search(kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach)
+    saturation = Search(
+        kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach, undone=before_saturation
+    )
     if not fitter.is_straight:
         yield from saturation.fits(fitter)
         return
     slew = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
     step = fitter.straight_step / fitter.period_s
     for search in (
-        Search(kind="deadzone", family="clipping", name="half_width", low=reach / 100.0, high=reach),
+        Search(
+            kind="deadzone", family="clipping", name="half_width", low=reach / 100.0, high=reach, undone=before_deadzone
+        ),
         saturation,
         Search(
             kind="rate_saturation",

@@ -17,6 +17,7 @@ from gtmbench.record import FloatArray
 _GRID = 12
 _TURNS = 5
 _FINER = 4
+_AT_LIMIT = 1.0 - 1e-6
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
@@ -26,7 +27,9 @@ class Search:
 
     What it reads is said by the fault's own class, from where the fault is surely there and from the sensor's own
     reading there. Where errors would add up from sample to sample, `step` says it of every sample from its reading
-    before: a function of the parameter, what it should read, what it read before, and the sample period.
+    before: a function of the parameter, what it should read, what it read before, and the sample period. Where the
+    attitude bends with the sensor, it is hardly known what that should read, and `undone` tells of the readings what it
+    is: a function of the parameter, what it read, and what it should have.
     """
 
     kind: str
@@ -36,6 +39,7 @@ class Search:
     high: float
     guess: float = 0.0
     step: Callable[[float, FloatArray, FloatArray, float], FloatArray] | None = None
+    undone: Callable[[float, FloatArray, FloatArray], FloatArray] | None = None
 
     def fits(self, fitter: Fitter) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood."""
@@ -58,6 +62,9 @@ class Search:
         sure, onset_s = suspect.sure, float(suspect.time_s[suspect.sure])
         before = fitter.measured[sure - 1 : -1]
         added, elapsed_s = np.zeros_like(virtual), suspect.time_s[sure:] - onset_s
+        if fitter.is_driven and self.undone is not None:
+            added[sure:] = fitter.measured[sure:] - self.undone(value, fitter.measured[sure:], virtual[sure:])
+            return added
         if self.step is not None:
             reads = self.step(value, virtual[sure:], before, fitter.period_s)
         else:
@@ -67,6 +74,18 @@ class Search:
             reads, _ = fault.distort(virtual[sure:, np.newaxis], elapsed_s, fitter.period_s, carried)
         added[sure:] = reads - virtual[sure:]
         return added
+
+
+def before_deadzone(half_width: float, measured: FloatArray, virtual: FloatArray) -> FloatArray:
+    """Return what a sensor with a deadzone should have read: where it reads nothing, it isn't told."""
+    told = measured + half_width * np.sign(measured)
+    return np.where(measured == 0.0, np.clip(virtual, -half_width, half_width), told)
+
+
+def before_saturation(limit: float, measured: FloatArray, virtual: FloatArray) -> FloatArray:
+    """Return what a sensor that is held within limits should have read: where it is at one, it isn't told."""
+    beyond = np.sign(measured) * np.maximum(np.sign(measured) * virtual, limit)
+    return np.where(np.abs(measured) < limit * _AT_LIMIT, measured, beyond)
 
 
 def rate_limited_step(rate_limit: float, y: FloatArray, before: FloatArray, sample_period_s: float) -> FloatArray:

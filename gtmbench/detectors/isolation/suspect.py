@@ -17,7 +17,7 @@ from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import InputError
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray
 
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
@@ -78,6 +78,8 @@ class Suspect:
         Of a gyro that drives the attitude.
     away : shape (rows,) or None
         What has been taken out of its readings, attitude and all, so that only the rest has to be small.
+    near : Case or None
+        The case without that.
     """
 
     case: Case
@@ -88,6 +90,7 @@ class Suspect:
     paths: list[Path] = field(repr=False)
     bend: Bend | None = field(default=None, repr=False)
     away: FloatArray | None = field(default=None, repr=False)
+    near: Case | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, case: Case, channel: str) -> Suspect | None:
@@ -100,9 +103,10 @@ class Suspect:
     @classmethod
     def driving(cls, case: Case, channel: str, bend: Bend, away: FloatArray | None = None) -> Suspect:
         """Return a gyro that drives the attitude through an estimator: what it should have read, its references say."""
-        virtual = case.undriven(channel, bend.estimator)
+        near = None if away is None else case.with_record(bend.record)
+        virtual = (near or case).undriven(channel, bend.estimator)
         found = bent_paths(case.monitor, bend.record, channel, virtual)
-        return cls._made(case, channel, virtual, found, bend=bend, away=away)
+        return cls._made(case, channel, virtual, found, bend=bend, away=away, near=near)
 
     @classmethod
     def _made(cls, case: Case, channel: str, virtual: FloatArray, found: Sequence[Path], **more: Any) -> Suspect:
@@ -134,7 +138,7 @@ class Suspect:
             return self
         start = np.concatenate([np.zeros(self.case.start), change])
         try:
-            straight = bend.straightened(start)
+            straight = Bend(bend.estimator, self.case.record, self.case.start, self.channel).straightened(start)
         except InputError:  # too steep for Euler angles
             return self
         return Suspect.driving(self.case, self.channel, straight, away=change)
@@ -189,7 +193,7 @@ class Suspect:
 
         Its own innovations are missing where it isn't known what it should have read, too.
         """
-        white = self._as_measured if self._taken_out is None else self._near(*self._taken_out)
+        white = self._as_measured if self._taken_out is None else self._with(*self._taken_out)
         unknown = ~np.isfinite(self.virtual)
         if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
             reach = np.ones(len(self.case.habits[self.channel].taps))
@@ -201,25 +205,23 @@ class Suspect:
         return np.asarray([self.case.white[output][self.case.judged] for output in self.outputs], dtype=float)
 
     @property
-    def _taken_out(self) -> tuple[Record, FloatArray] | None:
-        """The record without a change that is too large to be linear, and that; None where none is."""
-        record, start = self.case.record, self.case.start
-        if self.bend is not None and self.away is not None:
-            return self.bend.record, self.away
+    def _taken_out(self) -> tuple[Case, FloatArray] | None:
+        """The case without a change that is too large to be linear, and that; None where none is."""
+        case = self.case
+        if self.near is not None and self.away is not None:
+            return self.near, self.away
         if self.channel in ANGLES and np.abs(self.off[self.sure :]).max(initial=0.0) > _FAR_DEG:
-            readings = record[self.channel].copy()
-            readings[start:] -= self.off
-            return record.replace(self.channel, readings), self.off
+            readings = case.record[self.channel].copy()
+            readings[case.start :] -= self.off
+            return case.with_record(case.record.replace(self.channel, readings)), self.off
         return None
 
-    def _near(self, record: Record, change: FloatArray) -> FloatArray:
-        """Return the residuals of a record without a change, and what the change adds as if that were linear."""
-        case = self.case
-        near = case.with_record(record)
+    def _with(self, near: Case, change: FloatArray) -> FloatArray:
+        """Return the residuals without a change, and what the change adds as if that were linear."""
         white, shown = self._as_measured, self.shown(change[np.newaxis])[0]
         for i, output in enumerate(self.outputs):
-            if output in case.residuals.raw:  # its own innovations are linear, however far
-                white[i] = near.white[output][case.judged] + shown[i]
+            if output in self.case.residuals.raw:  # its own innovations are linear, however far
+                white[i] = near.white[output][self.case.judged] + shown[i]
         return white
 
     @cached_property

@@ -1,6 +1,7 @@
 """What a fault put on a record would do to a residual, without watching the record again.
 
-A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual.
+A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual;
+but for a gyro that drives the attitude, which bends the prediction, too (`Following`).
 Whitening passes that on from the onset, by the noise as it was learnt until then, and the scores after it follow from
 the monitor's own statistic.
 """
@@ -14,7 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.attitude import AttitudeEstimator
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.detectors.statistics.noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
@@ -160,12 +163,16 @@ class Superposition:
         Its own.
     armed : shape (samples,)
         Where its score, once known, could have raised an alarm.
+    estimator : AttitudeEstimator or None
+        What makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't.
     """
 
     sensor: str
     record: Record = field(repr=False)
     residual: ChangedResidual = field(repr=False)
     armed: BoolArray = field(repr=False)
+    estimator: AttitudeEstimator | None = None
+    _followings: dict[range, Following] = field(default_factory=dict, init=False, repr=False)
 
     def alarm_row(self, fault: Fault, within_s: float) -> int | None:
         """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
@@ -183,8 +190,20 @@ class Superposition:
         stop = min(row + round(within_s / self.record.sample_period_s) - self.residual.ahead + 1, len(self.record))
         if not self.armed[row] or stop <= row:
             return None
-        was, reads = fault.onwards(self.record, stop)
-        changed = self.residual.raw[row:stop] + (reads - was)
-        rows, scores = self.residual.scores(row, changed, range(row, stop))
+        begin, changed = self._changed(fault, row, stop)
+        rows, scores = self.residual.scores(begin, changed, range(begin, stop))
         above = np.flatnonzero((scores > 1.0) & self.armed[rows])
         return int(rows[above[0]]) if len(above) else None
+
+    def _changed(self, fault: Fault, row: int, stop: int) -> tuple[int, FloatArray]:
+        """Return the first row that a fault changes, and the residual from there on up to another row."""
+        if self.estimator is None:
+            was, reads = fault.onwards(self.record, stop)
+            return row, self.residual.raw[row:stop] + (reads - was)
+        rows = range(row, min(stop + self.residual.ahead, len(self.record)))
+        if rows not in self._followings:
+            self._followings[rows] = Following(self.residual.monitor, self.record, self.sensor, rows, self.estimator)
+        following = self._followings[rows]
+        was, reads = fault.onwards(self.record, rows.stop)
+        change = following.change(reads - was)[: stop - following.begin]
+        return following.begin, self.residual.raw[following.begin : stop] + change
