@@ -19,6 +19,7 @@ from gtmbench.record import FloatArray, Record
 GYROS = ("p", "q", "r")
 ATTITUDE = ("phi", "theta", "psi")
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
+FASTEST_S, SLOWEST_S = 1.0, 20.0  # time constants that an estimator may have of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
 
 _RAD = math.pi / 180.0
@@ -100,7 +101,8 @@ class AttitudeEstimator:
         Parameters
         ----------
         healthy, broken : Record
-            Row for row the same but for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped.
+            Row for row the same but for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped. A channel that
+            isn't there counts as zero.
 
         Raises
         ------
@@ -110,10 +112,10 @@ class AttitudeEstimator:
         period_s = healthy.sample_period_s
         steps = np.full(len(healthy) - 1, period_s)
         attitude = self.bent_path(
-            steps, healthy.matrix(GYROS), broken.matrix(GYROS), healthy.matrix(ATTITUDE), healthy.time_s
+            steps, _columns(healthy, GYROS), _columns(broken, GYROS), _columns(healthy, ATTITUDE), healthy.time_s
         )
         for i, name in enumerate(ATTITUDE):
-            broken = broken.replace(name, attitude[:, i])
+            broken = broken.replace(name, attitude[:, i]) if name in broken.channels else broken
         return broken
 
     def bent_path(
@@ -196,6 +198,12 @@ def held(values: FloatArray) -> FloatArray:
     there = np.isfinite(values)
     last = np.maximum.accumulate(np.where(there, np.arange(len(values))[:, np.newaxis], -1), axis=0)
     return np.where(last < 0, 0.0, np.take_along_axis(values, np.maximum(last, 0), axis=0))
+
+
+def _columns(record: Record, names: Sequence[str]) -> FloatArray:
+    """Return channels, zeros where one isn't there."""
+    none = np.zeros(len(record))
+    return np.column_stack([record[name] if name in record.channels else none for name in names])
 
 
 def too_steep(theta_deg: float, time_s: float) -> InputError:

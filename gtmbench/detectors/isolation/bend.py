@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
+from gtmbench.attitude import ATTITUDE, AttitudeEstimator
 from gtmbench.record import FloatArray, Record
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
@@ -18,7 +18,6 @@ CANDIDATES = (
     *(AttitudeEstimator(time_constant_s=tau) for tau in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)),
     *(AttitudeEstimator(time_constant_s=tau, bias_time_constant_s=4.0 * tau) for tau in (2.0, 5.0, 15.0)),
 )
-_ALL = (*GYROS, *ATTITUDE)
 _TURNS = 3  # how often one angle's bend is passed on to the others
 
 
@@ -78,18 +77,8 @@ class Bend:
             Where Euler angles end.
         """
         record = self.record
-        there = [name for name in (*GYROS, *ATTITUDE) if name in record.channels]
-        columns = {name: np.nan_to_num(record[name]) if name in there else np.zeros(len(record)) for name in _ALL}
-        read = Record(
-            np.column_stack(list(columns.values())),
-            channels=_ALL,
-            sample_period_s=self._period_s,
-            start_s=record.start_s,
-        )
-        straight = self.estimator.bent(read, read.replace(self._channel, read[self._channel] - change))
-        for name in there:
-            record = record.replace(name, np.where(np.isfinite(record[name]), straight[name], np.nan))
-        return Bend(self.estimator, record, self._start, self._channel)
+        straight = self.estimator.bent(record, record.replace(self._channel, record[self._channel] - change))
+        return Bend(self.estimator, straight, self._start, self._channel)
 
     def _passed(self, rates: FloatArray) -> FloatArray:
         from scipy.signal import lfilter

@@ -53,6 +53,7 @@ _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak faul
 _EXPLAINED = 60.0  # of BIC, what a fault has to explain of it
 _LASTING_S, _SHOWN_S = 8.0, 4.0  # of the case, until a sensor is named; whose readings show it
 _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
+_LEFT_OF_BENT = 0.05  # of what was wrong, where the attitude bends with the sensor: it bends far
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
 _ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
@@ -176,7 +177,10 @@ def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
     """Tell whether a residual is healthy once a fault is undone, or nearly all that was wrong with it has gone."""
     white = fit.left.white[fit.left.outputs.index(output)]
     left = greatest(case.monitor, output, white, is_corrected=True)
-    return left <= max(1.0, min(_LEFT * case.sickness[output], _MOST_LEFT))
+    most = min(_LEFT * case.sickness[output], _MOST_LEFT)
+    if fit.channel in case.driving:
+        most = max(most, _LEFT_OF_BENT * max(case.sickness.values()))
+    return left <= max(1.0, most)
 
 
 def _is_steady(case: Case, channel: str) -> bool:

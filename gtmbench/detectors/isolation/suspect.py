@@ -198,7 +198,7 @@ class Suspect:
         if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
             reach = np.ones(len(self.case.habits[self.channel].taps))
             white[-1, np.convolve(unknown, reach)[self.judged] > 0.5] = np.nan
-        return white
+        return self._free_of_bend(white)
 
     @property
     def _as_measured(self) -> FloatArray:
@@ -218,7 +218,7 @@ class Suspect:
 
     def _with(self, near: Case, change: FloatArray) -> FloatArray:
         """Return the residuals without a change, and what the change adds as if that were linear."""
-        white, shown = self._as_measured, self.shown(change[np.newaxis])[0]
+        white, shown = self._as_measured, self._added(change[np.newaxis])[0]
         for i, output in enumerate(self.outputs):
             if output in self.case.residuals.raw:  # its own innovations are linear, however far
                 white[i] = near.white[output][self.case.judged] + shown[i]
@@ -264,6 +264,9 @@ class Suspect:
 
     def shown(self, changes: FloatArray) -> FloatArray:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
+        return self._free_of_bend(self._added(changes))
+
+    def _added(self, changes: FloatArray) -> FloatArray:
         clean = changes if np.isfinite(changes).all() else np.nan_to_num(changes)
         shown = np.empty((len(changes), len(self.outputs), self.judged.stop - self.judged.start))
         block = max(_BLOCK // changes.shape[1], 1)
@@ -276,6 +279,30 @@ class Suspect:
             if not isinstance(spread, float):
                 shown[:, i] /= spread[self.case.judged]
         return shown
+
+    def _free_of_bend(self, values: FloatArray) -> FloatArray:
+        """Return residuals, shape (..., outputs, rows), without what fits best of a bend from before the onset.
+
+        An attitude that the gyro drives has bent since the fault began, and when that was the test tells roughly. What
+        it had bent until then decays as the estimator's references have it.
+        """
+        before = self._bent_before
+        if before is None:
+            return values
+        size = np.einsum("...or,or->...", np.nan_to_num(values), before)
+        return np.asarray(values - size[..., np.newaxis, np.newaxis] * before)
+
+    @cached_property
+    def _bent_before(self) -> FloatArray | None:
+        """What such a bend leaves in the residuals, of unit energy, shape (outputs, rows); None where nothing."""
+        if self.bend is None:
+            return None
+        pulse = np.zeros((1, len(self.measured)))
+        pulse[0, self.onset] = 1.0
+        left = self._added(pulse)[0]
+        left[~np.isfinite(self._as_measured)] = 0.0
+        size = float(np.sqrt(np.square(left).sum()))
+        return left / size if size > 0.0 else None
 
     def rescaled(self, factor: float) -> Left:
         """Weigh a sensor whose readings have been multiplied by a factor, their noise too, or all but that.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gtmbench.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.channels import unit_of
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
@@ -55,6 +56,11 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
     if dead:
         lines.append(f"  {', '.join(dead)} going dead would not have been seen in {_share(SHARE)} of it")
+    if any(row.time_constant_s is not None for row in rows):
+        lines.append(
+            f"  The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "
+            "the worse is told."
+        )
     return lines
 
 

@@ -1,23 +1,27 @@
 """What a monitor would have seen on a log: the smallest faults of each sensor that would have alarmed, and been named.
 
 Faults are put on the log that was watched, at times spread over it. Whether one alarms is worked out on its sensor's
-own residual alone (`Superposition`); whether it is named, by watching the log about some of these times anew.
+own residual alone (`Superposition`); whether it is named, by watching the log about some of these times anew. Where the
+gyros drive the attitude, it follows their faults, as the fastest and the slowest plausible estimator makes it; the
+worse of the two is told.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from heapq import heappush, heappushpop
 from typing import Any
 
 import numpy as np
 
+from gtmbench.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.detectors.monitor.excursions import Excursion, blots, blotted
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
@@ -92,6 +96,9 @@ class Smallest:
     named_from : float or None
         From which size on it would have been named, too, and no other sensor; None where not up to five times `size`,
         or not asked for.
+    time_constant_s : float or None
+        Of the estimator through which the fault was put, the worse of those that are plausible; None where the attitude
+        doesn't follow the sensor.
     """
 
     sensor: str
@@ -100,6 +107,12 @@ class Smallest:
     share: float
     within_s: float
     named_from: float | None = None
+    time_constant_s: float | None = None
+
+    @property
+    def hardness(self) -> tuple[float, float]:
+        """What is greater of a row that promises less: the size, then the share of the time that is left."""
+        return np.inf if self.size is None else self.size, -self.share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +168,13 @@ class _Place:
         before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
         until_s = record.time_at(row) + monitor.look_ahead_of(sensor) + _JUDGED_S
         about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
-        said = monitor.watch(inject(about, fault), outside=self.outside).faults
+        broken = inject(about, fault)
+        if self.on.estimator is not None:
+            try:
+                broken = self.on.estimator.bent(about, broken)
+            except InputError:  # beyond Euler angles, where nobody names anything
+                return False
+        said = monitor.watch(broken, outside=self.outside).faults
         return {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s} == {sensor}
 
 
@@ -231,35 +250,61 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     onsets = {of: _onsets(told, of) for of in within_s.values()}
     rows = []
     for sensor in sensors:
-        rows += _of_sensor(sensor, told, within_s, onsets, named=named)
+        on = [superposition(watch, sensor) for watch in told]
+        through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
+        rows += _of_sensor(through, told, within_s, onsets, named=named)
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
 
 
+def _estimators(monitor: BankMonitor, sensor: str) -> tuple[AttitudeEstimator | None, ...]:
+    """Return what may make the attitude that follows a sensor: the slowest and the fastest; None where nothing does."""
+    bank = monitor.bank
+    if not bank.attitude_from_gyros or sensor not in GYROS or not {"phi", "theta"} <= set(bank.channels):
+        return (None,)
+    return tuple(AttitudeEstimator(time_constant_s=tau) for tau in (SLOWEST_S, FASTEST_S))
+
+
 def _of_sensor(
-    sensor: str,
+    through: Sequence[Sequence[Superposition]],
     watches: Sequence[BankWatch],
     within_s: Mapping[Kind, float],
     onsets: Mapping[float, Sequence[tuple[int, float]]],
     *,
     named: bool,
 ) -> list[Smallest]:
-    """Return a sensor's rows; its residual is kept as long as that takes."""
-    on = [superposition(watch, sensor) for watch in watches]
-    large = _RANGE * (deviation(each.record[sensor] for each in on) + deviation(each.residual.raw for each in on))
+    """Return a sensor's rows, by its own residual on each watch, put through each of some estimators."""
+    on = through[0]
+    large = _RANGE * (deviation(each.record[each.sensor] for each in on) + deviation(each.residual.raw for each in on))
     places = {
-        of: [_Place(on=on[i], onset_s=onset_s, within_s=of, outside=watches[i].outside) for i, onset_s in pairs]
+        of: [
+            [_Place(on=each[i], onset_s=onset_s, within_s=of, outside=watches[i].outside) for i, onset_s in pairs]
+            for each in through
+        ]
         for of, pairs in onsets.items()
     }
     rows = []
     for kind, of in within_s.items():
         most = _most(kind, on, large / of if kind.fault is Drift else large)
-        trials = [
-            _Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(places[of])
+        tried = [
+            [_Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(each)]
+            for each in places[of]
         ]
-        if trials:
-            rows.append(_smallest(trials, named=named))
+        if tried[0]:
+            rows.append(_hardest(tried, named=named))
     return rows
+
+
+def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
+    """Return the smallest fault of the estimator through which that is the largest."""
+    row, trials = _smallest(tried[0]), tried[0]
+    for others in tried[1:]:
+        if row.size is None or sum(trial.is_seen(row.size) for trial in others) < SHARE * len(others):
+            row, trials = max((row, trials), (_smallest(others), others), key=lambda each: each[0].hardness)
+    if not named or row.size is None:
+        return row
+    seen = [trial for trial in trials if trial.is_seen(row.size)]
+    return replace(row, named_from=_named_from(seen, row.size))
 
 
 def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
@@ -329,7 +374,7 @@ def _most(kind: Kind, on: Sequence[Superposition], large: float) -> float:
     return large
 
 
-def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
+def _smallest(trials: Sequence[_Trial]) -> Smallest:
     """Return the size that is seen in so many of some trials: that of the hardest but a few.
 
     What is seen at a smaller size is taken to be seen at a larger one.
@@ -348,13 +393,14 @@ def _smallest(trials: Sequence[_Trial], *, named: bool) -> Smallest:
     size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
     harder = {i for each, i in hardest if size is not None and each > _SAME * size}
     seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
+    on = trials[0].place.on
     return Smallest(
-        sensor=trials[0].place.on.sensor,
+        sensor=on.sensor,
         kind=trials[0].kind.fault.kind,
         size=size,
         share=len(seen) / len(trials),
         within_s=trials[0].place.within_s,
-        named_from=_named_from(seen, size) if named and size is not None else None,
+        time_constant_s=None if on.estimator is None else on.estimator.time_constant_s,
     )
 
 
