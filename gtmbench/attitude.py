@@ -7,19 +7,19 @@ the attitude at once; what shows of the fault is how the references pull the att
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.checks import number
+from gtmbench.checks import meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
 GYROS = ("p", "q", "r")
 ATTITUDE = ("phi", "theta", "psi")
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
-FASTEST_S, SLOWEST_S = 1.0, 20.0  # time constants that an estimator may have of which nothing is known
+FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
 
 _RAD = math.pi / 180.0
@@ -157,6 +157,37 @@ class AttitudeEstimator:
         return bent
 
 
+# those that can be named: complementary filters by their time constants, and a Kalman filter with states for the gyros'
+# biases, as autopilots have (it trusts the gyros for 6.7 s and learns their biases in 25 s)
+ESTIMATORS: Mapping[str, AttitudeEstimator] = {
+    "filter 1 s": AttitudeEstimator(time_constant_s=1.0),
+    "filter 5 s": AttitudeEstimator(time_constant_s=5.0),
+    "filter 20 s": AttitudeEstimator(time_constant_s=20.0),
+    "kalman": AttitudeEstimator.kalman(gyro_noise=0.05, bias_walk=0.003, reference_noise=0.5),
+}
+
+
+def estimator_of(attitude: object) -> AttitudeEstimator | None:
+    """Return the estimator of a name of `ESTIMATORS`, or the one that is given; None of "own".
+
+    Raises
+    ------
+    InputError
+        Where it is neither.
+
+    Examples
+    --------
+    >>> estimator_of("filter 5 s").time_constant_s, estimator_of("own")
+    (5.0, None)
+    """
+    if isinstance(attitude, AttitudeEstimator):
+        return attitude
+    names = (OWN, *ESTIMATORS)
+    if not isinstance(attitude, str) or attitude not in names:
+        raise InputError(f"no attitude {shown(attitude)}; there is {', '.join(names)}{meant(attitude, names)}")
+    return ESTIMATORS.get(attitude)
+
+
 def carried_on(
     attitude: Sequence[float], before: Sequence[float], now: Sequence[float], step_s: float
 ) -> tuple[float, float, float]:
@@ -206,9 +237,17 @@ def _columns(record: Record, names: Sequence[str]) -> FloatArray:
     return np.column_stack([record[name] if name in record.channels else none for name in names])
 
 
-def too_steep(theta_deg: float, time_s: float) -> InputError:
+class TooSteep(InputError):
+    """Euler angles end where an estimator's theta comes near +-90 deg."""
+
+    theta_deg: float
+
+
+def too_steep(theta_deg: float, time_s: float) -> TooSteep:
     """Say that Euler angles end."""
-    return InputError(
+    error = TooSteep(
         f"theta reaches {theta_deg:.4g} deg at {time_s:g} s; the attitude filter's Euler angles end near "
         f"+-90 deg (here at {STEEPEST_DEG:g}); take a shorter time constant or a milder fault"
     )
+    error.theta_deg = theta_deg
+    return error

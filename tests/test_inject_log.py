@@ -5,6 +5,7 @@ import json
 import random
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -435,12 +436,14 @@ def here(tmp_path):
 
 @pytest.mark.usefixtures("here")
 def test_what_inject_breaks_monitor_finds(cli):
-    code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", 2, "--out", "broken.csv", "--json")
+    own = ("--attitude", "own", "--out", "broken.csv", "--json")  # the simulation's attitude is of its own
+    code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", 2, *own)
     summary = json.loads(out)
     assert (code, err) == (0, "")
     assert (summary["trial"], summary["out"]) == (2, "broken.csv")
     assert [(fault["fault"], fault["channel"]) for fault in summary["faults"]] == [("drift", "q"), ("jam", "r")]
     assert [(each["column"], each["changed"]) for each in summary["columns"]] == [("q_deg_s", 1700), ("r_deg_s", 200)]
+    assert summary["attitude"] == {"follows": False, "time_constant_s": None, "why": "as it was told"}
     code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--identify", "0:40", "--json")
     assert code == 1
     found = [(each["verdict"], each["kind"]) for each in json.loads(out)["findings"]]
@@ -448,12 +451,71 @@ def test_what_inject_breaks_monitor_finds(cli):
     assert cli("monitor", "log.csv", "--detector", "C", "--identify", "0:40", "-q")[0] == 0
 
 
+FIRST_TRIAL = [Drift(channel="p", onset_s=43.0, slope=0.5), Jam(channel="r", onset_s=50.0, duration_s=2.0)]
+
+
 @pytest.mark.usefixtures("here")
 def test_of_an_even_log_it_is_what_inject_makes_of_the_record(cli):
-    assert cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", "--out", "broken.csv", "-q") == (0, "", "")
-    faults = [Drift(channel="p", onset_s=43.0, slope=0.5), Jam(channel="r", onset_s=50.0, duration_s=2.0)]
-    broken = inject(gb.read_log("log.csv"), faults)
-    assert (gb.read_log("broken.csv").values == broken.values).all()
+    own = ("--attitude", "own", "--out", "broken.csv", "-q")
+    assert cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *own) == (0, "", "")
+    assert (gb.read_log("broken.csv").values == inject(gb.read_log("log.csv"), FIRST_TRIAL).values).all()
+
+
+@pytest.mark.usefixtures("here")
+def test_an_attitude_that_follows_is_what_inject_makes_of_the_record_by_the_same_estimator(cli):
+    follows = ("--attitude", "follows", "--time-constant-s", "2.5", "--out", "broken.csv")
+    code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *follows)
+    assert (code, err) == (0, "")
+    assert "The attitude follows, as an estimator with a time constant of 2.5 s makes it (as it was told)." in out
+    log, estimator = gb.read_log("log.csv"), gb.AttitudeEstimator(time_constant_s=2.5)
+    bent = inject(log, FIRST_TRIAL, attitude=estimator)
+    assert np.abs(gb.read_log("broken.csv").values - bent.values).max() < 1e-4  # as the table's decimals have it
+    assert np.abs(bent["phi"] - log["phi"]).max() > 5.0
+    taken = ("--out", "taken.csv", "--json")  # by default it is taken for driven by the gyros, for nothing shows it
+    summary = json.loads(cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *taken)[1])
+    assert [each["column"] for each in summary["columns"]] == ["p_deg_s", "r_deg_s", "phi_deg", "theta_deg", "psi_deg"]
+    assert (summary["attitude"]["follows"], summary["attitude"]["time_constant_s"]) == (True, 5.0)
+    assert "its time constant is assumed" in summary["attitude"]["why"]
+
+
+def test_an_attitude_of_its_own_stamps_that_wraps_keeps_them_and_how_it_wraps(tmp_path):
+    """Gyros at 100 Hz, attitude at 20 Hz and a little off their stamps, a heading through north."""
+    fast_s, slow_s = np.arange(3000) * 0.01, np.arange(600) * 0.05 + 0.003
+    rows = pd.concat(
+        [
+            pd.DataFrame({"t [s]": fast_s, "p [deg/s]": 0.0, "q [deg/s]": 0.0, "r [deg/s]": 2.0}),
+            pd.DataFrame(
+                {"t [s]": slow_s, "roll [deg]": 0.0, "pitch [deg]": 0.0, "yaw [deg]": (330 + 2 * slow_s) % 360}
+            ),
+        ]
+    ).sort_values("t [s]")
+    rows.to_csv(tmp_path / "log.csv", index=False, float_format="%.6f")
+    estimator = gb.AttitudeEstimator(time_constant_s=4.0)
+    step = gb.Bias(channel="r", onset_s=10.0, size=3.0)
+    changed = inject_log(tmp_path / "log.csv", tmp_path / "out.csv", step, attitude=estimator)
+    was, now = (pd.read_csv(tmp_path / name) for name in ("log.csv", "out.csv"))
+    assert (was["t [s]"] == now["t [s]"]).all()
+    assert (was.isna() == now.isna()).all().all()
+    yaw, before = now["yaw [deg]"].dropna(), was["yaw [deg]"].dropna()
+    assert yaw.between(0.0, 360.0).all()
+    bend = np.mod(yaw - before + 180.0, 360.0) - 180.0
+    expected = np.where(slow_s > 10.0, 12.0 * (1.0 - np.exp(-(slow_s - 10.0) / 4.0)), 0.0)
+    assert np.abs(bend - expected).max() < 0.05
+    assert {each.channel for each in changed} == {"r", "phi", "theta", "psi"}
+
+
+@pytest.mark.usefixtures("here")
+def test_a_bent_attitude_beyond_euler_angles_and_a_log_without_one_are_refused_in_a_line(cli, here):
+    (here / "huge.toml").write_text('[[faults]]\nkind = "bias"\nchannels = ["q"]\nonset_s = 20.0\nsize = 60.0\n')
+    code, _, err = cli("inject", "log.csv", "--fault", "huge.toml", "--out", "x.csv", "--attitude", "follows")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "theta reaches" in err
+    gb.write_log(gb.read_log("log.csv").select(["p", "q", "r"]), here / "rates.csv")
+    code, _, err = cli("inject", "rates.csv", "--fault", "huge.toml", "--out", "x.csv", "--attitude", "follows")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "no attitude can follow: the log has no phi and no theta" in err
+    assert not (here / "x.csv").exists()
+    assert cli("inject", "rates.csv", "--fault", "huge.toml", "--out", "x.csv", "-q")[0] == 0
 
 
 @pytest.mark.parametrize(

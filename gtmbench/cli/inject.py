@@ -18,6 +18,7 @@ from gtmbench.files import check_file
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
     from gtmbench.study.fault_tables import FaultSpec
+    from gtmbench.study.log.bending import Following
     from gtmbench.study.log.inject import ChangedColumn
 
 
@@ -32,6 +33,19 @@ if TYPE_CHECKING:
 )
 @trial_option
 @map_option
+@click.option(
+    "--attitude",
+    type=click.Choice(["auto", "own", "follows"]),
+    default="auto",
+    show_default=True,
+    help="What a gyro's fault does to phi, theta and psi. follows: they become what an estimator makes of the broken "
+    "gyros. own: nothing. auto: follows where the gyros drive the log's attitude.",
+)
+@click.option(
+    "--time-constant-s",
+    type=float,
+    help="Of that estimator; by default the log's own where it shows, else 5 s.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
@@ -42,6 +56,8 @@ def inject_command(
     scenario: str,
     trial: int | None,
     mapping: tuple[str, ...],
+    attitude: str,
+    time_constant_s: float | None,
     out: Path | None,
     listed: bool,
     force: bool,
@@ -49,6 +65,8 @@ def inject_command(
     quiet: bool,
 ) -> None:
     """Break a recorded flight, CSV or Parquet, by one trial of a scenario, and change nothing else in it.
+
+    Where the gyros drive the attitude, as in most logs, it follows a gyro's fault.
 
     Onsets are on the log's clock, as `gtmbench monitor` tells times; figures are in the channels' units, whatever the
     log's are. Other columns, stamps, notation, schema and metadata stay as they are.
@@ -64,13 +82,16 @@ def inject_command(
     _check_out(out, log, force=force)
     number = trial_number(trial, trials, scenario)
     faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
+    from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.inject import inject_log
 
-    changed = inject_log(log, out, faults, mapping=mapping)
+    broken = {name for fault in faults for name in fault.changes}
+    following = following_in_log(log, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
+    changed = inject_log(log, out, faults, mapping=mapping, attitude=following.estimator or "own")
     if as_json:
-        print_json(_summary(log, out, scenario, number, faults, changed))
+        print_json(_summary(log, out, scenario, number, faults, changed, following))
     elif not quiet:
-        _print(out, faults, changed)
+        _print(out, faults, changed, following)
 
 
 def _check_out(out: Path, log: Path, *, force: bool) -> None:
@@ -94,7 +115,13 @@ def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool)
 
 
 def _summary(
-    log: Path, out: Path, scenario: str, number: int, faults: Sequence[Fault], changed: Sequence[ChangedColumn]
+    log: Path,
+    out: Path,
+    scenario: str,
+    number: int,
+    faults: Sequence[Fault],
+    changed: Sequence[ChangedColumn],
+    following: Following,
 ) -> dict[str, object]:
     from gtmbench.study.trial import fault_row
 
@@ -105,15 +132,21 @@ def _summary(
         "trial": number,
         "faults": [fault_row(fault) for fault in faults],
         "columns": [asdict(column) for column in changed],
+        "attitude": {
+            "follows": following.estimator is not None,
+            "time_constant_s": None if following.estimator is None else following.estimator.time_constant_s,
+            "why": following.why,
+        },
     }
 
 
-def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn]) -> None:
+def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn], following: Following) -> None:
     from gtmbench.report.words.judgement import fault_text
 
     for fault in faults:
         until = "for good" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
         echo(f"{fault_text(fault)}, from {fault.onset_s:g} s {until}")
+    echo(following.text)
     for column in changed:
         when = "" if column.first_s is None else f", from {column.first_s:.10g} to {column.last_s:.10g} s"
         echo(f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}")

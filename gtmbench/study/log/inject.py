@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
 from gtmbench.channels import unit_of
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.files import atomic_write
+from gtmbench.intake.contents import log_contents
 from gtmbench.intake.samples import Samples, log_samples, write_samples
+from gtmbench.study.log.bending import bent_samples, following_in_log
+from gtmbench.study.log.origin import FROM_LOG
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +61,20 @@ class ChangedColumn:
 
 
 def inject_log(
-    log: str | Path, out: str | Path, faults: Fault | Sequence[Fault], *, mapping: Sequence[str] = ()
+    log: str | Path,
+    out: str | Path,
+    faults: Fault | Sequence[Fault],
+    *,
+    mapping: Sequence[str] = (),
+    attitude: str | AttitudeEstimator = FROM_LOG,
 ) -> tuple[ChangedColumn, ...]:
     r"""Break a recorded flight, CSV or Parquet: write it to `out` with faults, one after the other, and nothing else.
 
     A fault acts on the samples as they stand in the file, at their own times: what grows with time grows with the
     stamps, what is carried from sample to sample (a slew limit, a lag) goes by the column's nominal sample period.
-    Samples that are missing stay so. A channel that a fault only reads is taken as its last sample told.
+    Samples that are missing stay so. A channel that a fault only reads is taken as its last sample told. Where the
+    gyros drive the attitude, phi, theta and psi become what their estimator makes of the broken gyros, and faults of
+    these act on that.
 
     Parameters
     ----------
@@ -72,11 +83,15 @@ def inject_log(
         In the channel table's units, whatever the log's are; times on the clock that `open_log` gives.
     mapping : sequence of str
         As `open_log` takes it.
+    attitude : str or AttitudeEstimator
+        Whose it is: "own", which stays as it is; an estimator's, "follows" or a given one; "auto": as
+        `following_in_log` finds it.
 
     Raises
     ------
     InputError
-        Where the log can't be read or written, lacks a channel, or a fault begins outside of it; nothing is written.
+        Where the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
+        attitude passes +-85 deg of pitch; nothing is written.
 
     Examples
     --------
@@ -92,16 +107,41 @@ def inject_log(
     """
     log, out = Path(log), Path(out)
     listed = [faults] if isinstance(faults, Fault) else list(faults)
-    samples = log_samples(log, list(dict.fromkeys(name for fault in listed for name in fault.reads)), mapping)
     changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
+    estimator = (
+        attitude
+        if isinstance(attitude, AttitudeEstimator)
+        else following_in_log(log, changed, mapping, attitude=attitude).estimator
+    )
+    wanted = dict.fromkeys(name for fault in listed for name in fault.reads)
+    bends: list[str] = []
+    if estimator is not None:
+        there = log_contents(log, mapping=mapping).usable
+        bends = [name for name in ATTITUDE if name in there]
+        wanted |= dict.fromkeys(name for name in (*GYROS, *bends) if name in there)
+    samples = log_samples(log, list(wanted), mapping)
+    changed = list(dict.fromkeys([*changed, *bends]))
     _check_apart({name: samples[name] for name in changed})
-    values = {name: each.values for name, each in samples.items()}
     for fault in listed:
         _check_onset(fault, samples[fault.channel], log)
-        values |= {part.channel: _broken(part, samples, values) for part in fault.parts}
+    values = _all_broken(listed, samples, {name: each.values for name, each in samples.items()})
+    if estimator is not None:
+        own = {name: samples[name] for name in (*GYROS, *ATTITUDE) if name in samples}
+        followed = bent_samples(estimator, own, {name: values[name] for name in GYROS if name in own})
+        values = _all_broken(listed, samples, {name: each.values for name, each in samples.items()} | followed)
     with atomic_write(out) as aside:
         write_samples(log, aside, samples, {name: values[name] for name in changed})
     return tuple(_changed(samples[name], values[name]) for name in changed)
+
+
+def _all_broken(
+    faults: Sequence[Fault], samples: Mapping[str, Samples], values: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the values of all samples with faults, each of which acts on what those before it left."""
+    broken = dict(values)
+    for fault in faults:
+        broken |= {part.channel: _broken(part, samples, broken) for part in fault.parts}
+    return broken
 
 
 def _broken(fault: Fault, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> FloatArray:
