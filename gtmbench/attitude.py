@@ -237,15 +237,15 @@ def _columns(record: Record, names: Sequence[str]) -> FloatArray:
     return np.column_stack([record[name] if name in record.channels else none for name in names])
 
 
-class TooSteep(InputError):
+class SteepError(InputError):
     """Euler angles end where an estimator's theta comes near +-90 deg."""
 
     theta_deg: float
 
 
-def too_steep(theta_deg: float, time_s: float) -> TooSteep:
+def too_steep(theta_deg: float, time_s: float) -> SteepError:
     """Say that Euler angles end."""
-    error = TooSteep(
+    error = SteepError(
         f"theta reaches {theta_deg:.4g} deg at {time_s:g} s; the attitude filter's Euler angles end near "
         f"+-90 deg (here at {STEEPEST_DEG:g}); take a shorter time constant or a milder fault"
     )

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, STEEPEST_DEG, AttitudeEstimator, carried_on, held, less, too_steep
+from gtmbench.attitude import (
+    ATTITUDE,
+    GYROS,
+    STEEPEST_DEG,
+    AttitudeEstimator,
+    carried_on,
+    estimator_of,
+    less,
+    too_steep,
+)
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
 
 FASTEST_DEG_S = 1e6  # no gyro reads this, and no float overflows below
+REFERENCE_NOISE_DEG = 0.5  # of the references of an estimator that is named, at every sample
+
+Filter = Callable[[float, Sequence[float], Sequence[float]], Sequence[float]]
 
 
 def filtered_attitude(
@@ -84,36 +96,112 @@ def filtered_attitude(
         bias_s = number("bias_time_constant_s", bias_time_constant_s, 0.0, above=True)
     estimator = AttitudeEstimator(time_constant_s=tau, bias_time_constant_s=bias_s)
     gyros, reference = record.matrix(GYROS), record.matrix(ATTITUDE)
-    _check(gyros, reference, record)
-    # names of channels are printable: none has a zero byte, so these streams are no channel's measurement noise
-    noise = np.column_stack([stream(seed, f"{name}\0reference").standard_normal(len(record)) for name in ATTITUDE])
-    noise[0] = 0.0
-    told = reference + deviation * noise
-    attitude = _filter(held(gyros), told, estimator, record)
+    _check(reference, record)
+    (noise,) = reference_noise(deviation, seed, len(record), len(record))
+    step = filtering(estimator, record.sample_period_s)
+    rows = zip(record.time_s.tolist(), gyros.tolist(), (reference + noise).tolist(), strict=True)
+    attitude = np.array([step(*row) for row in rows])
     for i, name in enumerate(ATTITUDE):
         record = record.replace(name, attitude[:, i])
     return record
 
 
-def _filter(rates: FloatArray, told: FloatArray, estimator: AttitudeEstimator, record: Record) -> FloatArray:
-    """Return the filtered attitude in degrees, shape (samples, 3): the equation of `filtered_attitude`, in floats."""
-    ts, tau = record.sample_period_s, estimator.time_constant_s
-    a = tau / (tau + ts)
-    learning = ts / (tau * estimator.bias_time_constant_s) if tau else 0.0
-    before, *later = rates.tolist()
-    angles: Sequence[float] = told[0].tolist()
+def estimated_attitude(record: Record, truth: Record, attitude: object, seed: int) -> Record:
+    """Return readings with the attitude that an estimator makes of their gyros, broken or not.
+
+    Parameters
+    ----------
+    record, truth : Record
+        What the sensors read, and the flight that they were on, row for row.
+    attitude : str or AttitudeEstimator
+        A name of `ESTIMATORS`, whose references have a noise of 0.5 deg at every sample; "own": the record as it is.
+    seed : int
+        Of that noise.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> truth = gb.fly(duration_s=20.0)
+    >>> readings = gb.measure(truth, noise="t2", seed=3)
+    >>> broken = gb.inject(readings, gb.Bias(channel="p", onset_s=0.0, size=2.0))
+    >>> healthy, bent = (estimated_attitude(each, truth, "filter 1 s", 3) for each in (readings, broken))
+    >>> (bent["phi"] - healthy["phi"])[-1].round(1), estimated_attitude(broken, truth, "own", 3) is broken
+    (np.float64(2.0), True)
+    """
+    estimator = estimator_of(attitude)
+    if estimator is None:
+        return record
+    for name in ATTITUDE:
+        record = record.replace(name, np.unwrap(truth[name], period=360.0))
+    bias_s = estimator.bias_time_constant_s
+    return filtered_attitude(
+        record,
+        time_constant_s=estimator.time_constant_s,
+        reference_noise_deg=REFERENCE_NOISE_DEG,
+        seed=seed,
+        bias_time_constant_s=bias_s if math.isfinite(bias_s) else None,
+    )
+
+
+def filtering(estimator: AttitudeEstimator, sample_period_s: float) -> Filter:
+    """Return the filter of `filtered_attitude` as a function of one sample after the other.
+
+    It takes a time in seconds, the gyros in deg/s and the reference with its noise in deg, unwrapped, and returns phi,
+    theta, psi. The first sample's are the reference's.
+
+    >>> step = filtering(AttitudeEstimator(time_constant_s=0.5), 0.01)
+    >>> path = [step(0.01 * k, (2.0, 0.0, 0.0), (0.0, 0.0, 45.0)) for k in range(1001)]  # p is off by 2 deg/s
+    >>> [round(angle, 3) for angle in path[1000]]
+    [1.0, 0.0, 45.0]
+    """
+    tau = estimator.time_constant_s
+    a = tau / (tau + sample_period_s)
+    learning = sample_period_s / (tau * estimator.bias_time_constant_s) if tau else 0.0
+    rates: Sequence[float] = (0.0, 0.0, 0.0)
     bias: Sequence[float] = (0.0, 0.0, 0.0)
-    path = [angles]
-    for k, (now, reference) in enumerate(zip(later, told[1:].tolist(), strict=True), start=1):
-        reached = carried_on(angles, less(before, bias), less(now, bias), ts)
+    angles: Sequence[float] = ()
+
+    def step(time_s: float, gyros: Sequence[float], reference: Sequence[float]) -> Sequence[float]:
+        nonlocal rates, bias, angles
+        now = [_held(*each) for each in zip(GYROS, gyros, rates, strict=True)]
+        before, rates = rates, now
+        if not angles:
+            angles = list(reference)
+            return angles
+        reached = carried_on(angles, less(before, bias), less(now, bias), sample_period_s)
         angles = [_corrected(*pair, a) for pair in zip(reached, reference, strict=True)]
         if max(abs(reached[1]), abs(angles[1])) > STEEPEST_DEG:
-            raise too_steep(max(reached[1], angles[1], key=abs), k * ts + record.start_s)
+            raise too_steep(max(reached[1], angles[1], key=abs), time_s)
         if learning:
             bias = [_learnt(*each, learning) for each in zip(bias, reached, reference, strict=True)]
-        path.append(angles)
-        before = now
-    return np.array(path)
+        return angles
+
+    return step
+
+
+def reference_noise(deviation_deg: float, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
+    """Give the noise of phi, theta and psi as references tell them, in blocks of samples, shape (block, 3).
+
+    >>> [noise.shape for noise in reference_noise(0.5, 1, samples=5, block=3)]
+    [(3, 3), (2, 3)]
+    """
+    # names of channels are printable: none has a zero byte, so these streams are no channel's measurement noise
+    drawn = [stream(seed, f"{name}\0reference") for name in ATTITUDE]
+    for first in range(0, samples, block):
+        rows = min(block, samples - first)
+        noise = deviation_deg * np.column_stack([each.standard_normal(rows) for each in drawn])
+        if not first:
+            noise[0] = 0.0
+        yield noise
+
+
+def _held(name: str, rate: float, before: float) -> float:
+    """Return a gyro's reading, or its last one where it is missing."""
+    if math.isnan(rate):
+        return before
+    if abs(rate) > FASTEST_DEG_S:
+        raise InputError(f"'{name}' exceeds {FASTEST_DEG_S:g} deg/s; that is no gyro's reading, so correct the record")
+    return rate
 
 
 def _corrected(predicted: float, reference: float, a: float) -> float:
@@ -124,13 +212,8 @@ def _learnt(bias: float, predicted: float, reference: float, gain: float) -> flo
     return bias if math.isnan(reference) else bias - gain * (reference - predicted)
 
 
-def _check(gyros: FloatArray, reference: FloatArray, record: Record) -> None:
-    """Refuse rates and references that the filter can't work with."""
-    for i, name in enumerate(GYROS):
-        if (np.abs(gyros[:, i]) > FASTEST_DEG_S).any():
-            raise InputError(
-                f"'{name}' exceeds {FASTEST_DEG_S:g} deg/s; that is no gyro's reading, so correct the record"
-            )
+def _check(reference: FloatArray, record: Record) -> None:
+    """Refuse references that the filter can't work with."""
     for i, name in enumerate(ATTITUDE):
         angle = reference[:, i]
         if not np.isfinite(angle[:1]).all() or not len(angle):

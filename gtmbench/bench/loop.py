@@ -13,8 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS, OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
 from gtmbench.bench.airborne import FLOWN, Airborne, Outside, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
 from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.excitation import Excitation
@@ -31,6 +33,9 @@ DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
 GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
 _BLOCK = 4096  # samples whose noise is drawn at a time
 _PSI = SENSORS.index("psi")
+_PHI, _THETA = SENSORS.index("phi"), SENSORS.index("theta")
+_GYROS = [SENSORS.index(name) for name in GYROS]
+_ATTITUDE = [SENSORS.index(name) for name in ATTITUDE]
 
 Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
 HandOn = Callable[[float, Readings], Readings]
@@ -46,8 +51,8 @@ class LoopEvent:
     time_s : float
     kind : str
         "departure": the aircraft is first beyond a limit of its ``[departure]``; "envelope": it left the range of its
-        model, where the flight ends; "out of loop": a fault began on a channel that the autopilot doesn't read; and
-        what an `Accommodation` tells.
+        model, or its estimator's theta that of Euler angles, where the flight ends; "out of loop": a fault began on a
+        channel that the autopilot doesn't read; and what an `Accommodation` tells.
     channel : str
     value : float or None
         Of the channel, in its unit, where it matters.
@@ -146,14 +151,17 @@ def fly_in_loop(
     noise: str | None = "t2",
     noise_seed: int | None = None,
     accommodate: Accommodation | None = None,
+    attitude: str | AttitudeEstimator = OWN,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> LoopFlight:
     """Trim and fly with an autopilot that flies on what the sensors read: noisy, and broken by faults.
 
-    Each step the sensors are read; faults distort that, one after the other as `inject` has them; `accommodate`
-    may put other readings in their place; the autopilot makes commands of it, and the excitation is added to those.
-    They hold until the next step. A flight that leaves the aircraft's envelope after a fault began ends there.
+    Each step the sensors are read; faults distort that, one after the other as `inject` has them; an estimator makes
+    an attitude of the broken gyros, which faults of the attitude distort; `accommodate` may put other readings in their
+    place; the autopilot makes commands of it, and the excitation is added to those. They hold until the next step. A
+    flight that leaves the aircraft's envelope after a fault began ends there, and so does one whose estimator's theta
+    passes 85 deg, beyond which its Euler angles mean nothing.
 
     Parameters
     ----------
@@ -167,11 +175,16 @@ def fly_in_loop(
     noise_seed : int, optional
         Of the noise, where it is another than the flight's.
     accommodate : Accommodation, optional
+    attitude : str or AttitudeEstimator
+        Whose phi, theta and psi are. "own": a vertical gyro's, into which p, q and r don't enter; or an estimator, or
+        the name of one (`gtmbench.attitude.ESTIMATORS`), that makes them of p, q and r as they are read and of
+        references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`.
 
     Raises
     ------
     InputError
-        Where an argument can't be meant, or the aircraft has no autopilot.
+        Where an argument can't be meant, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
+        any fault began.
     TrimError
         Where the aircraft can't be trimmed.
     EnvelopeError
@@ -191,9 +204,11 @@ def fly_in_loop(
     broken = tuple([faults] if isinstance(faults, Fault) else faults)
     seed = whole("seed", seed)
     noise_seed = seed if noise_seed is None else whole("noise_seed", noise_seed)
+    estimator = estimator_of(attitude)
     airborne = take_off(craft, excitation, duration_s, seed, altitude_ft=altitude_ft, tas_kt=tas_kt)
     _check_faults(broken, float(airborne.time_s[-1]))
     blocks = noise_blocks(noise, noise_seed, len(airborne.time_s), _BLOCK)
+    estimate = None if estimator is None else _Estimate(estimator, broken, noise_seed, len(airborne.time_s))
     events: list[LoopEvent] = []
 
     def tell(time_s: float, kind: str, channel: str, value: float) -> None:
@@ -201,7 +216,9 @@ def fly_in_loop(
 
     hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, tell)
     with simulating(airborne.fdm, craft):
-        read, sensed, commands = _fly(airborne, pilot, [_Breaking(fault) for fault in broken], blocks, hand_on)
+        read, sensed, commands = _fly(
+            airborne, pilot, [_Breaking(fault) for fault in broken], blocks, hand_on, estimate
+        )
     truth = airborne.record(read, commands)
     onset_s = min((fault.onset_s for fault in broken), default=inf)
     left = first_outside(truth, craft.envelope)
@@ -210,6 +227,10 @@ def fly_in_loop(
             check_envelope(truth, craft, "the loop", "check the autopilot's gains, or choose a gentler excitation")
         truth, sensed = _until(truth, left.row), sensed[: left.row + 1]
         events.append(_event(ENVELOPE, truth, left))
+    elif estimate is not None and (steep_deg := estimate.steep_deg) is not None:
+        if truth.end_s + SAMPLE_PERIOD_S < onset_s:
+            raise too_steep(steep_deg, truth.end_s)
+        events.append(LoopEvent(time_s=truth.end_s, kind=ENVELOPE, channel="theta", value=steep_deg))
     if departed := first_outside(truth, craft.departure):
         events.append(_event(DEPARTURE, truth, departed))
     events += [
@@ -260,16 +281,56 @@ class _Breaking:
             sample[column] = value
 
 
+def _break(faults: Sequence[_Breaking], time_s: float, sample: list[float]) -> None:
+    """Break a sample in place, by one fault after the other."""
+    for fault in faults:
+        if fault.begins_s <= time_s < fault.ends_s:
+            fault.distort(time_s, sample)
+
+
+class _Estimate:
+    """An estimator at work in a loop: the attitude that it makes of what the gyros are about to read.
+
+    Faults act on that attitude as they act on a gyro, in their order. So they are at work twice, as in `inject`: here
+    on a copy, for what the gyros read, and then on all that is read.
+    """
+
+    def __init__(self, estimator: AttitudeEstimator, faults: Sequence[Fault], seed: int, samples: int) -> None:
+        self._faults = [_Breaking(fault) for fault in faults]
+        self._step = filtering(estimator, SAMPLE_PERIOD_S)
+        blocks = reference_noise(REFERENCE_NOISE_DEG, seed, samples, _BLOCK)
+        self._noise = chain.from_iterable(block.tolist() for block in blocks)
+        self._phi = 0.0
+        self.steep_deg: float | None = None  # its theta, once that is too steep to go on
+
+    def enters(self, time_s: float, sample: list[float], attitude: Sequence[float]) -> bool:
+        """Put the estimated attitude into a healthy sample, given the true one, psi unwrapped; say whether it could."""
+        read = sample.copy()
+        _break(self._faults, time_s, read)
+        phi, theta, psi = attitude
+        self._phi = phi - 360.0 * round((phi - self._phi) / 360.0)
+        told = [angle + error for angle, error in zip((self._phi, theta, psi), next(self._noise), strict=True)]
+        try:
+            estimated = self._step(time_s, [read[i] for i in _GYROS], told)
+        except SteepError as error:
+            self.steep_deg = error.theta_deg
+            return False
+        for column, angle in zip(_ATTITUDE, estimated, strict=True):
+            sample[column] = angle
+        return True
+
+
 def _fly(
     airborne: Airborne,
     pilot: Autopilot,
     faults: Sequence[_Breaking],
     noise: Iterator[FloatArray],
     hand_on: HandOn | None,
+    estimate: _Estimate | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step; return what was read of the engine, what the sensors read, and the commands, a row a sample.
 
-    Ends with the first sample outside of the envelope.
+    Ends with the first sample outside of the envelope, or before one whose attitude can't be estimated.
     """
     limits = airborne.aircraft.limits
     command = pilot.engage(airborne.trim, limits, SAMPLE_PERIOD_S)
@@ -284,16 +345,18 @@ def _fly(
     steps = len(airborne.time_s)
     for step, (time_s, added, noises) in enumerate(chain.from_iterable(_rows(airborne, noise)), start=1):
         now = list(map(call, read))
-        keep(now)
         sample = [value * scale + error for value, scale, error in zip(now, scales, noises, strict=False)]
         psi = now[_PSI] * scales[_PSI]
         if not -180.0 <= psi - psi_before <= 180.0:
             turned += 360.0 if psi < psi_before else -360.0
         psi_before = psi
         sample[_PSI] = psi + turned + noises[_PSI]
-        for fault in faults:
-            if fault.begins_s <= time_s < fault.ends_s:
-                fault.distort(time_s, sample)
+        if estimate is not None:
+            attitude = now[_PHI] * scales[_PHI], now[_THETA] * scales[_THETA], psi + turned
+            if not estimate.enters(time_s, sample, attitude):
+                break
+        _break(faults, time_s, sample)
+        keep(now)
         keep_sensed(sample)
         wanted = command(sample if hand_on is None else hand_on(time_s, sample))
         given = [

@@ -94,6 +94,14 @@ def _print_modes(linear: list[Mode]) -> None:
     help="With --closed-loop: what breaks in the loop, a scenario's [[faults]], all severities absolute.",
 )
 @trial_option
+@click.option(
+    "--attitude",
+    default="own",
+    show_default=True,
+    metavar="NAME",
+    help="With --closed-loop or --noise: whose phi, theta and psi are, or an estimator that p, q and r drive: "
+    "'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
+)
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def fly_command(
@@ -110,11 +118,14 @@ def fly_command(
     closed_loop: bool,
     scenario: str | None,
     trial: int | None,
+    attitude: str,
     force: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
     """Fly and write a log: the truth, or with --noise what the sensors read."""
+    from gtmbench.attitude import OWN, estimator_of
+    from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
     from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
@@ -127,18 +138,24 @@ def fly_command(
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     if scenario is not None and not closed_loop:
         raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
+    estimator_of(attitude)
+    if attitude != OWN and noise is None and not closed_loop:
+        raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
     faults = trial_faults(scenario, trial)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     events: tuple[LoopEvent, ...] = ()
     if closed_loop:
-        flight = fly_in_loop(aircraft, excitation, duration, seed, faults=faults, altitude_ft=altitude, tas_kt=tas)
+        flight = fly_in_loop(
+            aircraft, excitation, duration, seed, faults=faults, attitude=attitude, altitude_ft=altitude, tas_kt=tas
+        )
         record, events = flight.truth if noise is None else flight.readings(commands=commands), flight.events
     else:
-        record = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
+        record = truth = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
         if noise is not None:
-            record = measure(record, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
+            readings = measure(truth, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
+            record = estimated_attitude(readings, truth, attitude, seed)
     write_log(record, out)
     if as_json:
         written = {"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
