@@ -409,6 +409,7 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
         "excitation": "doublets",
         "turbulence": True,
         "closed_loop": True,
+        "attitude": "filter 5 s",
         "altitude_ft": 9000.0,
         "tas_kt": 95.0,
         "seed": 5,
@@ -419,6 +420,7 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
     (task,) = loaded(tmp_path, 'noise = "t2"\n' + TINY.replace('seed = "1:8"', text)).tasks()
     setup = task.setup
     assert (setup.aircraft, setup.excitation, setup.seed) == ("gtm", "doublets+turbulence", 5)
+    assert setup.attitude == "filter 5 s"
     assert setup.autopilot == gb.load_aircraft("gtm").autopilot
     assert (setup.trim_point, task.noise_seeds) == ({"altitude_ft": 9000.0, "tas_kt": 95.0}, (3,))
 

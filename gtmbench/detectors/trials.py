@@ -6,7 +6,9 @@ a method `trials`; every other watches.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol, cast
 
 import numpy as np
@@ -69,10 +71,13 @@ class WatchedTrials:
     monitor : Monitor
     record : Record
         Healthy.
+    broken : callable, optional
+        What makes the record with a fault; by default the fault is injected, and changes its own channels only.
     """
 
-    def __init__(self, monitor: Monitor, record: Record) -> None:
-        self._monitor, self._record = monitor, record
+    def __init__(self, monitor: Monitor, record: Record, *, broken: Callable[[Fault], Record] | None = None) -> None:
+        self._monitor = monitor
+        self._broken = partial(inject, record) if broken is None else broken
 
     def first_alarm_s(self, fault: Fault) -> float | None:
         """Return when the first alarm could be raised at or after a fault's onset; None where none is."""
@@ -80,7 +85,7 @@ class WatchedTrials:
 
     def detection(self, fault: Fault) -> Detection:
         """Return that, and how far the scores went by the record's end."""
-        watch = self._monitor.watch(inject(self._record, fault))
+        watch = self._monitor.watch(self._broken(fault))
         changed = {*fault.changes}
         entered = [score for score in watch.scores.values() if not score.channels or changed & {*score.channels}]
         return Detection(

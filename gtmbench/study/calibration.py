@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from gtmbench.attitude import OWN as OWN_ATTITUDE
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.sensors import NOISES
 from gtmbench.channels import COMMANDS
@@ -201,5 +202,6 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "duration_s": min(setup.duration_s, _LONGEST_S),
         "noise": _noise(setup),
         "seed": _seed(setup, 0),
+        **({"attitude": setup.attitude} if setup.attitude != OWN_ATTITUDE else {}),
         **setup.trim_point,
     }

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
+from gtmbench.attitude import ATTITUDE, GYROS, OWN
+from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
@@ -45,12 +47,17 @@ class Flown:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
         if number not in self._last:  # the trials of a record ask for it one after the other
             self._last.clear()
-            self._last[number] = with_late_attitude(self._measured(number), self.setup.attitude_late_s)
+            self._last[number] = self._told(self._measured(number), self.flight, number)
         return self._last[number]
 
     def _measured(self, number: int) -> Record:
         setup, seed = self.setup, _noise_seed(self.setup, number)
         return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands)
+
+    def _told(self, readings: Record, truth: Record, number: int) -> Record:
+        """Return readings with the setup's attitude, made of these gyros where an estimator makes it."""
+        estimated = estimated_attitude(readings, truth, self.setup.attitude, _noise_seed(self.setup, number))
+        return with_late_attitude(estimated, self.setup.attitude_late_s)
 
     @cached_property
     def _last(self) -> dict[int, Record]:
@@ -67,7 +74,7 @@ class Flown:
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         sensed = Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
-        return with_late_attitude(sensed, self.setup.attitude_late_s)
+        return self._told(sensed, truth, number)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
@@ -75,7 +82,23 @@ class Flown:
         Return it, and what the sensors would have read without them.
         """
         faults, healthy = self.faults(spec), self.sensed(number)
-        return _injection(scenario, faults, self.flight, inject(healthy, faults)), healthy
+        return _injection(scenario, faults, self.flight, self.injected(faults, number)), healthy
+
+    def bends(self, faults: Sequence[Fault]) -> bool:
+        """Say whether faults bend channels beside those that they break: in the loop, or by way of an estimator."""
+        of_gyros = any(name in GYROS for fault in faults for name in fault.changes)
+        return self.is_in_loop or (self.setup.attitude != OWN and of_gyros)
+
+    def injected(self, faults: Sequence[Fault], number: int) -> Record:
+        """Return what the sensors of a record read with faults; an estimator's attitude is that of the broken gyros.
+
+        Faults of the attitude act on that.
+        """
+        healthy = self.sensed(number)
+        if self.bends(faults):
+            bent = self._told(inject(self._measured(number), faults), self.flight, number)
+            healthy = _with_attitude(healthy, bent)
+        return inject(healthy, faults)
 
     def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
         """Return a trial's faults, their severities resolved against the flight."""
@@ -110,7 +133,16 @@ class FlownInLoop(Flown):
         flight = _flown_in_loop(self.setup, number, faults)
         injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
+        if self.setup.attitude != OWN:
+            unbroken = _with_attitude(unbroken, self._told(flight.sensed, flight.truth, number))
         return injection, unbroken
+
+
+def _with_attitude(record: Record, of: Record) -> Record:
+    """Return a record with another's attitude."""
+    for name in ATTITUDE:
+        record = record.replace(name, of[name])
+    return record
 
 
 def with_late_attitude(record: Record, late_s: float) -> Record:
@@ -135,6 +167,7 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
         setup.duration_s,
         setup.seed if seed is None else seed,
         autopilot=setup.autopilot,
+        attitude=setup.attitude,
         faults=faults,
         noise=setup.noise,
         noise_seed=_noise_seed(setup, number),

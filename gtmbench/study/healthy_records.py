@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.attitude import OWN, estimator_of
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
@@ -54,6 +56,8 @@ class CalibrationFlights:
         Of the first flight; the others follow.
     imperfections : Imperfections
         Of the healthy gyros, to be tolerated.
+    attitude : str
+        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.attitude.ESTIMATORS`, driven by the gyros.
     attitude_late_s : float
         How much later than the other sensors' the attitude's samples are.
 
@@ -77,6 +81,7 @@ class CalibrationFlights:
     noise: str = "t2"
     seed: int = 1
     imperfections: Imperfections = field(default_factory=Imperfections)
+    attitude: str = OWN
     attitude_late_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -85,6 +90,7 @@ class CalibrationFlights:
         whole("seed", self.seed, 0, _LARGEST_SEED - self.flights)
         load_aircraft(self.aircraft)
         parts_of(self.excitation)
+        estimator_of(self.attitude)
         if self.noise not in NOISES:
             raise InputError(f"no noise '{self.noise}'; there is {', '.join(NOISES)}{meant(self.noise, NOISES)}")
 
@@ -117,6 +123,7 @@ class CalibrationFlights:
             "duration_s": float(self.duration_s),
             "noise": self.noise,
             "seeds": [self.seed, self.seed + self.flights - 1],
+            **({"attitude": self.attitude} if self.attitude != OWN else {}),
             **({"attitude_late_s": self.attitude_late_s} if self.attitude_late_s else {}),
             **_common(self.imperfections),
         }
@@ -201,8 +208,9 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
     flights, channels, seed = task
     flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
     measured = measure(flight, noise=flights.noise, seed=seed, commands=True)
-    measured = with_late_attitude(measured, flights.attitude_late_s)
-    return _with(measured.select(channels), flights.imperfections, seed)
+    gyros = _with(measured, flights.imperfections, seed)  # an estimator reads them as they are
+    estimated = estimated_attitude(gyros, flight, flights.attitude, seed)
+    return with_late_attitude(estimated, flights.attitude_late_s).select(channels)
 
 
 def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:

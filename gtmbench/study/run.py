@@ -7,13 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.attitude import OWN
+from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
+from gtmbench.method.attitude_origin import Origin
 from gtmbench.progress import Progress, Tell, counted, silent
 from gtmbench.record import Record
 from gtmbench.study.calibration import Calibrator, own_detector, resolved
 from gtmbench.study.fault_tables import FaultSpec, spec_of
 from gtmbench.study.flights import Flown, common_setup, fly_setup
+from gtmbench.study.log.origin import rests_on_attitude, with_origin
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -119,7 +123,10 @@ def run_study(
     if not all(own):
         scenarios = [with_noise(scenario) for scenario in scenarios]
     setup = common_setup(scenarios, seed)
-    named = {name: watcher(setup) if watcher is own_detector else watcher for name, watcher in watchers.items()}
+    named = {
+        name: watcher(setup) if watcher is own_detector else knowing(watcher, setup.attitude)
+        for name, watcher in watchers.items()
+    }
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
     calibrator = Calibrator.of(setup, named)
     steps = 2 + calibrator.steps + len(named) * (setup.alarm.healthy_records + len(specs))
@@ -128,6 +135,18 @@ def run_study(
     study = _studied(flown, calibrator.monitors(flown, tell), specs, tell)
     progress("done", steps, steps)
     return study
+
+
+def knowing(watcher: Any, attitude: str) -> Any:
+    """Return what watches; a bank that is yet to calibrate is told that the gyros drive its flights' attitude.
+
+    >>> from gtmbench.detectors.registry import find_detector
+    >>> [knowing(find_detector("C"), attitude).bank.attitude_from_gyros for attitude in ("own", "kalman")]
+    [False, True]
+    """
+    if attitude == OWN or not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+        return watcher
+    return with_origin(watcher, Origin(is_driven=True, why="as the scenario says"))
 
 
 def _without_operator(scenario: Scenario) -> Scenario:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.attitude import OWN, estimator_of
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
@@ -64,6 +65,7 @@ class Setup:
     seed: int = 1
     altitude_ft: float | None = None  # None: the aircraft's own trim
     tas_kt: float | None = None
+    attitude: str = OWN  # whose it is: a vertical gyro's own, or that of an estimator of `ESTIMATORS`
     attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
@@ -296,6 +298,12 @@ def _noise(key: str, value: Any) -> str:
     return str(value)
 
 
+def _attitude(key: str, value: Any) -> str:
+    with naming(key):
+        estimator_of(value)
+    return str(value)
+
+
 def _times(key: str, value: Any) -> Span:
     if not isinstance(value, list) or len(value) != 2:
         raise InputError(f"{key} is {shown(value)}; it must be two times in seconds, [start, end]")
@@ -311,6 +319,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "seed": whole,
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
+    "attitude": _attitude,
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "severity_reference_s": _times,
     "autopilot": table_of,

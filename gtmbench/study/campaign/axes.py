@@ -78,6 +78,7 @@ AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
     "closed_loop": _flags,
     "altitude_ft": _settings("altitude_ft"),
     "tas_kt": _settings("tas_kt"),
+    "attitude": _settings("attitude"),
     "seed": _seeds(0, 10_000_000),
     "noise_seed": _seeds(1, 10_000),
 }

@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.errors import InputError
@@ -22,7 +22,7 @@ from gtmbench.shipped import code_facts
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.campaign.task import Task, Watchers, rows_of
-from gtmbench.study.campaign.watchers import Named, calibrated, named
+from gtmbench.study.campaign.watchers import Monitors, Named, calibrated, named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -182,7 +182,7 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     return files_of([*faults, *detectors.detectors.values(), *functions])
 
 
-def _packed(task: Task, detectors: Named, monitors: dict[Any, Any], files: tuple[str, ...]) -> Work:
+def _packed(task: Task, detectors: Named, monitors: Monitors, files: tuple[str, ...]) -> Work:
     watchers = detectors.watchers(task.setup, monitors)
     return Work(tuple(versions().items()), files, pickle.dumps(watchers), pickle.dumps(task))
 
@@ -210,7 +210,7 @@ def done(work: Work) -> pa.Table:
     return table_of(rows_of(_task(work.files, work.task), _watchers(work.files, work.watchers)))
 
 
-@lru_cache(maxsize=2)  # of two aircraft
+@lru_cache(maxsize=8)  # of several aircraft and attitudes
 def _watchers(files: tuple[str, ...], pickled: bytes) -> Watchers:
     load_files(files)
     watchers: Watchers = pickle.loads(pickled)  # noqa: S301  our own, from the process that conducts

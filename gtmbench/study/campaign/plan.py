@@ -56,7 +56,7 @@ class Campaign:
     isolate : bool
         Whether it is asked which sensor failed and how, or only whether and when there was an alarm.
     calibration : CalibrationFlights
-        What detectors are calibrated on that aren't tied to an excitation, once an aircraft.
+        What detectors are calibrated on that aren't tied to an excitation, once an aircraft and attitude.
     false_alarms_per_hour : float or None
         Wanted of those; None: as they do.
     searches : tuple of Search
@@ -159,9 +159,20 @@ class Campaign:
     @property
     def aircraft(self) -> tuple[str, ...]:
         """Every aircraft that is flown."""
-        own = [scenario.setup.aircraft for scenario in self.scenarios]
-        named = [name for _, axes in self._blocks() for name in axes.get("aircraft", own)]
-        return tuple(dict.fromkeys(named))
+        return tuple(dict.fromkeys(aircraft for aircraft, _ in self.told_apart))
+
+    @property
+    def told_apart(self) -> tuple[tuple[str, str], ...]:
+        """Every aircraft that is flown with every attitude that it has: detectors are calibrated for each."""
+        flown = [
+            pair
+            for _, axes in self._blocks()
+            for setup in (scenario.setup for scenario in self.scenarios)
+            for pair in itertools.product(
+                axes.get("aircraft", (setup.aircraft,)), axes.get("attitude", (setup.attitude,))
+            )
+        ]
+        return tuple(dict.fromkeys(flown))
 
     def facts(self) -> dict[str, Any]:
         """Return all that rows hang on, as plain values."""

@@ -19,6 +19,7 @@ COLUMNS: Mapping[str, Column] = {
     "aircraft": Column("string", "that was flown"),
     "excitation": Column("string", "of its surfaces and the air"),
     "closed_loop": Column("bool", "whether an autopilot flew, on what its sensors read"),
+    "attitude": Column("string", "whose it is: own, or the estimator that made it of the gyros as they were read"),
     "altitude_ft": Column("double", "of another trim than the aircraft's own"),
     "tas_kt": Column("double", "of another trim than the aircraft's own"),
     "duration_s": Column("double", "of the flight"),

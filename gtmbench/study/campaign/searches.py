@@ -16,7 +16,7 @@ from typing import Any
 from gtmbench.checks import naming, number, shown, table_of
 from gtmbench.columns import Row
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.trials import TIE_S, trials_on
+from gtmbench.detectors.trials import TIE_S, WatchedTrials, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
@@ -128,8 +128,8 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
     return found
 
 
-def search_row(search: Search, flown: Flown, quiet: Watch) -> Row:
-    """Search on a healthy record of a flight, with the monitor that has watched it.
+def search_row(search: Search, flown: Flown, quiet: Watch, number: int) -> Row:
+    """Search on a healthy record of a flight (`Flown.sensed` has its number), with the monitor that has watched it.
 
     What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,
     where every severity would want a flight of its own.
@@ -142,7 +142,8 @@ def search_row(search: Search, flown: Flown, quiet: Watch) -> Row:
         return row | {"reason": "in the loop a fault changes the flight: there is none to search on"}
     if any(onset_s - TIE_S <= alarm.time_s <= until_s + TIE_S for alarm in quiet.alarms):
         return row | {"reason": "it alarms without the fault"}
-    trials = trials_on(quiet.monitor, quiet.record)
+    bends = flown.bends([search.fault(search.bounds[0].value, reference)])
+    trials = _watched_trials(flown, quiet, number) if bends else trials_on(quiet.monitor, quiet.record)
 
     def is_detected(severity: float) -> bool:
         alarm_s = trials.first_alarm_s(search.fault(severity, reference))
@@ -154,6 +155,14 @@ def search_row(search: Search, flown: Flown, quiet: Watch) -> Row:
         return row | {"detected": False}
     fault = search.fault(found, reference)
     return row | {"detected": True, "smallest": found, "severity": fault.severities[search.parameter]}
+
+
+def _watched_trials(flown: Flown, quiet: Watch, number: int) -> WatchedTrials:
+    """Return trials that watch the record anew with every fault, as a flight's estimator bends its attitude."""
+    span = quiet.record.start_s, quiet.record.end_s
+    return WatchedTrials(
+        quiet.monitor, quiet.record, broken=lambda fault: flown.injected([fault], number).between(*span)
+    )
 
 
 def first_detected(is_detected: Callable[[float], bool], mildest: float, severest: float) -> float | None:

@@ -90,7 +90,7 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
         for search in task.searches if noise_seed in task.noise_seeds else ():
             sought = {**about, **_of_search(search)}
             for name, watch in quiet.items():
-                found = _tried(search_row, search, flown, watch)
+                found = _tried(search_row, search, flown, watch, record_number(noise_seed))
                 rows.append({**sought, "detector": name, **_cells(found)})
     return rows
 
@@ -182,7 +182,8 @@ def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
 
     def detected(broken: _Broken) -> Row:
         fault, *also = broken.faults
-        if also or fault.onset_s <= quiet.record.start_s:  # it may begin before anybody watches
+        before = fault.onset_s <= quiet.record.start_s  # it may begin before anybody watches
+        if also or before or flown.bends(broken.faults):
             return _of_detection(judge(broken))
         return _detected(trials.detection(fault), fault, quiet)
 
@@ -233,7 +234,7 @@ _OF_DETECTION = (
 def _about(task: Task) -> Row:
     """Say what is flown."""
     setup = vars(task.setup)
-    names = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "seed")
+    names = ("aircraft", "excitation", "attitude", "altitude_ft", "tas_kt", "duration_s", "seed")
     is_closed = task.setup.autopilot is not None
     return {"task": task.number, **{name: setup[name] for name in names}, "closed_loop": is_closed}
 

@@ -1,4 +1,4 @@
-"""What watches a campaign: every detector is calibrated once an aircraft, and its file stands with the parts."""
+"""What watches a campaign: detectors are calibrated once an aircraft and attitude, and files stand with the parts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ from gtmbench.record import Record
 from gtmbench.study.calibration import OWN, Calibrator, is_tied, own_detector, with_provenance
 from gtmbench.study.campaign.plan import Campaign
 from gtmbench.study.campaign.task import Watchers
+from gtmbench.study.healthy_records import CalibrationFlights
+from gtmbench.study.run import knowing
 from gtmbench.study.scenario import Setup
+
+Monitors = Mapping[tuple[str, str, str], Monitor]  # by a detector's name, an aircraft and an attitude
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +51,11 @@ class Named:
         """All of their names."""
         return ((OWN,) if self.own else ()) + tuple(self.detectors)
 
-    def watchers(self, setup: Setup, calibrated: Mapping[tuple[str, str], Monitor]) -> Watchers:
+    def watchers(self, setup: Setup, calibrated: Monitors) -> Watchers:
         """Return what watches a flight; what is tied to its excitation as a recipe."""
         own: dict[str, Detector | Monitor] = {OWN: own_detector(setup)} if self.own else {}
-        others = {name: calibrated.get((name, setup.aircraft), detector) for name, detector in self.detectors.items()}
+        of = setup.aircraft, setup.attitude
+        others = {name: calibrated.get((name, *of), detector) for name, detector in self.detectors.items()}
         return own | others
 
 
@@ -85,36 +90,38 @@ def named(campaign: Campaign) -> Named:
 
 def calibrated(
     campaign: Campaign, detectors: Named, parts: Parts, *, processes: int, progress: Progress
-) -> tuple[Parts, dict[tuple[str, str], Monitor]]:
-    """Return every monitor by name and aircraft, as its file in the folder has it; what isn't there yet is calibrated.
+) -> tuple[Parts, Monitors]:
+    """Return every monitor by name, aircraft and attitude, as its file in the folder has it.
 
-    Of several shards that begin together one calibrates, and the others wait for it.
+    What isn't there yet is calibrated. Of several shards that begin together one calibrates, and the others wait.
     """
-    monitors: dict[tuple[str, str], Monitor] = {}
+    monitors: dict[tuple[str, str, str], Monitor] = {}
     digests: dict[str, str] = {}
     with waiting_alone(parts.folder):
-        for aircraft in campaign.aircraft:
+        for aircraft, attitude in campaign.told_apart:
+            flights = replace(campaign.calibration, aircraft=aircraft, attitude=attitude)
             records: list[Record] = []
             for name, detector in detectors.detectors.items():
                 if is_recipe(detector) and is_tied(detector):
                     continue
                 if is_ready(detector) and not _is_kept(detector):
-                    monitors[name, aircraft] = detector
+                    monitors[name, aircraft, attitude] = detector
                     continue
-                path = parts.folder / _file_name(name, aircraft, several=len(campaign.aircraft) > 1)
+                path = parts.folder / _file_name(name, *_told_by(campaign, aircraft, attitude))
                 if not path.is_file():
                     if _learns(detector) and not records:
-                        records = _flown(campaign, detectors, aircraft, processes, progress)
-                    save_monitor(_monitor(campaign, detector, records, aircraft, progress), path)
-                monitors[name, aircraft] = load_monitor(path, _restoring(detector))
+                        records = _flown(flights, detectors, processes, progress)
+                    rate = campaign.false_alarms_per_hour
+                    save_monitor(_monitor(flights, knowing(detector, attitude), records, rate, progress), path)
+                monitors[name, aircraft, attitude] = load_monitor(path, _restoring(detector))
                 digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return hold(parts, monitors=digests, threshold_spreads=_spreads(monitors)), monitors
 
 
-def _spreads(monitors: Mapping[tuple[str, str], Monitor]) -> dict[str, float]:
+def _spreads(monitors: Monitors) -> dict[str, float]:
     """Return within how many times other flights would have set 95 % of a detector's thresholds, by its name."""
     found: dict[str, float] = {}
-    for (name, _), monitor in monitors.items():
+    for (name, *_), monitor in monitors.items():
         luck = Luck.told(monitor.provenance)
         if luck is not None and np.isfinite(luck.within):
             found[name] = max(luck.within, found.get(name, 1.0))
@@ -140,16 +147,19 @@ def _is_kept(monitor: Monitor) -> bool:
     return True
 
 
-def _flown(campaign: Campaign, detectors: Named, aircraft: str, processes: int, progress: Progress) -> list[Record]:
+def _flown(flights: CalibrationFlights, detectors: Named, processes: int, progress: Progress) -> list[Record]:
     """Fly what all detectors are calibrated on, once."""
     wanted = {channel for detector in detectors.detectors.values() for channel in detector.channels}
     commands = [name for name in COMMANDS if name in wanted]
-    flights = replace(campaign.calibration, aircraft=aircraft)
     return flights.sensed([*SENSORS, *commands], processes=processes, progress=progress)
 
 
 def _monitor(
-    campaign: Campaign, detector: Detector | Monitor, records: list[Record], aircraft: str, progress: Progress
+    flights: CalibrationFlights,
+    detector: Detector | Monitor,
+    records: list[Record],
+    false_alarms_per_hour: float | None,
+    progress: Progress,
 ) -> Monitor:
     if not is_recipe(detector):
         assert is_ready(detector)
@@ -157,14 +167,19 @@ def _monitor(
     if isinstance(detector, FunctionDetector):
         return detector.calibrate()
     seen = [record.select(detector.channels) for record in records] if detector.channels else records
-    monitor = detector.calibrate(seen, campaign.false_alarms_per_hour, progress=progress)
-    origin = replace(campaign.calibration, aircraft=aircraft).provenance()
-    return with_provenance(monitor, origin | {"records": len(records)})
+    monitor = detector.calibrate(seen, false_alarms_per_hour, progress=progress)
+    return with_provenance(monitor, flights.provenance() | {"records": len(records)})
 
 
-def _file_name(detector: str, aircraft: str, *, several: bool) -> str:
+def _told_by(campaign: Campaign, aircraft: str, attitude: str) -> list[str]:
+    """Return what tells the monitors of a detector apart."""
+    several = [len({*values}) > 1 for values in zip(*campaign.told_apart, strict=True)]
+    return [word for word, is_told in zip((Path(aircraft).name, attitude), several, strict=True) if is_told]
+
+
+def _file_name(*words: str) -> str:
     """Return a name for a monitor's file: legal everywhere, another one for every detector."""
-    words = f"{detector}-{Path(aircraft).name}" if several else detector
-    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", words)
-    mark = "" if plain == words else f"-{hashlib.sha256(words.encode()).hexdigest()[:6]}"
+    told = "-".join(words)
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", told)
+    mark = "" if plain == told else f"-{hashlib.sha256(told.encode()).hexdigest()[:6]}"
     return f"monitor-{plain[:100]}{mark}.json"
