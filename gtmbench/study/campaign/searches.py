@@ -22,7 +22,7 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec, Severity, build, fault_specs, resolve
-from gtmbench.study.flights import Flown
+from gtmbench.study.flights import BROKEN, Flown
 
 _RATIO = 1.05  # to which a severity is found
 _OWN_KEYS = ("within_s",)
@@ -128,7 +128,7 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
     return found
 
 
-def search_row(search: Search, flown: Flown, quiet: Watch, number: int) -> Row:
+def search_row(search: Search, flown: Flown, quiet: Watch, number: int = BROKEN) -> Row:
     """Search on a healthy record of a flight (`Flown.sensed` has its number), with the monitor that has watched it.
 
     What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,
