@@ -20,6 +20,7 @@ from gtmbench.record import BoolArray
 
 _FASTER = 1.96  # times: an interval has to hold two samples to be integrated over; periods are measured
 _LOST = HOLE + 1.0  # periods of the gyros, at least: a line over one lost sample, and jitter, is within the noise
+_EXACT = 7  # decimals that an integral keeps of a rate, in deg/s
 _SAME = 0.1  # of the record's period: the attitude comes at its rate
 
 
@@ -79,7 +80,8 @@ def mean_rates(
         like_attitude, own = _slope(laid[:, 0], period_s), _slope(integral(of_s, of, at_s), period_s)
         before_s, after_s = _without_samples(of_s, max(_LOST * typical_s, period_s))
         lost = _met(at_s[:-2] - beside_s, at_s[2:] + beside_s, before_s[1:-1], after_s[1:-1])
-        means[:, column] = np.where(lost, np.nan, np.where(np.isfinite(like_attitude), like_attitude, own))
+        slopes = np.where(np.isfinite(like_attitude), like_attitude, own)
+        means[:, column] = np.where(lost, np.nan, slopes.round(_EXACT))  # a stuck gyro reads one value
         there[:, column] = np.isfinite(means[:, column]) | (~away & known.all())
     return means, there
 

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, AttitudeEstimator
+from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
@@ -36,10 +37,15 @@ class Bend:
         The record's row from which on there are changes.
     channel : str
         p, q or r.
+    sharpness : float
+        How the gyros' samples are to be sharpened before they are integrated, as `sharpness_of` finds it.
     """
 
-    def __init__(self, estimator: AttitudeEstimator, record: Record, start: int, channel: str) -> None:
+    def __init__(
+        self, estimator: AttitudeEstimator, record: Record, start: int, channel: str, sharpness: float = 0.0
+    ) -> None:
         self.estimator, self.record, self._start, self._channel = estimator, record, start, channel
+        self._sharpness = sharpness
         self._period_s = record.sample_period_s
         phi, theta, q, r = (_radians(record, name)[start:] for name in ("phi", "theta", "q", "r"))
         sin, cos, tan, secant = np.sin(phi), np.cos(phi), np.tan(theta), 1.0 / np.cos(theta)
@@ -59,7 +65,8 @@ class Bend:
 
     def of(self, changes: FloatArray) -> Mapping[str, FloatArray]:
         """Return what changes of the gyro, shape (changes, rows), add to each angle, in deg."""
-        rates = {angle: by * changes for angle, by in self._enters.items()}
+        sharp = sharpened(changes, self._sharpness)
+        rates = {angle: by * sharp for angle, by in self._enters.items()}
         bends = {angle: self._passed(rate) for angle, rate in rates.items()}
         for _ in range(_TURNS):
             bends = {
@@ -67,6 +74,10 @@ class Bend:
                 for angle, rate in rates.items()
             }
         return bends
+
+    def about(self, record: Record) -> Bend:
+        """Return it about another record."""
+        return Bend(self.estimator, record, self._start, self._channel, self._sharpness)
 
     def straightened(self, change: FloatArray) -> Bend:
         """Return it about the record without a change of the gyro, shape (rows of the record,): by the whole equations.
@@ -76,9 +87,15 @@ class Bend:
         InputError
             Where Euler angles end.
         """
-        record = self.record
-        straight = self.estimator.bent(record, record.replace(self._channel, record[self._channel] - change))
-        return Bend(self.estimator, straight, self._start, self._channel)
+        record, healthy = self.record, self.record[self._channel] - change
+        read = record
+        for name in GYROS:
+            if name in record.channels:
+                read = read.replace(name, sharpened(record[name], self._sharpness))
+        straight = self.estimator.bent(read, read.replace(self._channel, sharpened(healthy, self._sharpness)))
+        for name in ATTITUDE:
+            record = record.replace(name, straight[name]) if name in record.channels else record
+        return self.about(record.replace(self._channel, healthy))
 
     def _passed(self, rates: FloatArray) -> FloatArray:
         from scipy.signal import lfilter
@@ -92,6 +109,32 @@ class Bend:
         return (
             float(np.mean(self._enters[angle] * by)) * np.polyval(over[::-1], turned) / np.polyval(under[::-1], turned)
         )
+
+
+def sharpened(values: FloatArray, sharpness: float) -> FloatArray:
+    """Return rates, shape (..., rows), of which means over neighbours are what an attitude's steps are: u - c u''."""
+    if not sharpness:
+        return values
+    sharp = values.copy()
+    sharp[..., 1:-1] -= sharpness * (values[..., 2:] - 2.0 * values[..., 1:-1] + values[..., :-2])
+    return sharp
+
+
+def sharpness_of(operator: Transmissibility) -> float:
+    """Return how a gyro's samples are to be sharpened, so that their integral is what the attitude made of them.
+
+    An operator from an attitude's rate to the gyro that drives it is one over how the gyro enters that rate, by its
+    trapezoids and the central difference: P = (1 - s)(1 + 4 c s), s = sin^2(w/2), w in rad a row. Samples taken at the
+    estimator's own steps have T = 1 / (1 - s), c = 0; means over two steps, as of gyros that are integrated over a slow
+    attitude's interval, T = 1, c = 1/4. So c = (1 - k) / 4 of T = 1 + k s, by least squares up to a sixth of the sample
+    rate, within these two.
+    """
+    frequency = np.linspace(0.0, np.pi / 3.0, 30)[1:]
+    rows = np.arange(operator.markov.shape[0]) - operator.noncausal_order
+    response = np.abs(np.exp(-1j * np.outer(frequency, rows)) @ operator.markov[:, 0, 0])
+    s = np.square(np.sin(0.5 * frequency))
+    slope = float(s @ (response - 1.0)) / float(s @ s)
+    return float(np.clip(0.25 * (1.0 - slope), 0.0, 0.25))
 
 
 def undriven(estimator: AttitudeEstimator, residual: FloatArray, period_s: float) -> FloatArray:

@@ -444,6 +444,16 @@ def is_bent_far(case: Case) -> bool:
     return False
 
 
+def only_doubts(case: Case, judged: Judgement, last: Judgement | None) -> bool:
+    """Tell whether a look says no more than that a named gyro's fault isn't explained as well as it was.
+
+    The attitude that the gyro drives has bent farther since, and how far is known less and less.
+    """
+    if last is None or last.sensor not in case.driving or judged.doubt != DOUBT or not judged.candidates:
+        return False
+    return set(judged.candidates) <= set(axis_of(last.sensor))
+
+
 def fault_of(fit: FittedHypothesis) -> Fault | None:
     """Return the fault that a fit tells of, where that reads something definite."""
     parameters = dict(fit.parameters)

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from gtmbench.channels import axis_of
-from gtmbench.detectors.isolation.bend import CANDIDATES, Bend
+from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, sharpness_of
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
@@ -46,7 +46,8 @@ def _driving(case: Case, channel: str) -> Suspect:
     Which that is the linear tells but for a few, and of these the whole equations. It may also be that the estimator
     takes another gyro than the one that is logged, or that there is none: then the attitude stays straight.
     """
-    bends = [Bend(estimator, case.record, case.start, channel) for estimator in CANDIDATES]
+    sharpness = sharpness_of(case.monitor.operators[channel])
+    bends = [Bend(estimator, case.record, case.start, channel, sharpness) for estimator in CANDIDATES]
     tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
     likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
     bent = [simple.suspect.without(simple.change) for simple in likely]

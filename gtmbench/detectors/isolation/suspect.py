@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
@@ -26,6 +27,8 @@ _FAR_DEG = 5.0
 _LINEAR_DEG = (
     1.0  # of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
 )
+_MISTAKEN = 0.01  # of what bent angles and motion make of a rate
+_MOTION_S = 1.0
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
@@ -138,7 +141,7 @@ class Suspect:
             return self
         start = np.concatenate([np.zeros(self.case.start), change])
         try:
-            straight = Bend(bend.estimator, self.case.record, self.case.start, self.channel).straightened(start)
+            straight = bend.about(self.case.record).straightened(start)
         except InputError:  # too steep for Euler angles
             return self
         return Suspect.driving(self.case, self.channel, straight, away=change)
@@ -198,7 +201,7 @@ class Suspect:
         if unknown[: self.judged.stop].any() and self.channel in self.case.habits:
             reach = np.ones(len(self.case.habits[self.channel].taps))
             white[-1, np.convolve(unknown, reach)[self.judged] > 0.5] = np.nan
-        return self._free_of_bend(white)
+        return self._free_of_bend(white / self._tolerance)
 
     @property
     def _as_measured(self) -> FloatArray:
@@ -240,7 +243,7 @@ class Suspect:
         case = self.case
         others = sum(energy for output, energy in case.energies.items() if output not in self.outputs)
         surprises = sum(surprise for channel, surprise in case.surprises.items() if channel != self.channel)
-        return float(others + surprises)
+        return float(others + surprises + self._volume)
 
     @cached_property
     def at_least(self) -> float:
@@ -264,7 +267,7 @@ class Suspect:
 
     def shown(self, changes: FloatArray) -> FloatArray:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
-        return self._free_of_bend(self._added(changes))
+        return self._free_of_bend(self._added(changes) / self._tolerance)
 
     def _added(self, changes: FloatArray) -> FloatArray:
         clean = changes if np.isfinite(changes).all() else np.nan_to_num(changes)
@@ -293,13 +296,41 @@ class Suspect:
         return np.asarray(values - size[..., np.newaxis, np.newaxis] * before)
 
     @cached_property
+    def _tolerance(self) -> FloatArray:
+        """What residuals are divided by, shape (outputs, rows): an attitude that has bent far is known less exactly.
+
+        Residuals of bent angles are small differences of large terms, motion times bend, and logs have these at other
+        steps than the estimator had.
+        """
+        tolerance = np.ones((len(self.outputs), self.judged.stop - self.judged.start))
+        if self.near is None or self.away is None:
+            return tolerance
+        straight, record, rows = self.near.record, self.case.record, self.case.judged
+        there = [name for name in ATTITUDE if name in record.channels]
+        bend = np.sqrt(sum(np.square(np.deg2rad(record[name] - straight[name])) for name in there))
+        rate = np.sqrt(sum(np.square(straight[name]) for name in GYROS if name in record.channels))
+        smooth = np.ones(max(round(_MOTION_S / self.case.period_s), 1))
+        smooth /= len(smooth)
+        turned = np.convolve(np.nan_to_num(bend * rate), smooth, mode="same")[rows]
+        for i, output in enumerate(self.outputs):
+            if output in self.case.residuals.raw:
+                off = turned + (np.abs(self.away[self.judged]) if output == self.channel else 0.0)
+                tolerance[i] = np.sqrt(1.0 + np.square(_MISTAKEN * off / self.case.monitor.whiteners[output].deviation))
+        return tolerance
+
+    @cached_property
+    def _volume(self) -> float:
+        """What that tolerance costs of -2 log likelihood."""
+        return float(2.0 * np.log(self._tolerance)[np.isfinite(self._as_measured)].sum())
+
+    @cached_property
     def _bent_before(self) -> FloatArray | None:
         """What such a bend leaves in the residuals, of unit energy, shape (outputs, rows); None where nothing."""
         if self.bend is None:
             return None
         pulse = np.zeros((1, len(self.measured)))
         pulse[0, self.onset] = 1.0
-        left = self._added(pulse)[0]
+        left = self._added(pulse)[0] / self._tolerance
         left[~np.isfinite(self._as_measured)] = 0.0
         size = float(np.sqrt(np.square(left).sum()))
         return left / size if size > 0.0 else None

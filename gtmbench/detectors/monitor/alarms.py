@@ -44,6 +44,7 @@ from gtmbench.detectors.isolation.diagnosis import (
     fault_of,
     is_bent_far,
     judge,
+    only_doubts,
     suspects_of,
 )
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
@@ -448,7 +449,8 @@ class AlarmLogic:
         first = by_signature(self._monitor, trusted, fault.crossing.output, fault.alarm.time_s)
         judged = judge(case, ranking, first)
         last = fault.alarm.last
-        if last is not None and not _is_narrower(judged, last) and is_bent_far(case):
+        is_less = last is not None and not _is_narrower(judged, last)
+        if is_less and (only_doubts(case, judged, last) or is_bent_far(case)):
             return
         fault.ruled_out |= hopeless(case, ranking, suspects)
         settling = fault.settling
