@@ -282,3 +282,5 @@ def test_fly_writes_the_estimated_attitude(cli, tmp_path):
     code, _, err = cli(*command)
     assert (code, err.count("\n")) == (2, 1)
     assert "the truth has no estimator" in err
+    said = " ".join(cli("fly", "--help")[1].split())
+    assert all(name in said for name in ESTIMATORS)
