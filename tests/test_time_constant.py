@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.attitude import ATTITUDE
-from gtmbench.method.time_constant import time_constant_of
+from gtmbench.method.time_constant import accelerometers_tilt, time_constant_of
 from gtmbench.study.log.bending import following_in_log
 from gtmbench.testing.flights import fly_once
 
@@ -18,37 +18,56 @@ def flight():
     return truth, gb.measure(truth, noise="t2", seed=7)
 
 
-def estimated(tau, *, by_accelerometers, bias=0.0):
+def estimated(tau, *, by_accelerometers=1.0, angles=("phi", "theta"), bias=0.0, **learning):
+    """Return readings with an attitude of an estimator; by which share accelerometers tell which of its references."""
     truth, sensed = flight()
+    tilt = dict(zip(("phi", "theta"), accelerometers_tilt(sensed), strict=True))
     references = sensed
     for name in ATTITUDE:
-        references = references.replace(name, truth[name])
-    if by_accelerometers:
-        tilt = {
-            "phi": np.degrees(np.arctan2(-sensed["ny"], sensed["nz"])),
-            "theta": np.degrees(np.arctan2(sensed["nx"], np.hypot(sensed["ny"], sensed["nz"]))),
-        }
-        for name, angle in tilt.items():
-            references = references.replace(name, angle)
-    return gb.filtered_attitude(references.replace("p", references["p"] + bias), time_constant_s=tau, seed=7)
+        share = by_accelerometers if name in angles else 0.0
+        references = references.replace(name, truth[name] + share * (tilt.get(name, truth[name]) - truth[name]))
+    return gb.filtered_attitude(
+        references.replace("p", references["p"] + bias), time_constant_s=tau, seed=7, **learning
+    )
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.5])
 @pytest.mark.parametrize("tau", [1.0, 5.0, 20.0])
 def test_a_filter_that_accelerometers_correct_is_identified_whatever_the_gyros_bias(tau, bias):
-    found = time_constant_of([estimated(tau, by_accelerometers=True, bias=bias)])
+    found = time_constant_of([estimated(tau, bias=bias)])
     assert abs(found.time_constant_s - tau) < 0.05 * tau
     assert found.deviation_s < 0.05 * tau
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5])
 @pytest.mark.parametrize("tau", [1.0, 5.0, 20.0])
-def test_nothing_is_said_where_something_else_corrects_it(tau):
-    assert time_constant_of([estimated(tau, by_accelerometers=False)]) is None
+def test_nothing_is_said_where_something_else_corrects_it_or_corrects_it_too(tau, share):
+    """Accelerometers that have half of the weight explain nearly all of it by twice the time constant."""
+    assert time_constant_of([estimated(tau, by_accelerometers=share)]) is None
+
+
+@pytest.mark.parametrize("angle", ["phi", "theta"])
+def test_one_axis_is_no_proof(angle):
+    assert time_constant_of([estimated(5.0, angles=(angle,))]) is None
+
+
+def test_an_estimator_that_learns_the_gyros_bias_has_a_time_constant_too():
+    found = time_constant_of([estimated(5.0, bias=0.5, bias_time_constant_s=25.0)])
+    assert abs(found.time_constant_s - 5.0) < 0.5
+    assert found.deviation_s > 0.5  # for the bias that it learns looks like another reference
+
+
+def test_gaps_and_records_beside_it_change_little():
+    driven = estimated(5.0)
+    parts = [driven.between(0.0, 61.3), driven.between(66.0, 129.0), driven.select(["p", "q", "r"])]
+    holed = driven.replace("phi", np.where(np.abs(driven.time_s - 50.0) < 0.1, np.nan, driven["phi"]))
+    for records in (parts, [holed]):
+        assert abs(time_constant_of(records).time_constant_s - 5.0) < 0.2
 
 
 def test_nothing_is_said_of_an_attitude_of_its_own_of_too_little_and_without_accelerometers():
     own = flight()[1]
-    driven = estimated(5.0, by_accelerometers=True)
+    driven = estimated(5.0)
     assert time_constant_of([own]) is None
     assert time_constant_of([driven.between(0.0, 20.0)]) is None
     assert time_constant_of([driven.select(["p", "q", "r", "phi", "theta", "psi"])]) is None
@@ -56,9 +75,9 @@ def test_nothing_is_said_of_an_attitude_of_its_own_of_too_little_and_without_acc
 
 
 def test_a_log_that_shows_it_is_bent_by_it(tmp_path):
-    gb.write_log(estimated(3.0, by_accelerometers=True), tmp_path / "log.csv")
+    gb.write_log(estimated(3.0), tmp_path / "log.csv")
     following = following_in_log(tmp_path / "log.csv", ["q"], attitude="follows")
     assert abs(following.estimator.time_constant_s - 3.0) < 0.15
-    assert "its time constant is the log's" in following.why
+    assert "the log's own, +-" in following.time_constant
     assert following_in_log(tmp_path / "log.csv", ["q"], attitude="own").estimator is None
     assert following_in_log(tmp_path / "log.csv", ["nz"]).estimator is None
