@@ -443,12 +443,14 @@ def test_what_inject_breaks_monitor_finds(cli):
     assert (summary["trial"], summary["out"]) == (2, "broken.csv")
     assert [(fault["fault"], fault["channel"]) for fault in summary["faults"]] == [("drift", "q"), ("jam", "r")]
     assert [(each["column"], each["changed"]) for each in summary["columns"]] == [("q_deg_s", 1700), ("r_deg_s", 200)]
-    assert summary["attitude"] == {"follows": False, "time_constant_s": None, "why": "as it was told"}
-    code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--identify", "0:40", "--json")
+    said = {"follows": False, "time_constant_s": None, "time_constant": None, "why": "it was asked for"}
+    assert summary["attitude"] == said
+    watched = ("--detector", "C", "--identify", "0:40", "--attitude", "own")  # as it was broken
+    code, out, _ = cli("monitor", "broken.csv", *watched, "--json")
     assert code == 1
     found = [(each["verdict"], each["kind"]) for each in json.loads(out)["findings"]]
     assert found == [("q failed", "drift"), ("r failed", "jam")]
-    assert cli("monitor", "log.csv", "--detector", "C", "--identify", "0:40", "-q")[0] == 0
+    assert cli("monitor", "log.csv", *watched, "-q")[0] == 0
 
 
 FIRST_TRIAL = [Drift(channel="p", onset_s=43.0, slope=0.5), Jam(channel="r", onset_s=50.0, duration_s=2.0)]
@@ -463,19 +465,89 @@ def test_of_an_even_log_it_is_what_inject_makes_of_the_record(cli):
 
 @pytest.mark.usefixtures("here")
 def test_an_attitude_that_follows_is_what_inject_makes_of_the_record_by_the_same_estimator(cli):
-    follows = ("--attitude", "follows", "--time-constant-s", "2.5", "--out", "broken.csv")
-    code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *follows)
-    assert (code, err) == (0, "")
-    assert "The attitude follows, as an estimator with a time constant of 2.5 s makes it (as it was told)." in out
-    log, estimator = gb.read_log("log.csv"), gb.AttitudeEstimator(time_constant_s=2.5)
-    bent = inject(log, FIRST_TRIAL, attitude=estimator)
-    assert np.abs(gb.read_log("broken.csv").values - bent.values).max() < 1e-4  # as the table's decimals have it
-    assert np.abs(bent["phi"] - log["phi"]).max() > 5.0
-    taken = ("--out", "taken.csv", "--json")  # by default it is taken for driven by the gyros, for nothing shows it
+    for follows in (
+        ("follows:2.5",),
+        ("follows", "--time-constant-s", "2.5"),
+        ("follows:9", "--time-constant-s", "2.5"),
+    ):
+        how = ("--attitude", *follows, "--out", "broken.csv", "--force")
+        code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *how)
+        assert (code, err) == (0, "")
+        assert "follows: an estimator with a time constant of 2.5 s (as given) makes it of the gyros." in out
+        log, estimator = gb.read_log("log.csv"), gb.AttitudeEstimator(time_constant_s=2.5)
+        bent = inject(log, FIRST_TRIAL, attitude=estimator)
+        assert np.abs(gb.read_log("broken.csv").values - bent.values).max() < 1e-6
+        assert np.abs(bent["phi"] - log["phi"]).max() > 5.0
+
+
+@pytest.mark.usefixtures("here")
+def test_by_default_an_attitude_of_which_nothing_shows_otherwise_follows_with_an_assumed_time_constant(cli):
+    taken = ("--out", "taken.csv", "--json")
     summary = json.loads(cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *taken)[1])
     assert [each["column"] for each in summary["columns"]] == ["p_deg_s", "r_deg_s", "phi_deg", "theta_deg", "psi_deg"]
-    assert (summary["attitude"]["follows"], summary["attitude"]["time_constant_s"]) == (True, 5.0)
-    assert "its time constant is assumed" in summary["attitude"]["why"]
+    said = summary["attitude"]
+    assert (said["follows"], said["time_constant_s"], said["time_constant"]) == (True, 5.0, "assumed")
+    assert "that the gyros drive it is assumed" in said["why"]
+    bent = inject(gb.read_log("log.csv"), FIRST_TRIAL, attitude=gb.AttitudeEstimator(time_constant_s=5.0))
+    assert np.abs(gb.read_log("taken.csv").values - bent.values).max() < 1e-6
+
+
+@pytest.mark.usefixtures("here")
+def test_of_an_attitude_of_its_own_only_the_gyros_cells_change(cli, here):
+    """Byte for byte: what stands beside a broken gyro is what stood there."""
+    own = ("--attitude", "own", "--out", "broken.csv", "-q")
+    assert cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *own)[0] == 0
+    was, now = ((here / name).read_bytes().split(b"\n") for name in ("log.csv", "broken.csv"))
+    gyros = {was[0].split(b",").index(name) for name in (b"p_deg_s", b"r_deg_s")}
+    for before, after in zip(was, now, strict=True):
+        cells = zip(before.split(b","), after.split(b","), strict=True)
+        assert {place for place, (old, new) in enumerate(cells) if old != new} <= gyros
+
+
+def test_faults_of_the_attitude_act_on_what_the_estimator_made(tmp_path):
+    log, estimator = level(tmp_path / "log.csv"), gb.AttitudeEstimator(time_constant_s=4.0)
+    faults = [gb.Bias(channel="p", onset_s=2.0, size=5.0), Jam(channel="phi", onset_s=8.0)]
+    inject_log(log, tmp_path / "out.csv", faults, attitude=estimator)
+    bent = inject(gb.read_log(log), faults, attitude=estimator)
+    now = gb.read_log(tmp_path / "out.csv")
+    assert np.abs(now.values - bent.values).max() < 1e-6
+    assert now["phi"][-1] > 10.0
+
+
+def test_a_gap_is_integrated_over_and_a_roll_goes_round(tmp_path):
+    log, estimator = level(tmp_path / "log.csv"), gb.AttitudeEstimator(time_constant_s=100.0)
+    whole_log = log.read_text().splitlines(keepends=True)
+    stamps = np.array([float(line.split(",")[0]) for line in whole_log[1:]])
+    kept = np.flatnonzero((stamps < 4.0) | (stamps > 7.0))
+    log.write_text("".join([whole_log[0], *(whole_log[k + 1] for k in kept)]))
+    inject_log(log, tmp_path / "out.csv", gb.Bias(channel="p", onset_s=2.0, size=30.0), attitude=estimator)
+    phi = pd.read_csv(tmp_path / "out.csv")["phi_deg"].to_numpy()
+    since_s = np.maximum(stamps[kept] - 2.0, 0.0)
+    bend = 3000.0 * (1.0 - np.exp(-since_s / 100.0))
+    assert bend.max() > 200.0
+    assert np.abs(phi).max() <= 180.0
+    assert np.abs(np.mod(phi - bend + 180.0, 360.0) - 180.0).max() < 0.4
+
+
+def test_a_gyro_that_is_lost_leaves_the_attitude_with_its_last_rate(tmp_path):
+    log, estimator = level(tmp_path / "log.csv", r=2.0), gb.AttitudeEstimator(time_constant_s=4.0)
+    inject_log(log, tmp_path / "out.csv", Gone(channel="r", onset_s=5.0), attitude=estimator)
+    was, now = pd.read_csv(log), pd.read_csv(tmp_path / "out.csv")
+    assert now["r_deg_s"].isna().sum() == np.count_nonzero(was["time_s"] >= 5.0)
+    assert now["psi_deg"].to_numpy() == pytest.approx(was["psi_deg"].to_numpy(), abs=1e-4)  # it turned steadily
+
+
+def level(path, **rates):
+    """Write ten seconds of steady level flight, with all digits that noise has."""
+    time_s = np.round(np.arange(501) * 0.02, 9)
+    noise = np.random.default_rng(4).normal(0.0, 1e-6, (501, 6))
+    rates = {"p": 0.0, "q": 0.0, "r": 0.0, **rates}
+    columns = {name: np.full(len(time_s), value) for name, value in rates.items()}
+    columns |= {"phi": 0.0 * time_s, "theta": 0.0 * time_s, "psi": 40.0 + rates["r"] * time_s}
+    channels = list(columns)
+    values = np.column_stack(list(columns.values())) + noise
+    gb.write_log(gb.Record(values, channels=channels, sample_period_s=0.02), path)
+    return path
 
 
 def test_an_attitude_of_its_own_stamps_that_wraps_keeps_them_and_how_it_wraps(tmp_path):
@@ -504,16 +576,27 @@ def test_an_attitude_of_its_own_stamps_that_wraps_keeps_them_and_how_it_wraps(tm
     assert {each.channel for each in changed} == {"r", "phi", "theta", "psi"}
 
 
+def test_an_attitude_in_quaternions_is_refused_and_its_gyro_broken_alone(tmp_path):
+    log, out = tmp_path / "log.csv", tmp_path / "out.csv"
+    log.write_text("t [s],p [deg/s],qw,qx,qy,qz\n" + "".join(f"{t},1.0,1.0,0.0,0.0,0.0\n" for t in TIME_S))
+    bias = gb.Bias(channel="p", onset_s=2.0, size=1.0)
+    with pytest.raises(InputError, match=r"worked out of qw, qx, qy, qz, which aren't written; give .*--attitude own"):
+        inject_log(log, out, bias)
+    assert not out.exists()
+    assert [each.channel for each in inject_log(log, out, bias, attitude="own")] == ["p"]
+
+
 @pytest.mark.usefixtures("here")
 def test_a_bent_attitude_beyond_euler_angles_and_a_log_without_one_are_refused_in_a_line(cli, here):
-    (here / "huge.toml").write_text('[[faults]]\nkind = "bias"\nchannels = ["q"]\nonset_s = 20.0\nsize = 60.0\n')
-    code, _, err = cli("inject", "log.csv", "--fault", "huge.toml", "--out", "x.csv", "--attitude", "follows")
+    (here / "huge.toml").write_text('[[faults]]\nkind = "bias"\nchannels = ["q"]\nonset_s = 5.0\nsize = 60.0\n')
+    level(here / "level.csv")  # of a banked aircraft a pitch rate turns the nose aside before it points up
+    code, _, err = cli("inject", "level.csv", "--fault", "huge.toml", "--out", "x.csv", "--attitude", "follows")
     assert (code, err.count("\n")) == (2, 1)
     assert "theta reaches" in err
     gb.write_log(gb.read_log("log.csv").select(["p", "q", "r"]), here / "rates.csv")
     code, _, err = cli("inject", "rates.csv", "--fault", "huge.toml", "--out", "x.csv", "--attitude", "follows")
     assert (code, err.count("\n")) == (2, 1)
-    assert "no attitude can follow: the log has no phi and no theta" in err
+    assert "no attitude can follow, for the log has no phi and no theta" in err
     assert not (here / "x.csv").exists()
     assert cli("inject", "rates.csv", "--fault", "huge.toml", "--out", "x.csv", "-q")[0] == 0
 
@@ -533,6 +616,10 @@ def test_a_bent_attitude_beyond_euler_angles_and_a_log_without_one_are_refused_i
         (("--out", "x.parquet", "--trial", 1), "its name ends in '.csv'"),
         (("--out", "there.csv", "--trial", 1), "there.csv exists"),
         (("--out", "x.csv", "--trial", 1, "--map", "p=gyro:rad/s"), "no column 'gyro'"),
+        (("--out", "x.csv", "--trial", 1, "--attitude", "folows"), "did you mean 'follows'?"),
+        (("--out", "x.csv", "--trial", 1, "--attitude", "follows:soon"), "'soon' is no time constant in seconds"),
+        (("--out", "x.csv", "--trial", 1, "--attitude", "follows:-1"), "time_constant_s is -1.0"),
+        (("--out", "x.csv", "--trial", 1, "--attitude", "own", "--time-constant-s", "2"), "has no time constant"),
     ],
 )
 def test_what_cant_be_meant_is_one_line_and_leaves_nothing_behind(cli, here, options, message):

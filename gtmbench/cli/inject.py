@@ -35,16 +35,17 @@ if TYPE_CHECKING:
 @map_option
 @click.option(
     "--attitude",
-    type=click.Choice(["auto", "own", "follows"]),
+    metavar="auto|own|follows[:SECONDS]",
     default="auto",
     show_default=True,
-    help="What a gyro's fault does to phi, theta and psi. follows: they become what an estimator makes of the broken "
-    "gyros. own: nothing. auto: follows where the gyros drive the log's attitude.",
+    help="What a gyro's fault does to phi, theta and psi. follows: an estimator with this time constant makes them of "
+    "the broken gyros. own: nothing. auto: follows where the gyros drive the log's attitude, which is assumed where "
+    "nothing shows otherwise.",
 )
 @click.option(
     "--time-constant-s",
     type=float,
-    help="Of that estimator; by default the log's own where it shows, else 5 s.",
+    help="That estimator's time constant; by default the log's own where accelerometers show it, else 5 s.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
@@ -135,6 +136,7 @@ def _summary(
         "attitude": {
             "follows": following.estimator is not None,
             "time_constant_s": None if following.estimator is None else following.estimator.time_constant_s,
+            "time_constant": following.time_constant or None,
             "why": following.why,
         },
     }

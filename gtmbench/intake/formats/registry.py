@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -62,11 +62,20 @@ def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
     InputError
         Where the format isn't written, or a column can't hold a value.
     """
+    _writer(path)(path, out, cells)
+
+
+def check_written(path: Path) -> None:
+    """Refuse a log whose format isn't written."""
+    _writer(path)
+
+
+def _writer(path: Path) -> Callable[[Path, Path, Sequence[Cells]], None]:
     form = _format(path)
     if form.rewrite is None:
         written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
         raise InputError(f"{path} is {form.name}, which is only read here; {written} are written: export it as one")
-    form.rewrite(path, out, cells)
+    return form.rewrite
 
 
 def _format(path: Path) -> Format:

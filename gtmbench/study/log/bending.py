@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, OWN, USUAL_S, AttitudeEstimator
+from gtmbench.attitude import ATTITUDE, GYROS, OWN, USUAL_S, AttitudeEstimator, held
 from gtmbench.checks import meant
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
@@ -20,7 +20,9 @@ from gtmbench.method.time_constant import ACCELEROMETERS, TimeConstant, time_con
 from gtmbench.study.log.origin import FROM_LOG, origin_in_logs
 
 FOLLOWS = "follows"
-ATTITUDES = (FROM_LOG, OWN, FOLLOWS)
+_KINDS = (FROM_LOG, OWN, FOLLOWS)
+_GAP = 3.5  # periods without a sample are a gap, over which an estimator goes on
+_MOST = 1000  # steps over a gap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,23 +34,27 @@ class Following:
     estimator : AttitudeEstimator or None
         What makes it of the gyros; None where it doesn't follow.
     why : str
-        What that stands on.
+        Why it follows, or doesn't.
+    time_constant : str
+        Where the estimator's time constant is from.
     """
 
     estimator: AttitudeEstimator | None
     why: str
+    time_constant: str = ""
 
     @property
     def text(self) -> str:
-        """A sentence of it.
+        """Two sentences that tell it.
 
-        >>> Following(estimator=None, why="as it was told").text
-        'The attitude stays as it is (as it was told).'
+        >>> Following(estimator=None, why="it was asked for").text
+        'The attitude stays as it is. Why: it was asked for.'
         """
-        if self.estimator is None:
-            return f"The attitude stays as it is ({self.why})."
-        tau = self.estimator.time_constant_s
-        return f"The attitude follows, as an estimator with a time constant of {tau:.3g} s makes it ({self.why})."
+        does = "stays as it is"
+        if self.estimator is not None:
+            known = f"{self.estimator.time_constant_s:.3g} s ({self.time_constant})"
+            does = f"follows: an estimator with a time constant of {known} makes it of the gyros"
+        return f"The attitude {does}. Why: {self.why}."
 
 
 def following_in_log(
@@ -56,7 +62,7 @@ def following_in_log(
     broken: Iterable[str],
     mapping: Sequence[str] = (),
     *,
-    attitude: str = FROM_LOG,
+    attitude: str | AttitudeEstimator = FROM_LOG,
     time_constant_s: float | None = None,
 ) -> Following:
     """Return whether a log's attitude follows faults of some channels.
@@ -69,44 +75,70 @@ def following_in_log(
         The channels that faults change.
     mapping : sequence of str
         As `open_log` takes it.
-    attitude : str
-        "follows", "own" (it stays as it is), or "auto": it follows where the gyros drive it (`origin_in_logs`).
+    attitude : str or AttitudeEstimator
+        "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is; "auto": it
+        follows where the gyros drive it (`origin_in_logs`).
     time_constant_s : float, optional
         Of the estimator; without it the log's own, where that shows (`time_constant_in_log`), else 5 s.
 
     Raises
     ------
     InputError
-        Where the log can't be read, or is to follow and holds no attitude.
+        Where the log can't be read, or the attitude is to follow and can't.
     """
-    if attitude not in ATTITUDES:
-        raise InputError(f"no attitude '{attitude}'; there is {', '.join(ATTITUDES)}{meant(attitude, ATTITUDES)}")
-    if attitude == OWN:
-        return Following(estimator=None, why="as it was told")
-    there = log_contents(log, mapping=mapping).usable
-    missing = [name for name in ("phi", "theta") if name not in there]
-    if not set(broken) & set(GYROS) or missing:
-        why = f"the log has no {' and no '.join(missing)}" if missing else "no gyro breaks"
-        if attitude == FOLLOWS:
-            raise InputError(f"{log}: no attitude can follow: {why}; leave --attitude out, or say 'own'")
-        return Following(estimator=None, why=why)
-    why = "as it was told"
-    if attitude == FROM_LOG:
+    kind, told = _told(attitude, time_constant_s)
+    if kind == OWN:
+        return Following(estimator=None, why=_TOLD)
+    why_not = _why_not(log, broken, mapping)
+    if why_not and kind == FOLLOWS:
+        raise InputError(f"{log}: no attitude can follow, for {why_not}; leave 'follows' out")
+    if why_not:
+        return Following(estimator=None, why=why_not)
+    why = _TOLD
+    if kind == FROM_LOG:
         origin = origin_in_logs([log], mapping, spans=[(-math.inf, math.inf)])
-        why = origin.why
         if not origin.is_driven:
-            return Following(estimator=None, why=why)
-    if time_constant_s is not None:
-        return Following(estimator=AttitudeEstimator(time_constant_s=time_constant_s), why=why)
+            return Following(estimator=None, why=f"the gyros don't drive it: {origin.why}")
+        why = f"that the gyros drive it is assumed, {origin.why}" if origin.is_assumed else origin.why
+    if told is not None:
+        return Following(estimator=told, why=why, time_constant="as given")
     found = time_constant_in_log(log, mapping)
     if found is None:
-        return Following(
-            estimator=AttitudeEstimator(time_constant_s=USUAL_S), why=f"{why}; its time constant is assumed"
-        )
-    return Following(
-        estimator=AttitudeEstimator(time_constant_s=found.time_constant_s),
-        why=f"{why}; its time constant is the log's, +-{found.deviation_s:.2g} s",
-    )
+        return Following(estimator=AttitudeEstimator(time_constant_s=USUAL_S), why=why, time_constant="assumed")
+    estimator = AttitudeEstimator(time_constant_s=found.time_constant_s)
+    return Following(estimator=estimator, why=why, time_constant=f"the log's own, +-{found.deviation_s:.2g} s")
+
+
+_TOLD = "it was asked for"
+
+
+def _told(attitude: str | AttitudeEstimator, time_constant_s: float | None) -> tuple[str, AttitudeEstimator | None]:
+    """Return whether an attitude is to follow, and by which estimator, where that is told."""
+    if isinstance(attitude, AttitudeEstimator):
+        return FOLLOWS, attitude
+    kind, _, seconds = attitude.partition(":")
+    if kind not in _KINDS or (seconds and kind != FOLLOWS):
+        names = (*_KINDS, f"{FOLLOWS}:SECONDS")
+        raise InputError(f"no attitude '{attitude}'; there is {', '.join(names)}{meant(kind, _KINDS)}")
+    if seconds and time_constant_s is None:
+        try:
+            time_constant_s = float(seconds)
+        except ValueError:
+            raise InputError(f"attitude '{attitude}': '{seconds}' is no time constant in seconds") from None
+    if time_constant_s is None:
+        return kind, None
+    if kind == OWN:
+        raise InputError("an attitude that is its own has no time constant; leave it out, or say 'follows'")
+    return kind, AttitudeEstimator(time_constant_s=time_constant_s)
+
+
+def _why_not(log: Path, broken: Iterable[str], mapping: Sequence[str]) -> str:
+    """Return why no attitude can follow; empty where it can."""
+    if not set(broken) & set(GYROS):
+        return "no gyro breaks"
+    there = log_contents(log, mapping=mapping).usable
+    missing = [name for name in ("phi", "theta") if name not in there]
+    return f"the log has no {' and no '.join(missing)}" if missing else ""
 
 
 def time_constant_in_log(log: Path, mapping: Sequence[str] = ()) -> TimeConstant | None:
@@ -134,8 +166,7 @@ def bent_samples(
     broken : mapping
         Values of the gyros' samples with faults.
     """
-    gyros = [name for name in GYROS if name in samples]
-    time_s = np.unique(np.concatenate([samples[name].time_s for name in gyros]))
+    time_s = _stamps([samples[name] for name in GYROS if name in samples])
 
     def laid(names: Sequence[str], values: Mapping[str, FloatArray]) -> FloatArray:
         none = np.zeros(len(time_s))
@@ -144,12 +175,28 @@ def bent_samples(
         )
 
     healthy = {name: each.values for name, each in samples.items()}
-    attitude = laid(ATTITUDE, healthy)
-    bent = estimator.bent_path(
-        np.diff(time_s), laid(GYROS, healthy), laid(GYROS, {**healthy, **broken}), attitude, time_s
-    )
-    return {
+    told = {name: held(values[:, np.newaxis])[:, 0] for name, values in broken.items()}
+    unwrapped = {name: np.unwrap(healthy[name], period=360.0) for name in ATTITUDE if name in samples}
+    attitude = laid(ATTITUDE, unwrapped)
+    bent = estimator.bent_path(np.diff(time_s), laid(GYROS, healthy), laid(GYROS, told), attitude, time_s)
+    new = {
         name: healthy[name] + np.interp(samples[name].time_s, time_s, (bent - attitude)[:, i])
         for i, name in enumerate(ATTITUDE)
         if name in samples
     }
+    return new | {"phi": _within_a_turn(new["phi"])}
+
+
+def _stamps(gyros: Sequence[Samples]) -> FloatArray:
+    """Return the stamps of all gyros, and more in their gaps."""
+    time_s = np.unique(np.concatenate([each.time_s for each in gyros]))
+    period_s = min(each.sample_period_s for each in gyros)
+    gaps = np.flatnonzero(np.diff(time_s) > _GAP * period_s)
+    counts = [min(math.ceil((time_s[k + 1] - time_s[k]) / period_s), _MOST) for k in gaps]
+    filled = [np.linspace(time_s[k], time_s[k + 1], count + 1) for k, count in zip(gaps, counts, strict=True)]
+    return np.unique(np.concatenate([time_s, *filled]))
+
+
+def _within_a_turn(angles: FloatArray) -> FloatArray:
+    """Return angles within +-180 deg, those that are so already as they are."""
+    return np.where(np.abs(angles) > 180.0, np.mod(angles + 180.0, 360.0) - 180.0, angles)

@@ -15,6 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.files import atomic_write
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.formats.registry import check_written
 from gtmbench.intake.samples import Samples, log_samples, write_samples
 from gtmbench.study.log.bending import bent_samples, following_in_log
 from gtmbench.study.log.origin import FROM_LOG
@@ -84,8 +85,9 @@ def inject_log(
     mapping : sequence of str
         As `open_log` takes it.
     attitude : str or AttitudeEstimator
-        Whose it is: "own", which stays as it is; an estimator's, "follows" or a given one; "auto": as
-        `following_in_log` finds it.
+        Whether it follows a gyro's fault: "own", it stays as it is; "follows", an estimator makes it of the broken
+        gyros, whose time constant is the log's own where it shows, else 5 s; "follows:2.5", or an estimator; "auto", it
+        follows where the gyros drive it, which is assumed where nothing shows otherwise.
 
     Raises
     ------
@@ -108,11 +110,8 @@ def inject_log(
     log, out = Path(log), Path(out)
     listed = [faults] if isinstance(faults, Fault) else list(faults)
     changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
-    estimator = (
-        attitude
-        if isinstance(attitude, AttitudeEstimator)
-        else following_in_log(log, changed, mapping, attitude=attitude).estimator
-    )
+    estimator = following_in_log(log, changed, mapping, attitude=attitude).estimator
+    check_written(log)
     wanted = dict.fromkeys(name for fault in listed for name in fault.reads)
     bends: list[str] = []
     if estimator is not None:
@@ -122,13 +121,15 @@ def inject_log(
     samples = log_samples(log, list(wanted), mapping)
     changed = list(dict.fromkeys([*changed, *bends]))
     _check_apart({name: samples[name] for name in changed})
+    _check_columns(log, {name: samples[name] for name in bends})
     for fault in listed:
         _check_onset(fault, samples[fault.channel], log)
-    values = _all_broken(listed, samples, {name: each.values for name, each in samples.items()})
+    healthy = {name: each.values for name, each in samples.items()}
+    values = _all_broken(listed, samples, healthy)
     if estimator is not None:
         own = {name: samples[name] for name in (*GYROS, *ATTITUDE) if name in samples}
         followed = bent_samples(estimator, own, {name: values[name] for name in GYROS if name in own})
-        values = _all_broken(listed, samples, {name: each.values for name, each in samples.items()} | followed)
+        values = _all_broken(listed, samples, healthy | followed)
     with atomic_write(out) as aside:
         write_samples(log, aside, samples, {name: values[name] for name in changed})
     return tuple(_changed(samples[name], values[name]) for name in changed)
@@ -160,6 +161,16 @@ def _check_apart(changed: Mapping[str, Samples]) -> None:
     twice = next((name for name in columns if columns.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"column '{twice}' is mapped to {' and '.join(changed)}, and both break; map one of them")
+
+
+def _check_columns(log: Path, attitude: Mapping[str, Samples]) -> None:
+    """Refuse an attitude that is to follow and isn't in columns of its own."""
+    made_of = next((each.chosen.series.made_of for each in attitude.values() if each.chosen.series.made_of), ())
+    if made_of:
+        raise InputError(
+            f"{log}: the attitude can't follow the gyro's fault, for it is worked out of {', '.join(made_of)}, which "
+            "aren't written; give the log columns of roll, pitch and yaw, or break the gyro alone (--attitude own)"
+        )
 
 
 def _check_onset(fault: Fault, samples: Samples, log: Path) -> None:
