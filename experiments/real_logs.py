@@ -29,7 +29,7 @@ from gtmbench.report.tables.markdown import grouped, markdown, share_text
 from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
-from recorded.faults import CANT_TELL, EITHER_OR, NAMED, NOTHING, WRONG
+from recorded.faults import ALONE, CANT_TELL, EITHER_OR, NAMED, NOTHING, TOO_STEEP, WRONG
 from recorded.flights import LogFile, SyntheticLog
 from recorded.study import OF_FLIGHT, QUICK, REFUSED, Row, Size, Task, studied
 
@@ -57,6 +57,9 @@ has its folders). Synthetic logs are those of `docs/explanation/mechanisms.md`; 
   *{CANT_TELL}*, *{WRONG}* (another sensor, or an either-or without the right one), or *{NOTHING}* (no alarm, or it
   passed). *times*, in the table by kinds: faults of the certificate's own size, too, which it promises to be found in
   90 % of what was watched.
+- *attitude*: the table of a flight doesn't tell who makes its attitude, so it is mostly taken for driven by the gyros.
+  Then the certificate puts its faults through an estimator, and so are these, by one of 1 s and one of 20 s; counted
+  above are these. *alone*: the attitude stays as it was, which is a far easier case at equal size.
 - *misread*: in how many wrong ways the flight is read. How many end as *refused* (3) or with *exit 0*; causes named
   that are *right*, and other ones. Of synthetic logs whose attitude is late or held a cause is right, and they aren't
   misread further.
@@ -77,7 +80,7 @@ class Study(NamedTuple):
 
 COLUMNS = (
     ["group", "log", *OF_FLIGHT],
-    ["group", "log", "sensor", "kind", "times", "size", "onset_s", "found", "said"],
+    ["group", "log", "sensor", "kind", "attitude", "times", "size", "onset_s", "found", "said"],
     ["group", "log", "reading", "exit", "is_right", "is_wrong"],
 )
 Cell = Callable[[pd.DataFrame], int]
@@ -104,8 +107,11 @@ OF_READINGS: dict[str, Cell] = {
 
 
 def large(faults: pd.DataFrame) -> pd.DataFrame:
-    """Return the faults that are to be found."""
-    return faults[faults["times"] == TIMES]
+    """Return the faults that are to be found: put through the estimator where the gyros drive the attitude."""
+    put = faults[faults["said"] != TOO_STEEP]
+    follows = put.loc[put["attitude"] != ALONE, "log"]
+    is_harder = (put["attitude"] == ALONE) & put["log"].isin(follows)
+    return put[(put["times"] == TIMES) & ~is_harder]
 
 
 def row_of(flight: Row, study: Study) -> Row:
@@ -156,7 +162,10 @@ def section(group: str, study: Study) -> str:
         markdown(rows),
     ]
     if len(study.faults):
-        parts.append(markdown(grouped(study.faults, {"kind": "kind", "times": "times"}, OF_FAULTS)))
+        put = study.faults[study.faults["said"] != TOO_STEEP]
+        parts.append(markdown(grouped(put, {"attitude": "attitude", "times": "times"}, OF_FAULTS)))
+        parts.append(f"{len(study.faults) - len(put)} faults would have bent the attitude beyond Euler angles.")
+        parts.append(markdown(grouped(put, {"kind": "kind", "attitude": "attitude", "times": "times"}, OF_FAULTS)))
     return "\n\n".join([*parts, markdown(grouped(study.readings, {"reading": "reading"}, OF_READINGS))])
 
 
@@ -167,7 +176,7 @@ def targets_of(group: str) -> tuple[Target, ...]:
     """Return what is asked of a group."""
     asked = [
         ("healthy flights accused", "accused", "<=", 0.0),
-        ("faults named wrong", "named wrong", "<=", 0.0),
+        ("faults named wrong, share", "named wrong", "<=", 0.005),
         (f"faults {TIMES} times the certificate's size that are found, share", "found", ">=", 0.95),
         ("of the same, that are named, share", "named", ">=", 0.85),
         ("can't tell, share of the time watched", "can't tell", "<=", 0.1),
@@ -187,7 +196,7 @@ def figures_of(study: Study) -> dict[str, float]:
     return {
         "accused": (flights["exit"] == Outcome.FAILED).sum(),
         "accused whole": flights["whole"].str.startswith("1").sum(),
-        "named wrong": (faults["said"] == WRONG).sum(),
+        "named wrong": (faults["said"] == WRONG).mean(),
         "found": faults["found"].astype(float).mean(),
         "named": (faults["said"] == NAMED).mean(),
         "can't tell": flights["cant_tell_s"].sum() / flights["watched_s"].sum(),

@@ -94,6 +94,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "several_imus",
         "lost_samples",
         "yardstick",
+        "attitude_origin",
+        "driven_attitude",
         "__main__",
     }
 

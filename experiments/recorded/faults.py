@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 import gtmbench as gb
+from gtmbench.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.errors import InputError
 from gtmbench.study.log.certificate import KINDS, Smallest
 from gtmbench.study.log.records import outside
 from gtmbench.study.log.starts import steady
@@ -18,6 +20,9 @@ from gtmbench.study.log.watched import WatchedLog
 TIMES = (1, 3)  # the certificate's size
 LEFT_S = 12.0  # of a stretch, after the onset: time to judge
 NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
+TOO_STEEP = "too steep"
+ALONE = "alone"
+THROUGH = {f"{tau:g} s": gb.AttitudeEstimator(time_constant_s=tau) for tau in (FASTEST_S, SLOWEST_S)}
 
 _KIND = {kind.fault.kind: kind for kind in KINDS}
 
@@ -29,6 +34,9 @@ class Tried:
     Attributes
     ----------
     sensor, kind : str
+    attitude : str
+        `ALONE`, the gyro breaks and the attitude stays; else the time constant of the estimator through which it
+        follows, of `THROUGH`.
     times : int
         The certificate's size.
     size, onset_s : float
@@ -36,11 +44,13 @@ class Tried:
         Whether an alarm was raised within the certificate's time.
     said : str
         `NAMED`; `EITHER_OR`, among others; `CANT_TELL`, by every alarm; `WRONG`, another sensor, or an either-or
-        without the one that failed; `NOTHING`, for no alarm was raised, or all have passed.
+        without the one that failed; `NOTHING`, for no alarm was raised, or all have passed; `TOO_STEEP`, not put, for
+        the attitude would bend beyond Euler angles.
     """
 
     sensor: str
     kind: str
+    attitude: str
     times: int
     size: float
     onset_s: float
@@ -51,7 +61,8 @@ class Tried:
 def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
     """Yield so many faults of every gyro and kind that has a size in a log's certificate, as large and larger.
 
-    Each begins in another equal share of what was watched, at a time that is drawn, whatever its size.
+    Each begins in another equal share of what was watched, at a time that is drawn, whatever its size. Where the
+    monitor takes the attitude for driven by the gyros, it follows, as well as stays.
     """
     random = np.random.default_rng(seed)
     watches = [watch for watch in said.watches if isinstance(watch, BankWatch)]
@@ -61,7 +72,10 @@ def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
             place = _drawn(watches, row.within_s, (i + random.random()) / count)
             is_turned = bool(random.integers(2))
             if place is not None:
-                yield from (_tried(*place, before, row, times, is_turned=is_turned) for times in TIMES)
+                follows = THROUGH if row.time_constant_s is not None else ()
+                for attitude in (ALONE, *follows):
+                    for times in TIMES:
+                        yield _tried(*place, before, row, times, attitude, is_turned=is_turned)
 
 
 def _before(said: WatchedLog) -> gb.Record | None:
@@ -105,24 +119,34 @@ def _own_s(watch: BankWatch) -> np.ndarray:
 
 
 def _tried(
-    watch: BankWatch, onset_s: float, before: gb.Record | None, row: Smallest, times: int, *, is_turned: bool
+    watch: BankWatch,
+    onset_s: float,
+    before: gb.Record | None,
+    row: Smallest,
+    times: int,
+    attitude: str,
+    *,
+    is_turned: bool,
 ) -> Tried:
     """Put a fault, watch anew, and sum up what is said until an alarm comes that would have come without it."""
     assert isinstance(watch.monitor, BankMonitor)
     assert row.size is not None
     size = times * row.size
     fault = _KIND[row.kind].at(row.sensor, onset_s, size, is_turned=is_turned)
+    put = {"sensor": row.sensor, "kind": row.kind, "attitude": attitude, "times": times, "size": size}
     broken = gb.inject(watch.record, fault)
+    if attitude != ALONE:
+        try:
+            broken = THROUGH[attitude].bent(watch.record, broken)
+        except InputError:
+            return Tried(**put, onset_s=onset_s, found=False, said=TOO_STEEP)
     again = steady(watch.monitor, watch.monitor.watch(broken, outside=watch.outside, before=before), before)
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
     alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]
     of = {alarm.fault for alarm in alarms}
     return Tried(
-        sensor=row.sensor,
-        kind=row.kind,
-        times=times,
-        size=size,
+        **put,
         onset_s=onset_s,
         found=any(alarm.time_s <= onset_s + row.within_s for alarm in alarms),
         said=_said([alarm for alarm in again.alarms if alarm.number in of], row.sensor),
