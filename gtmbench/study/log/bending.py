@@ -146,7 +146,10 @@ def time_constant_in_log(log: Path, mapping: Sequence[str] = ()) -> TimeConstant
     wanted = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
     if not {*wanted} <= {*log_contents(log, mapping=mapping).usable}:
         return None
-    return time_constant_of(open_log(log, mapping=mapping, needs=wanted).segments)
+    try:
+        return time_constant_of(open_log(log, mapping=mapping, needs=wanted).segments)
+    except InputError:  # samples that make no record can be broken all the same
+        return None
 
 
 def bent_samples(
