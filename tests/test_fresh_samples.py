@@ -302,7 +302,9 @@ def test_a_gyro_that_fails_beside_a_slow_attitude_is_named_and_a_healthy_one_isn
         gb.write_log(record, tmp_path / "log.csv")
         watched = gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0.0, 0.5 * made.end_s)])
         if record is made:
-            assert (watched.outcome.name, watched.alarms) == ("HEALTHY", ())
+            assert watched.alarms == ()
+            # through a slow estimator a bias in seldom samples is hidden: such silence is no all-clear
+            assert (watched.outcome.name == "UNKNOWN") == bool(watched.hardly_watched)
             continue
         (alarm,) = watched.alarms
         assert (alarm.verdict, alarm.doubt) == ("q failed", "")
