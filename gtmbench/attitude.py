@@ -44,10 +44,11 @@ class AttitudeEstimator:
 
     Examples
     --------
+    >>> import gtmbench as gb
     >>> level = {"p": 0.0, "q": 0.0, "r": 0.0, "phi": 0.0, "theta": 0.0, "psi": 45.0}
-    >>> healthy = Record([list(level.values())] * 2001, channels=list(level), sample_period_s=0.01)
+    >>> healthy = gb.Record([list(level.values())] * 2001, channels=list(level), sample_period_s=0.01)
     >>> broken = healthy.replace("p", healthy["p"] + 2.0)
-    >>> bent = AttitudeEstimator(time_constant_s=5.0).bent(healthy, broken)
+    >>> bent = gb.AttitudeEstimator(time_constant_s=5.0).bent(healthy, broken)
     >>> bent["phi"][[0, 100, 2000]].round(2), bent["psi"][2000].round(2)  # 2 t at first, at last 2 tau
     (array([0.  , 1.81, 9.82]), np.float64(45.0))
     """
