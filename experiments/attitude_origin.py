@@ -35,8 +35,9 @@ from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown
 from gtmbench.testing.flights import fly_once
 
-SEED = 32_000  # of the report's cases; others were looked at while the rule was made
-OWN, DRIVEN, FURTHER = 24, 36, 240  # cases; further ones of driven attitudes
+SEED = 38_000  # of the report's cases; others were looked at while the rule was made
+OWN, DRIVEN = 120, 300  # cases
+FASTER_HZ = 90.0  # of the sample rate: in slower logs nothing is said to be own
 RATE_HZ, LASTS_S = 400.0, 120.0  # of what is flown, logged more slowly
 EXCITATIONS = ("multisine", "doublets", "multisine+turbulence", "doublets+turbulence")
 SHOWS_OVER_MOTION, SHOWS_OVER_OWN = 30.0, 4.0  # times its power, a gyro's noise shows in an octave
@@ -51,12 +52,17 @@ the samples which it is, and says *own* only where it is sure; else an attitude 
   `gb.filtered_attitude` with time constants of 0.2 to 30 s, with and without bias states, and then changed in up to
   three ways; the tables count every change that a case has.
 - *Shows*: in an octave below 0.45 of the logged rate, the noise of two gyros has 30 times the motion's power and 4
-  times that of the attitude's own noise. That is worked out of what was put in, which the rule doesn't see.
+  times that of the attitude's own noise. That is worked out of what was put in, which the rule doesn't see. Of logs
+  slower than 90 Hz, which have a row of their own, the rule never says *own*: what a gyro's samples fold back from
+  higher frequencies is missing in a driven attitude, too. The target is of the faster ones.
 - Real logs are PX4's and ArduPilot's, whose attitude is documented to be driven; the documentation isn't told.
   *opened*: as `gtmbench monitor` opens them. *linear*, *held*, *spline*: the attitude laid onto the gyros' own clock,
   at their full rate, as tables are made of such logs. *coarse*: linear, and the gyros rounded to 0.1 deg/s.
 
-The rule was made on the logs of `dev` and on synthetic cases of other seeds. `held` was looked at once.
+The rule was made on the logs of `dev` and on synthetic cases of other seeds. `held` was looked at once before, and
+`rest` holds those logs of the same repositories in which too little flies for `real_logs.py`. A report of seeds from
+32,000 on, before a rate had to follow the gyro equally late at all frequencies, took one of 276 synthetic driven
+attitudes for own: it was behind a low-pass, and the gyros were behind a notch.
 """
 
 
@@ -132,9 +138,10 @@ def own_case(seed: int) -> Row:
     told = origin_of([record])
     own_rate = np.gradient((angles - np.roll(truth.matrix(ATTITUDE), late, axis=0))[rows], every / RATE_HZ, axis=0)
     shows = does_show(noise[rows], truth.matrix(GYROS)[rows], own_rate, RATE_HZ / every)
+    slow = "" if RATE_HZ / every >= FASTER_HZ else ", slower than 90 Hz"
     return {
         "group": "own",
-        "kind": "noise shows" if shows else "noise doesn't show",
+        "kind": f"noise shows{slow}" if shows else "noise doesn't show",
         "changes": f"{called}; {RATE_HZ / every:g} Hz; late {1000 * late / RATE_HZ:g} ms; quantum {quantum:g} deg",
         "own": not told.is_driven,
         "why": told.why,
@@ -368,11 +375,10 @@ def conduct(campaign: Campaign) -> Findings:
     if wrong:
         raise InputError(f"{', '.join(wrong)} is no folder; give folders of logs, or none")
     seed = campaign.given.seed
-    own, driven, further = (2, 3, 0) if campaign.quick else (OWN, DRIVEN, FURTHER)
+    own, driven = (2, 3) if campaign.quick else (OWN, DRIVEN)
     todo = [
         *(Task(seed + k, "own") for k in range(own)),
         *(Task(seed + 1000 + k, "driven") for k in range(driven)),
-        *(Task(seed + 2000 + k, "driven, further") for k in range(further)),
         *(
             Task(path, folder.resolve().name)
             for folder in campaign.given.folders
@@ -390,14 +396,14 @@ def conduct(campaign: Campaign) -> Findings:
         [
             {"target": "driven taken for own", "measured": f"{wrong_own} of {int((~is_own).sum())}", "asked": "0"},
             {
-                "target": "own recognised where the noise shows",
+                "target": "own recognised where the noise shows, at 90 Hz and faster",
                 "measured": f"{int(shown['own'].sum())} of {len(shown)}",
                 "asked": "80 %",
             },
         ]
     )
     counts = {"cases": len, "own": lambda of: int(of["own"].sum())}
-    drives = rows[rows["group"].isin(["driven", "driven, further"])]
+    drives = rows[rows["group"] == "driven"]
     by_change = drives.assign(change=drives["changes"].str.split("; ")).explode("change")
     tables = [
         markdown(targets),

@@ -23,6 +23,8 @@ _MOST = 0.1  # of its noise may stand in an own attitude
 _ERRORS = 2.0  # standard errors, by which that is kept
 _FOLLOWS = 0.85  # of what a gyro reads is motion, so that it shows that the attitude's rate passes it
 _APART, _OF_MOTION = 0.05, 0.05  # by which a gain may differ from the expected one, and by such a part of that
+_TURN = 16.0  # a delay is known to such a part of a period
+_LATE_ERRORS = 5.0  # standard errors of a gain, of which the greatest of many delays is taken
 _FLAT = 1.2  # times the power in a half octave has the next one, of noise
 _NOTHING_FOLDS_HZ = 180.0  # of the sample rate, little vibration folds back, and a gyro's own filter may show
 _UNSEEN = 0.1  # a standard error that tells nothing
@@ -159,10 +161,11 @@ def _follows_the_rest(
 ) -> bool:
     """Tell whether, of a gyro's noise, the rate follows the rest, band by band, and down to where nearly all is that.
 
-    Of the noise it follows less than a tenth there, too, all bands taken together.
+    Of the noise it follows less than a tenth there, too, all bands taken together. And what it follows is all equally
+    late: a low-pass turns each frequency by another time.
     """
     excess, weight = 0.0, 0.0
-    for band in reversed(below):
+    for place, band in reversed(list(enumerate(below))):
         told = [_beside(spectra, band, windows, noise) for windows in spectra.halves]
         if any(each is None or not each.agrees for each in told):
             return False
@@ -173,8 +176,22 @@ def _follows_the_rest(
         if any(each is not None and each.motion >= _FOLLOWS for each in told):
             others = [_beside(spectra, other, windows, noise) for other in above for windows in spectra.halves]
             is_missing = excess / weight + weight**-0.5 <= _MOST
-            return is_missing and all(each is None or each.agrees for each in others)
+            agree = all(each is None or each.agrees for each in others)
+            return is_missing and agree and _is_equally_late(spectra, below[place:])
     return False
+
+
+def _is_equally_late(spectra: RateSpectra, bands: Sequence[tuple[float, float]]) -> bool:
+    """Tell whether no band follows a gyro better at a delay of its own than at that of the first, which is motion."""
+    quiet, loud = spectra.halves
+    late_s = spectra.late_s(*bands[0], quiet | loud, 1.0 / (_TURN * bands[-1][1]))
+    for band in bands:
+        gain = spectra.gain(*band, quiet | loud)
+        if gain is not None and gain.value - spectra.gain_at(*band, quiet | loud, late_s) > (
+            _APART * gain.value + _LATE_ERRORS * gain.deviation
+        ):
+            return False
+    return True
 
 
 def _is_flat(gains: Sequence[Gain | None]) -> bool:

@@ -92,8 +92,7 @@ class RateSpectra:
         if not power > 0.0:
             return None
         lags_s = np.arange(-_LATE_S, _LATE_S, 1.0 / (8.0 * high_hz))
-        turns = np.exp(2j * np.pi * np.outer(lags_s, self.frequency_hz[bins]))
-        value = float(np.abs(turns @ (z * y.conj()).sum(axis=0)).max()) / power
+        value = float(np.abs(self._at(lags_s, bins, windows)).max()) / power
         unexplained = max(float(np.square(np.abs(z)).sum()) / power - value**2, 0.0)
         density = float((np.square(np.abs(y)) * self.scale[bins]).mean())
         return Gain(
@@ -102,6 +101,22 @@ class RateSpectra:
             density=density,
             of_density=float(np.sqrt(2.0 / y.size)),  # windows overlap by half
         )
+
+    def late_s(self, low_hz: float, high_hz: float, windows: BoolArray, step_s: float) -> float:
+        """Return how late the rate follows the gyro in a band, in steps."""
+        lags_s = np.arange(-_LATE_S, _LATE_S, step_s)
+        return float(lags_s[np.argmax(self._at(lags_s, self._bins(low_hz, high_hz), windows).real)])
+
+    def gain_at(self, low_hz: float, high_hz: float, windows: BoolArray, late_s: float) -> float:
+        """Return how much of the gyro stands in the rate in a band, that much later."""
+        bins = self._bins(low_hz, high_hz)
+        power = float(np.square(np.abs(self.gyro[np.ix_(windows, bins)])).sum())
+        return float(self._at(np.array([late_s]), bins, windows)[0].real) / power
+
+    def _at(self, lags_s: FloatArray, bins: BoolArray, windows: BoolArray) -> ComplexArray:
+        """Return the sum of cross spectra at some delays."""
+        cross = (self.rate[np.ix_(windows, bins)] * self.gyro[np.ix_(windows, bins)].conj()).sum(axis=0)
+        return np.asarray(np.exp(2j * np.pi * np.outer(lags_s, self.frequency_hz[bins])) @ cross)
 
     def _bins(self, low_hz: float, high_hz: float) -> BoolArray:
         return np.asarray((self.frequency_hz >= low_hz) & (self.frequency_hz < high_hz), dtype=np.bool_)
