@@ -50,7 +50,8 @@ def studied(task: Task) -> dict[str, Any] | None:
     try:
         log = gb.open_log(task.path, needs=CHANNELS, witnesses=ACCELEROMETERS)
         took_s = time.perf_counter() - began
-        said = watched(LogFile(task.path, task.name).parts())
+        whole = LogFile(task.path, task.name)
+        said = watched(whole.parts(), whole.attitude)
     except (InputError, IndexError):  # can't be read, hardly flies, or holds too little to identify on
         return None
     tracemalloc.start()

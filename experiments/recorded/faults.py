@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from gtmbench.study.log.starts import steady
 from gtmbench.study.log.watched import WatchedLog
 
 TIMES = (1, 3)  # the certificate's size
+CERTIFICATE, EVERYDAY = "certificate", "everyday"  # whence a fault's size
+USUAL = {"bias": 5.0, "drift": 0.5, "scale_factor": 0.5, "deadzone": 5.0, "noise": 5.0}  # that gyros have; deg/s
 LEFT_S = 12.0  # of a stretch, after the onset: time to judge
 NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
 TOO_STEEP = "too steep"
@@ -37,8 +40,10 @@ class Tried:
     attitude : str
         `ALONE`, the gyro breaks and the attitude stays; else the time constant of the estimator through which it
         follows, of `THROUGH`.
+    of : str
+        Whose size it has: `CERTIFICATE`, or `EVERYDAY`, one of `USUAL`.
     times : int
-        The certificate's size.
+        How many times that size.
     size, onset_s : float
     found : bool
         Whether an alarm was raised within the certificate's time.
@@ -46,20 +51,24 @@ class Tried:
         `NAMED`; `EITHER_OR`, among others; `CANT_TELL`, by every alarm; `WRONG`, another sensor, or an either-or
         without the one that failed; `NOTHING`, for no alarm was raised, or all have passed; `TOO_STEEP`, not put, for
         the attitude would bend beyond Euler angles.
+    names : str
+        Which sensors are named, or left undecided, in the end, and the likeliest kind of fault of each.
     """
 
     sensor: str
     kind: str
     attitude: str
+    of: str
     times: int
     size: float
     onset_s: float
     found: bool
     said: str
+    names: str = ""
 
 
 def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
-    """Yield so many faults of every gyro and kind that has a size in a log's certificate, as large and larger.
+    """Yield so many faults of every gyro and kind: as large as its certificate says, larger, and of an everyday size.
 
     Each begins in another equal share of what was watched, at a time that is drawn, whatever its size. Where the
     monitor takes the attitude for driven by the gyros, it follows, as well as stays.
@@ -68,14 +77,20 @@ def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
     watches = [watch for watch in said.watches if isinstance(watch, BankWatch)]
     before = _before(said)
     for row in said.certificate.rows:
-        for i in range(count if row.size is not None else 0):
+        for i in range(count):
             place = _drawn(watches, row.within_s, (i + random.random()) / count)
             is_turned = bool(random.integers(2))
             if place is not None:
-                follows = THROUGH if row.time_constant_s is not None else ()
-                for attitude in (ALONE, *follows):
-                    for times in TIMES:
-                        yield _tried(*place, before, row, times, attitude, is_turned=is_turned)
+                for put in _sizes(row):
+                    for attitude in (ALONE, *(THROUGH if row.time_constant_s is not None else ())):
+                        yield _tried(*place, before, row, put | {"attitude": attitude}, is_turned=is_turned)
+
+
+def _sizes(row: Smallest) -> Iterator[dict[str, Any]]:
+    """Yield how large a fault is put."""
+    if row.size is not None:
+        yield from ({"of": CERTIFICATE, "times": times, "size": times * row.size} for times in TIMES)
+    yield {"of": EVERYDAY, "times": 1, "size": USUAL[row.kind]}
 
 
 def _before(said: WatchedLog) -> gb.Record | None:
@@ -123,33 +138,31 @@ def _tried(
     onset_s: float,
     before: gb.Record | None,
     row: Smallest,
-    times: int,
-    attitude: str,
+    put: Mapping[str, Any],
     *,
     is_turned: bool,
 ) -> Tried:
     """Put a fault, watch anew, and sum up what is said until an alarm comes that would have come without it."""
     assert isinstance(watch.monitor, BankMonitor)
-    assert row.size is not None
-    size = times * row.size
-    fault = _KIND[row.kind].at(row.sensor, onset_s, size, is_turned=is_turned)
-    put = {"sensor": row.sensor, "kind": row.kind, "attitude": attitude, "times": times, "size": size}
+    fault = _KIND[row.kind].at(row.sensor, onset_s, put["size"], is_turned=is_turned)
+    put = {**put, "sensor": row.sensor, "kind": row.kind, "onset_s": onset_s}
     broken = gb.inject(watch.record, fault)
-    if attitude != ALONE:
+    if put["attitude"] != ALONE:
         try:
-            broken = THROUGH[attitude].bent(watch.record, broken)
+            broken = THROUGH[put["attitude"]].bent(watch.record, broken)
         except InputError:
-            return Tried(**put, onset_s=onset_s, found=False, said=TOO_STEEP)
+            return Tried(**put, found=False, said=TOO_STEEP)
     again = steady(watch.monitor, watch.monitor.watch(broken, outside=watch.outside, before=before), before)
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
     alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]
     of = {alarm.fault for alarm in alarms}
+    told = [alarm for alarm in again.alarms if alarm.number in of]
     return Tried(
         **put,
-        onset_s=onset_s,
         found=any(alarm.time_s <= onset_s + row.within_s for alarm in alarms),
-        said=_said([alarm for alarm in again.alarms if alarm.number in of], row.sensor),
+        said=_said(told, row.sensor),
+        names=_names(told),
     )
 
 
@@ -165,6 +178,16 @@ def _said(alarms: Sequence[Alarm], sensor: str) -> str:
     if open_between:
         return EITHER_OR
     return CANT_TELL if left else NOTHING
+
+
+def _names(alarms: Sequence[Alarm]) -> str:
+    """Write what some alarms accuse in the end, and of which kind of fault."""
+    kinds = [
+        (alarm.verdict, "" if alarm.last is None else alarm.last.kind or "no kind")
+        for alarm in alarms
+        if _is_left(alarm) and not alarm.doubt
+    ]
+    return "; ".join(f"{verdict} ({kind})" for verdict, kind in dict.fromkeys(kinds))
 
 
 def _is_left(alarm: Alarm) -> bool:

@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
+from gtmbench.attitude import DRIVEN
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.intake.contents import log_contents
+from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.testing.mechanisms import MECHANISMS
@@ -34,6 +37,11 @@ class LogFile:
     path: Path
     name: str
     has_cause = False
+
+    @property
+    def attitude(self) -> str:
+        """Whose attitude to watch its table with: the gyros' where its format documents that, which no table tells."""
+        return DRIVEN if log_contents(self.path).attitude_from_gyros else FROM_LOG
 
     def parts(self) -> Parts:
         """Return the stretches in which it flies: 3 % of the rows that move lie before, 3 % behind.
@@ -68,6 +76,7 @@ class SyntheticLog:
 
     mechanism: str
     seed: int
+    attitude = FROM_LOG
 
     @property
     def name(self) -> str:
@@ -104,8 +113,11 @@ def half_s(parts: Parts) -> float:
     return 0.5 * (parts[0].start_s + parts[-1].end_s)
 
 
-def watched(parts: Parts, mutation: Mutation = Mutation()) -> WatchedLog:  # noqa: B008  frozen
-    """Return what is said of a flight's second half, identified on its first, with something wrong in all of it."""
+def watched(parts: Parts, attitude: str, mutation: Mutation = Mutation()) -> WatchedLog:  # noqa: B008  frozen
+    """Return what is said of a flight's second half, identified on its first, with something wrong in all of it.
+
+    `attitude` is what `watch_log` is told of it.
+    """
     lines: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "log.csv")
@@ -114,4 +126,4 @@ def watched(parts: Parts, mutation: Mutation = Mutation()) -> WatchedLog:  # noq
             header, *rows = path.read_text().splitlines()
             lines += rows if lines else [header, *rows]
         path.write_text("\n".join(lines) + "\n")
-        return watch_log(path, BANK, healthy=[(-np.inf, half_s(parts))])
+        return watch_log(path, BANK, healthy=[(-np.inf, half_s(parts))], attitude=attitude)

@@ -44,6 +44,7 @@ class Size:
     faults: int = 4  # of every gyro and kind
     readings: Sequence[str] = tuple(READINGS)
     seeds: int = 8  # of every mechanism
+    whole: bool = True  # whether all of a log is watched, too
 
 
 QUICK = Size(faults=1, readings=("-q", "p, r swapped", "attitude 0.3 s late", "r dead"), seeds=1)
@@ -75,19 +76,19 @@ def studied(task: Task) -> Rows:
         return Rows([], [], [])
     flight, faults = as_it_is(task, parts)
     flight |= {
-        "whole": whole(task.log, parts),
+        "whole": whole(task.log, parts) if task.size.whole else "-",
         "rate_hz": 1.0 / parts[0].sample_period_s,
         "duration_s": sum(part.end_s - part.start_s for part in parts),
     }
     whose = {"group": task.group, "log": task.log.name}
-    readings = [{**whose, **misread(parts, name)} for name in task.size.readings if not task.log.has_cause]
+    readings = [{**whose, **misread(task.log, parts, name)} for name in task.size.readings if not task.log.has_cause]
     return Rows([{**whose, **flight}], [{**whose, **asdict(each)} for each in faults], readings)
 
 
 def as_it_is(task: Task, parts: Parts) -> tuple[Row, list[Tried]]:
     """Return what is said of a flight as it is, and of the faults that are put on it."""
     try:
-        said = watched(parts)
+        said = watched(parts, task.log.attitude)
     except InputError as error:
         return {**UNKNOWN, "verdict": shortened(str(error))}, []
     shares = [max(each.share, 0.0) for each in said.check.explained if each.where == "identified"]
@@ -164,11 +165,11 @@ def within(time_s: np.ndarray, spans: Sequence[tuple[float, float]]) -> np.ndarr
     return inside
 
 
-def misread(parts: Parts, name: str) -> Row:
+def misread(log: Log, parts: Parts, name: str) -> Row:
     """Return what is said of a flight that is misread."""
     mutation = READINGS[name]
     try:
-        said = watched(parts, mutation)
+        said = watched(parts, log.attitude, mutation)
     except InputError:
         return {"reading": name, "exit": 2, "is_right": False, "is_wrong": False}
     right = is_right(mutation, said)
