@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
+from scripts import script
 
 import gtmbench as gb
 from gtmbench.attitude import ATTITUDE, GYROS, carried_on
@@ -87,6 +88,12 @@ def test_an_attitude_of_the_gyros_is_never_taken_for_its_own(tau, change):
 def test_where_nothing_shows_it_is_taken_for_driven(record):
     told = origin_of([record])
     assert (told.is_driven, told.is_assumed) == (True, True)
+
+
+def test_a_low_passed_attitude_that_follows_each_frequency_by_another_delay_is_no_own_one():
+    # its low-pass cuts just where the motion ends, so that by its gain alone it follows all but the gyros' noise
+    told = script("attitude_origin")["driven_case"](34_202, "driven")
+    assert not told["own"], told["why"]
 
 
 def test_what_a_format_documents_is_believed():

@@ -73,8 +73,9 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     Missing means: in an octave in which the gyro's power is flat, as noise is, the rate's regression on the gyro leaves
     less than a tenth, whatever the delay up to a quarter of a second. And below that octave the rate has to follow the
     gyro by just what it reads above that noise, in quiet and in loud windows, up to where nearly all is motion: an
-    attitude that was low-passed follows it by another curve. Slower than 90 Hz nothing is said to be of its own, for
-    what a gyro's samples fold back from higher frequencies is missing in a driven attitude, too.
+    attitude that was low-passed follows it by another curve, or each frequency by another delay. Slower than 90 Hz
+    nothing is said to be of its own, for what a gyro's samples fold back from higher frequencies is missing in a driven
+    attitude, too.
 
     Parameters
     ----------
