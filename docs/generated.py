@@ -23,6 +23,7 @@ ROOMS = {  # where a name is defined: what one does there
     "channels": "Records",
     "logs": "Records",
     "bench": "Fly and measure",
+    "attitude": "Fly and measure",
     "faults": "Break",
     "method": "Identify and predict",
     "detectors": "Watch and explain",
