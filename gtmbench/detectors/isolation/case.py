@@ -24,7 +24,7 @@ ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
-_REMEMBERED_S = 0.3  # by filters, that matters
+_REMEMBERED_S = 0.3  # that matters, by the longer filters of driven attitudes
 _SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
 _REFERRED_S = 1.0  # over which what references say of a gyro is smooth: they are noisier than it is
 _FREQUENCIES = 64
@@ -99,11 +99,9 @@ class Case:
         """
         monitor = self.monitor
         outputs = tuple(self.residuals.raw)
-        most = round(_REMEMBERED_S / self.period_s)
-        memory = max(
-            monitor.operators[name].causal_order + min(monitor.whiteners[name].order, most) for name in outputs
-        )
-        memory += 1
+        most = round(_REMEMBERED_S / self.period_s) if monitor.bank.attitude_from_gyros else len(self.record)
+        whiteners = {name: min(monitor.whiteners[name].order, most) for name in outputs}
+        memory = max(monitor.operators[name].causal_order + whiteners[name] for name in outputs) + 1
         ahead = max(round(monitor.look_ahead_of(name) / self.period_s) for name in outputs)
         stop = max(len(self.record) - ahead, 0)
         return slice(min(self.sure + memory, stop), stop)
