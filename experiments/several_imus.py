@@ -26,6 +26,7 @@ from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.imus import Imu
+from gtmbench.intake.read import read_log
 from gtmbench.processes import spread
 from gtmbench.record import Span
 from gtmbench.report.campaign import Campaign, Findings, conducted
@@ -75,8 +76,9 @@ def done(task: Task) -> list[Row]:
 def of_log(task: Task, path: Path) -> Iterator[Row]:
     """Break the gyros of a log."""
     try:
-        log = gb.open_log(path, needs=[*GYROS, *ATTITUDE])
-        opened = opened_with(log, log.imus[:3], ()) if len(log.imus) > 1 else None
+        read = read_log(path)
+        log = gb.open_log(read, needs=[*GYROS, *ATTITUDE])
+        opened = opened_with(read, log.imus, ()) if len(log.imus) > 1 else None
         watched = None if opened is None else gb.watch_log(path, "C")
     except InputError:
         return

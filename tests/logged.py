@@ -9,6 +9,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.study.log.certificate import certificate_of
 from gtmbench.study.log.watched import WatchedLog
 from tests.monitors import monitor, record
 
@@ -20,7 +21,14 @@ def watched_log(segments, watched, by, *, remarks=(), identified=(), reasons=(),
         path=Path(name), segments=tuple(segments), remarks=tuple(remarks), method=("resampled to 50 Hz, held",)
     )
     watches = tuple(gb.watch(by, part) for part in watched)
-    return WatchedLog(log=log, monitor=by, identified_s=tuple(identified), watches=watches, reasons=tuple(reasons))
+    return WatchedLog(
+        log=log,
+        monitor=by,
+        identified_s=tuple(identified),
+        watches=watches,
+        reasons=tuple(reasons),
+        certificate=certificate_of(by, watches),
+    )
 
 
 def remark(start_s, end_s, kind="gap", channel=None, text="no samples"):

@@ -13,7 +13,7 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report, outcome_text
 from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, superposition
-from tests.logged import jammed, never_armed, normed, short, silent, unwatched, watched_log
+from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
 
 KIND = {kind.fault.kind: kind for kind in KINDS}
@@ -172,11 +172,12 @@ def test_the_report_holds_it_in_words_and_numbers():
     ]
     assert [row["unit"] for row in results["rows"][:5]] == ["deg/s", "deg/s²", "", "deg/s", "deg/s"]
     assert not results["is_named"]
-    assert watched.certificate is said  # worked out once
 
 
-def test_with_names_asks_for_them():
-    assert watched_log([], [], monitor()).with_names().asks_names
+def test_with_names_asks_for_them(monkeypatch):
+    monkeypatch.setattr("gtmbench.study.log.certificate.KINDS", (KIND["bias"],))
+    assert not short().certificate.is_named
+    assert short().with_names().certificate.is_named
 
 
 def row(sensor, size, kind="bias", **more):

@@ -166,7 +166,6 @@ def monitor_command(
         if named:
             tell("names", None, None)
             watched = watched.with_names()
-            _ = watched.certificate  # kept: what is written and printed holds it
         tell("writing", None, None)
         _write(watched, record, figure, save)
     if as_json:

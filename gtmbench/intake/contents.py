@@ -15,11 +15,10 @@ from gtmbench.checks import naming
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.mapping import Chosen, choose_of, judged, split_mapping
 from gtmbench.intake.names import guess, stated_unit
-from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import ANGLES, GYROS, Track
@@ -144,12 +143,13 @@ class LogContents:
         return tuple(channel.name for channel in self.channels if not channel.why_not)
 
 
-def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContents:
+def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> LogContents:
     r"""Return what a log's file holds, and what of it is of use: nothing is resampled, one bad column spoils nothing.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or ReadLog
+        What was read before isn't read again.
     mapping : sequence of str
         As `open_log` takes it.
 
@@ -168,9 +168,9 @@ def log_contents(path: str | Path, *, mapping: Sequence[str] = ()) -> LogContent
     >>> contents.usable, round(contents.channels[0].fresh_hz, 6), contents.span_s
     (('p',), 100.0, (0.0, 4.99))
     """
-    path = Path(path)
     mapped = split_mapping(mapping)
-    raw = with_quaternions(read_raw(path))
+    read = read_log(path)
+    path, raw = read.path, read.raw
     with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         of_time, no_time, timed = mapped.pop("time", None), "", raw
         try:
@@ -245,12 +245,12 @@ def _imus(raw: RawLog) -> tuple[str, ...]:
     return tuple(sorted(set(topics)))
 
 
-def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
+def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
     """Return what a log's file holds: columns, their units and rates, and which channels they become.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or ReadLog
         CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP.
 
     Raises
@@ -269,8 +269,7 @@ def log_columns(path: str | Path) -> tuple[LogColumn, ...]:
     >>> {column.name: column.channel for column in columns}
     {'time_s': 'time', 'p_rad_s': 'p', 'flaps': ''}
     """
-    raw = with_quaternions(read_raw(Path(path)))
-    timed = raw
+    raw = timed = read_log(path).raw
     with np.errstate(all="ignore"):
         with contextlib.suppress(InputError):  # no column tells the time: the list says what might
             timed = with_time(raw, None)

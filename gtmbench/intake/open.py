@@ -17,13 +17,12 @@ from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog
-from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.imus import imus_of
 from gtmbench.intake.injections import Injection, in_time
 from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
-from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.intake.times import of_no_use, with_time
@@ -35,7 +34,7 @@ _ATTITUDE = ("phi", "theta", "psi")
 
 
 def open_log(
-    path: str | Path,
+    path: str | Path | ReadLog,
     *,
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
@@ -53,7 +52,8 @@ def open_log(
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or ReadLog
+        What was read before isn't read again.
     mapping : sequence of str
         ``CHANNEL=COLUMN:UNIT`` for what names don't say: ``p=gyro_x:rad/s``, ``nz=-az:m/s2`` (a minus turns the sign),
         ``time=stamp:us``. The unit may be left out where the column states it. Behind it may stand how many seconds
@@ -86,18 +86,17 @@ def open_log(
     >>> log.remarks[0].text
     'p is 28.6479 from start to end: constant'
     """
-    path = Path(path)
     rate = None if rate_hz is None else number("rate_hz", rate_hz, 1e-3, 1e6)
     wanted = None if needs is None else names("needs", needs)
     if wanted == ():
         raise InputError("needs is empty; name the channels that are wanted, or leave it out for all")
     columns = split_mapping(mapping)
-    raw = with_quaternions(read_raw(path))
+    read = read_log(path)
     try:
         with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow: they become NaN
-            return _opened(path, raw, columns, rate, wanted, tuple(witnesses))
+            return _opened(read.path, read.raw, columns, rate, wanted, tuple(witnesses))
     except InputError as error:
-        raise InputError(f"{path}: {one_line(str(error))}") from error
+        raise InputError(f"{read.path}: {one_line(str(error))}") from error
 
 
 def _opened(

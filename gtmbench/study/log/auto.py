@@ -13,18 +13,19 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.origin import FROM_LOG, check_attitude, origin_in_logs, rests_on_attitude, with_origin
 
 
 def bank_for_logs(
-    paths: Sequence[Path], mapping: Sequence[str], origin: Origin | None = None
+    logs: Sequence[Path | ReadLog], mapping: Sequence[str], origin: Origin | None = None
 ) -> tuple[BankDetector, tuple[str, ...]]:
     """Return the bank that logs allow, and which gyros it doesn't watch, and why.
 
     Parameters
     ----------
-    paths : sequence of Path
+    logs : sequence of Path or ReadLog
         The first is the one that the bank is for.
     mapping : sequence of str
         As `open_log` takes it, for all of them.
@@ -36,20 +37,21 @@ def bank_for_logs(
     InputError
         Naming a log that can't be read; or the first, where they allow no relation.
     """
-    logs = [log_contents(path, mapping=mapping) for path in paths]
-    there = [name for name in logs[0].usable if all(name in log.usable for log in logs)]
-    with naming(paths[0]):
-        if logs[0].no_time:
-            raise InputError(logs[0].no_time)
+    reads = [read_log(log) for log in logs]
+    contents = [log_contents(read, mapping=mapping) for read in reads]
+    there = [name for name in contents[0].usable if all(name in each.usable for each in contents)]
+    with naming(reads[0].path):
+        if contents[0].no_time:
+            raise InputError(contents[0].no_time)
         composed_bank(there)  # refused before samples are looked at
-    known = origin_in_logs(paths, mapping) if origin is None else origin
+    known = origin_in_logs(reads, mapping) if origin is None else origin
     bank = composed_bank(there, attitude_from_gyros=known.is_driven)
     return BankDetector(bank=bank), unwatched(bank, there)
 
 
 def recipe_for_logs(
     recipe: Detector,
-    logs: Sequence[Path],
+    logs: Sequence[Path | ReadLog],
     mapping: Sequence[str],
     attitude: str = FROM_LOG,
 ) -> tuple[Detector, Origin | None]:
@@ -60,7 +62,8 @@ def recipe_for_logs(
     check_attitude(attitude)
     if not isinstance(recipe, AutoDetector) and not rests_on_attitude(recipe):
         return recipe, None
-    origin = origin_in_logs(logs, mapping, attitude=attitude, spans=[(-math.inf, math.inf)])
+    reads = [read_log(log) for log in logs]
+    origin = origin_in_logs(reads, mapping, attitude=attitude, spans=[(-math.inf, math.inf)])
     if isinstance(recipe, AutoDetector):
-        recipe, _ = bank_for_logs(logs, mapping, origin)
+        recipe, _ = bank_for_logs(reads, mapping, origin)
     return (with_origin(recipe, origin), origin) if isinstance(recipe, BankDetector) else (recipe, None)

@@ -21,6 +21,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.open import open_log
+from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
 from gtmbench.record import BoolArray, FloatArray, Record, Span
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
@@ -110,25 +111,23 @@ class _Blocks:
 
 
 def compare(
-    log: FlightLog, *, healthy: Sequence[Span], excursions: Sequence[Excursion] = (), mapping: Sequence[str] = ()
+    log: FlightLog, side_by_side: FlightLog, *, healthy: Sequence[Span], excursions: Sequence[Excursion] = ()
 ) -> Comparison | None:
-    """Hold the IMUs of a log against each other; None where it has only one, or they can't be read side by side.
+    """Hold the IMUs of a log against each other; None where too little is there.
 
     Parameters
     ----------
     log : FlightLog
+    side_by_side : FlightLog
+        The same, as `opened_with` opens it.
     healthy : sequence of (start, end)
         What is taken as healthy: how two IMUs differ there is theirs.
     excursions : sequence of Excursion
         Stretches in which nothing can be told.
-    mapping : sequence of str
-        As `open_log` takes it, of the attitude.
     """
     imus = log.imus[:_MOST_IMUS]
-    opened = opened_with(log, imus, mapping) if len(imus) > 1 else None
-    if opened is None:
-        return None
-    return compared(opened.segments, imus, healthy=healthy, excursions=excursions, watched=_watched(log, imus))
+    watched = _watched(log, imus)
+    return compared(side_by_side.segments, imus, healthy=healthy, excursions=excursions, watched=watched)
 
 
 def compared(
@@ -213,15 +212,16 @@ def _watched(log: FlightLog, imus: Sequence[Imu]) -> Imu | None:
     return next((imu for imu in imus if set(imu.columns) & columns), None)
 
 
-def opened_with(log: FlightLog, imus: Sequence[Imu], mapping: Sequence[str]) -> FlightLog | None:
-    """Return a log with all gyros and the attitude on one clock; None where that can't be had."""
+def opened_with(read: ReadLog, imus: Sequence[Imu], mapping: Sequence[str]) -> FlightLog | None:
+    """Return a log with the gyros of its first IMUs and the attitude on one clock; None where that can't be had."""
+    imus = imus[:_MOST_IMUS]
     pairs = [pair for imu in imus for pair in zip(channels_of(imu), imu.columns, (imu.unit,) * 3, strict=True)]
     maps = [*mapping, *(f"{name}={column}:{stated}" for name, column, stated in pairs)]
     needs = [*(name for name, _, _ in pairs), *ANGLES]
     try:
-        opened = open_log(log.path, mapping=maps, needs=needs)
+        opened = open_log(read, mapping=maps, needs=needs)
         if opened.sample_period_s < 0.99 / _FASTEST_HZ:
-            opened = open_log(log.path, mapping=maps, needs=needs, rate_hz=_FASTEST_HZ)
+            opened = open_log(read, mapping=maps, needs=needs, rate_hz=_FASTEST_HZ)
     except InputError:
         return None
     return opened

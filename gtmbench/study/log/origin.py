@@ -16,6 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import open_log
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin, origin_of
 from gtmbench.record import Record, Span
 from gtmbench.study.log.records import first_part, healthy_spans, whole_s, within
@@ -36,7 +37,7 @@ def check_attitude(attitude: str) -> str:
 
 
 def origin_in_logs(
-    paths: Sequence[Path],
+    logs: Sequence[Path | ReadLog],
     mapping: Sequence[str] = (),
     *,
     attitude: str = FROM_LOG,
@@ -50,7 +51,7 @@ def origin_in_logs(
 
     Parameters
     ----------
-    paths : sequence of Path
+    logs : sequence of Path or ReadLog
         The first is the one that is watched; the others are healthy.
     mapping : sequence of str
         As `open_log` takes it, for all of them.
@@ -66,14 +67,15 @@ def origin_in_logs(
     """
     if check_attitude(attitude) != FROM_LOG:
         return Origin(is_driven=attitude == DRIVEN, why="as it was told")
-    contents = [log_contents(path, mapping=mapping) for path in paths]
+    reads = [read_log(log) for log in logs]
+    contents = [log_contents(read, mapping=mapping) for read in reads]
     if any(each.attitude_from_gyros for each in contents):
         return origin_of([], documented=True)
     records: list[Record] = []
-    for place, (path, each) in enumerate(zip(paths, contents, strict=True)):
+    for place, (read, each) in enumerate(zip(reads, contents, strict=True)):
         needs = [name for name in (*GYROS, *ATTITUDE) if name in each.usable]
         with contextlib.suppress(InputError):  # whoever opens it to watch it says why
-            log = open_log(path, mapping=mapping, needs=needs)
+            log = open_log(read, mapping=mapping, needs=needs)
             of_first = (first_part(log),) if spans is None else healthy_spans(log, spans)
             records += within(log, (whole_s(log),) if place else of_first)
     return origin_of(records)

@@ -15,6 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import open_log
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.record import Record, Span, runs
 
@@ -24,7 +25,11 @@ _SLOW_S, _FEWEST = 1.0, 10  # samples so far apart, and so few of them, are a mi
 
 
 def open_for(
-    path: str | Path, watcher: Detector | Monitor, *, mapping: Sequence[str] = (), rate_hz: float | None = None
+    path: str | Path | ReadLog,
+    watcher: Detector | Monitor,
+    *,
+    mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
 ) -> FlightLog:
     """Open a log with the channels that a detector needs; with all of its channels for one that doesn't say.
 
@@ -36,19 +41,20 @@ def open_for(
         Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
     """
     witnesses = WITNESSES if hasattr(watcher, "bank") else ()
+    read = read_log(path)
     try:
-        return open_log(path, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
+        return open_log(read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):
-            columns = log_columns(path)
+            columns = log_columns(read)
         if columns and not any(column.why_not for column in columns):
             mapped = {text.partition("=")[0].strip() for text in mapping}
             there = mapped | {column.channel for column in columns} | {column.name for column in columns}
             try:
                 check_channels(_called(watcher), watcher.channels, there)
             except InputError as lacking:
-                raise InputError(f"{path}: {lacking}") from error
+                raise InputError(f"{read.path}: {lacking}") from error
         raise
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from functools import cached_property
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
@@ -14,10 +13,12 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.notebook import card
+from gtmbench.progress import Progress
 from gtmbench.record import Span
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imus import Comparison, further
+from gtmbench.study.log.said import Said
 from gtmbench.study.log.self_check.check import SelfCheck
 
 
@@ -53,12 +54,12 @@ class WatchedLog:
         One a stretch that was watched, in time.
     reasons : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
+    certificate : Certificate
+        What would have been seen: the smallest faults that would have alarmed.
     check : SelfCheck
         Whether the log is what the monitor expects.
     excursions : tuple of Excursion
         The stretches in which nothing can be told: the motion is beyond what was identified.
-    asks_names : bool
-        Whether its certificate says what would have been named, too.
     left_out : tuple of LeftOut
         What of the healthy spans, and of other logs, wasn't identified on.
     comparison : Comparison or None
@@ -89,9 +90,9 @@ class WatchedLog:
     identified_s: tuple[Span, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
+    certificate: Certificate = field(default=Certificate(missing="it wasn't asked for"), repr=False)
     check: SelfCheck = field(default=SelfCheck(), repr=False)
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
-    asks_names: bool = field(default=False, repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
@@ -135,11 +136,6 @@ class WatchedLog:
         could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell and not self.hardly_watched else Outcome.UNKNOWN
 
-    @cached_property
-    def certificate(self) -> Certificate:
-        """What would have been seen: the smallest faults that would have alarmed and, where asked for, been named."""
-        return certificate_of(self.monitor, self.watches, named=self.asks_names)
-
     @property
     def hardly_watched(self) -> tuple[str, ...]:
         """The gyros whose silence says nothing, by the certificate."""
@@ -147,6 +143,26 @@ class WatchedLog:
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that says what would have been named, too: that takes seconds."""
-        return replace(self, asks_names=True)
+        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
 
     findings = renamed("WatchedLog.findings", "alarms")
+
+
+def concluded(said: Said, progress: Progress) -> WatchedLog:
+    """Conclude what was said of a log with a certificate of what would have been seen."""
+    learnt = said.learnt
+    progress("certificate", 0, 1)
+    return WatchedLog(
+        log=learnt.opened.log,
+        monitor=learnt.monitor,
+        identified_s=learnt.identified_s,
+        watches=said.watches,
+        reasons=said.findings,
+        certificate=certificate_of(learnt.monitor, said.watches),
+        check=said.check,
+        excursions=said.excursions,
+        left_out=learnt.left_out,
+        comparison=said.comparison,
+        installation=said.installation,
+        attitude=learnt.opened.attitude,
+    )

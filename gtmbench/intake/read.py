@@ -1,0 +1,49 @@
+"""A log's file as it was read: once, for whoever opens it, for whatever channels and at whatever rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gtmbench.intake.formats.raw import RawLog
+from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.quaternions import with_quaternions
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadLog:
+    """What was read of a log's file.
+
+    Attributes
+    ----------
+    path : Path
+    raw : RawLog
+        Its columns, attitudes of quaternions among them. What a format loads column by column is loaded when it is
+        asked for.
+    """
+
+    path: Path
+    raw: RawLog = field(repr=False)
+
+
+def read_log(log: str | Path | ReadLog) -> ReadLog:
+    """Read a log's file; what was read before is returned as it is.
+
+    Raises
+    ------
+    InputError
+        Where it isn't a file, is too large, isn't of a known format, or is broken.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "log.csv").write_text("time_s,p_deg_s" + chr(10) + "0,1.0" + chr(10) + "1,2.0")
+    ...     read = read_log(Path(folder, "log.csv"))
+    >>> [series.name for series in read.raw.series], read_log(read) is read
+    (['time_s', 'p_deg_s'], True)
+    """
+    if isinstance(log, ReadLog):
+        return log
+    path = Path(log)
+    return ReadLog(path=path, raw=with_quaternions(read_raw(path)))

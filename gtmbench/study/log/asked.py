@@ -1,0 +1,102 @@
+"""What is asked of a log: who watches it, what of it is healthy, how its columns are named. Nothing is read yet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gtmbench.checks import number
+from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready
+from gtmbench.errors import InputError
+from gtmbench.record import Span
+from gtmbench.study.calibration import prepared
+from gtmbench.study.log.origin import FROM_LOG, check_attitude
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Asked:
+    """A question about a log.
+
+    Attributes
+    ----------
+    path : Path
+    watcher : Detector or Monitor
+        A monitor watches all of the log; a detector is calibrated on what is healthy first.
+    spans : tuple of (start, end)
+        What of this log is healthy, in seconds, as it was given.
+    others : tuple of Path
+        Other logs, which are healthy.
+    mapping : tuple of str
+    rate_hz, false_alarms_per_hour : float or None
+    attitude : str
+    """
+
+    path: Path
+    watcher: Detector | Monitor
+    spans: tuple[Span, ...]
+    others: tuple[Path, ...]
+    mapping: tuple[str, ...]
+    rate_hz: float | None
+    false_alarms_per_hour: float | None
+    attitude: str
+
+    @property
+    def says_healthy(self) -> bool:
+        """Whether somebody said what is healthy."""
+        return bool(self.spans or self.others)
+
+
+def asked(
+    path: str | Path,
+    detector: Detector | Monitor | Bank | str | Path,
+    *,
+    healthy: Sequence[Span | str | Path],
+    mapping: Sequence[str],
+    rate_hz: float | None,
+    false_alarms_per_hour: float | None,
+    attitude: str,
+) -> Asked:
+    """Return what is asked, as `watch_log` takes it.
+
+    Raises
+    ------
+    InputError
+        Where no such detector is there, or a monitor that is ready is asked to be another.
+    """
+    watcher = prepared(detector)
+    check_attitude(attitude)
+    if is_ready(watcher):
+        _check_ready(watcher, healthy, rate_hz, attitude)
+    others = tuple(Path(given) for given in healthy if isinstance(given, (str, Path)))
+    for other in others:
+        if other.exists() and Path(path).exists() and other.samefile(path):
+            raise InputError(f"{other} is the log that is watched; give a span of it that is healthy, or another log")
+    wanted = false_alarms_per_hour
+    return Asked(
+        path=Path(path),
+        watcher=watcher,
+        spans=tuple(given for given in healthy if not isinstance(given, (str, Path))),
+        others=others,
+        mapping=tuple(mapping),
+        rate_hz=rate_hz,
+        false_alarms_per_hour=None if wanted is None else number("false_alarms_per_hour", wanted, 1e-9, 1e3),
+        attitude=attitude,
+    )
+
+
+def _check_ready(monitor: Monitor, healthy: Sequence[object], rate_hz: float | None, attitude: str) -> None:
+    """Refuse what a calibrated monitor has its own of."""
+    if attitude != FROM_LOG:
+        raise InputError(
+            f"attitude is '{attitude}'; a calibrated monitor keeps what it was calibrated with, so leave it out, or "
+            "give a bank"
+        )
+    if healthy:
+        raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
+    if monitor.sample_period_s is not None and rate_hz is not None:
+        raise InputError(
+            f"a rate of {rate_hz:g} Hz is given, and the monitor has its own, {1.0 / monitor.sample_period_s:g} Hz; "
+            "leave the rate out, or give a bank"
+        )

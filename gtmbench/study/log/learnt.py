@@ -1,0 +1,125 @@
+"""The monitor that is learnt from what is healthy of logs, once their wiring has been checked; one that is ready stays.
+
+Whatever is wrong where something is learnt stops the watch: the stages behind pass on what has stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
+from gtmbench.method.estimators.bayesian import Bayesian
+from gtmbench.progress import Progress
+from gtmbench.record import Record, Span
+from gtmbench.study.calibration import with_provenance
+from gtmbench.study.log.healthy import Healthy
+from gtmbench.study.log.identified import LeftOut, undisturbed
+from gtmbench.study.log.opened import Opened
+from gtmbench.study.log.records import outside, whole_s
+from gtmbench.study.log.regime import Regime
+from gtmbench.study.log.self_check.check import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
+
+_RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Learnt:
+    """A monitor for an opened log.
+
+    Attributes
+    ----------
+    opened : Opened
+    monitor : Monitor or Detector
+        The detector where the check stopped it before it was calibrated.
+    identified_s : tuple of (start, end)
+        The spans of the log that it was learnt on.
+    before : Record or None
+        The last of them: the noise that was there before watching begins.
+    check : SelfCheck
+        Where it stops, nothing is watched.
+    left_out : tuple of LeftOut
+        What of what is healthy wasn't learnt from.
+    findings : tuple of str
+    """
+
+    opened: Opened
+    monitor: Monitor | Detector
+    identified_s: tuple[Span, ...] = ()
+    before: Record | None = field(default=None, repr=False)
+    check: SelfCheck = field(default=SelfCheck(), repr=False)
+    left_out: tuple[LeftOut, ...] = ()
+    findings: tuple[str, ...]
+
+
+def learnt(healthy: Healthy, progress: Progress) -> Learnt:
+    """Calibrate a detector on what is healthy, where the wiring of that is as it should be.
+
+    Raises
+    ------
+    InputError
+        Where that is too little, or doesn't allow the false-alarm rate.
+    """
+    opened, watcher, stretches = healthy.opened, healthy.opened.watcher, healthy.stretches
+    if stretches is None or not is_recipe(watcher):
+        return Learnt(opened=opened, monitor=watcher, findings=healthy.findings)
+    monitor: Monitor | Detector = watcher
+    findings, parts = healthy.findings, healthy.parts
+    check = check_wiring(watcher, parts, IDENTIFIED)
+    if not check.stops:
+        stretches = undisturbed(watcher, stretches)
+        findings += tuple(stretches.reasons)
+        moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
+        provenance = healthy.provenance | {"regime": dict(Regime.of(moved).limits)}
+        rate = _rate(watcher, opened.asked.false_alarms_per_hour)
+        monitor = _calibrated(watcher, stretches.records, rate, provenance, progress)
+        check = check_identified(check, monitor, stretches.records)
+    check = _in_all_of_it(check, healthy)
+    was_learnt = bool(check.explained) or not check.stops
+    return Learnt(
+        opened=opened,
+        monitor=monitor if was_learnt else watcher,
+        identified_s=healthy.spans if was_learnt else (),
+        before=stretches.records[-1] if healthy.spans and was_learnt else None,
+        check=check,
+        left_out=stretches.left_out,
+        findings=findings,
+    )
+
+
+def _in_all_of_it(check: SelfCheck, healthy: Healthy) -> SelfCheck:
+    """Return a check with the cause that all of the log shows, where its healthy part is too calm to tell."""
+    is_open = not check.causes and (check.stops or any(not each.is_shown for each in check.explained))
+    if not healthy.spans or not is_open:
+        return check
+    opened = healthy.opened
+    whole = check_wiring(opened.watcher, [opened.own.part([whole_s(opened.log)])], ALL)
+    return replace(whole, explained=check.explained) if whole.causes else check
+
+
+def _rate(detector: Detector, wanted: float | None) -> float | None:
+    """Return the false-alarm rate to ask for; of a detector that isn't a bank, only what somebody wants."""
+    if wanted is not None or not isinstance(detector, BankDetector):
+        return wanted
+    return _RATE_OF_ENERGY if detector.bank.statistic.name == "energy" else _RATE
+
+
+def _calibrated(
+    detector: Detector,
+    records: Sequence[Record],
+    rate: float | None,
+    provenance: Mapping[str, object],
+    progress: Progress,
+) -> Monitor:
+    """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
+    if isinstance(detector, BankDetector):
+        return calibrate(
+            records,
+            bank=detector.bank,
+            false_alarms_per_hour=rate,
+            estimator=Bayesian(),
+            provenance=provenance,
+            progress=progress,
+        )
+    return with_provenance(detector.calibrate(records, rate, progress=progress), provenance)

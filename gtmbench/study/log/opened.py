@@ -1,0 +1,186 @@
+"""A log as it is opened to be watched: each file is read once, whatever is wanted of it.
+
+Its channels on one clock, its gyros and attitude where something rests on them, its IMUs side by side; the healthy logs
+likewise; and the bank as all of them allow it, which knows whether the gyros drive the attitude.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from gtmbench.detectors.auto import AutoDetector
+from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
+from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.live import check_rate
+from gtmbench.intake.open import open_log
+from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.method.attitude_origin import Origin
+from gtmbench.record import Span
+from gtmbench.study.log.asked import Asked
+from gtmbench.study.log.auto import bank_for_logs
+from gtmbench.study.log.imus import opened_with
+from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
+from gtmbench.study.log.records import open_for, within
+from gtmbench.study.log.self_check.check import Part, rests_on_motion
+from gtmbench.study.log.self_check.motion import ANGLES, GYROS
+
+_FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OpenedLog:
+    """A log with a watcher's channels.
+
+    Attributes
+    ----------
+    log : FlightLog
+    motion : FlightLog or None
+        The same with its gyros and whole attitude, on the same clock; None where the watcher rests on no motion, or the
+        log hasn't all of it.
+    """
+
+    log: FlightLog
+    motion: FlightLog | None = field(repr=False)
+
+    def part(self, spans: Sequence[Span]) -> Part:
+        """Return what of it lies in some spans."""
+        records = within(self.log, spans)
+        if self.motion is None:
+            return Part(log=self.log, records=records, spans=spans)
+        motion = records if self.motion is self.log else within(self.motion, spans)
+        return Part(log=self.log, records=records, spans=spans, motion=motion, sources=self.motion.sources)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opened:
+    """A log and the healthy ones, opened for who watches.
+
+    Attributes
+    ----------
+    asked : Asked
+    watcher : Detector or Monitor
+        As the logs allow it and their attitude wants it.
+    own : OpenedLog
+        The log that is watched.
+    others : tuple of OpenedLog
+        Healthy ones, at its rate.
+    imus : FlightLog or None
+        The log with the gyros of all its IMUs side by side; None where it has one.
+    attitude : Origin or None
+        Whether the gyros drive the attitude; None where nothing rests on that.
+    findings : tuple of str
+        What is worth a word.
+    """
+
+    asked: Asked
+    watcher: Detector | Monitor
+    own: OpenedLog
+    others: tuple[OpenedLog, ...]
+    imus: FlightLog | None = field(repr=False)
+    attitude: Origin | None
+    findings: tuple[str, ...]
+
+    @property
+    def log(self) -> FlightLog:
+        """The log that is watched."""
+        return self.own.log
+
+
+def opened(asked: Asked) -> Opened:
+    """Read the logs that are asked about, and open them.
+
+    Raises
+    ------
+    InputError
+        Where one can't be read, lacks a channel, or is too slow for a monitor that is ready.
+    """
+    read, *others = [read_log(path) for path in (asked.path, *asked.others)]
+    watcher: Detector | Monitor
+    attitude: Origin | None
+    if is_ready(asked.watcher):
+        watcher, log = asked.watcher, _at_own_rate(asked, read, asked.watcher)
+        attitude, findings = _as_calibrated(asked.watcher, log)
+    else:
+        watcher, attitude, findings = _recipe(asked, [read, *others])
+        log = _at_most(read, watcher, asked)
+    rate_hz = 1.0 / log.sample_period_s
+    beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
+    return Opened(
+        asked=asked,
+        watcher=watcher,
+        own=_with_motion(read, log, watcher, asked),
+        others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
+        imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
+        attitude=attitude,
+        findings=findings,
+    )
+
+
+def _at_own_rate(asked: Asked, read: ReadLog, monitor: Monitor) -> FlightLog:
+    """Open a log at the rate of a monitor that is ready."""
+    period_s = monitor.sample_period_s
+    log = open_for(
+        read, monitor, mapping=asked.mapping, rate_hz=asked.rate_hz or (None if period_s is None else 1.0 / period_s)
+    )
+    for source in log.sources:
+        if period_s and source.period_s and source.channel in monitor.channels:
+            check_rate(source.period_s, period_s, f"{read.path}: samples of {source.channel}")
+    return log
+
+
+def _at_most(read: ReadLog, detector: Detector | Monitor, asked: Asked) -> FlightLog:
+    """Open a log at the rate that is asked for; without one at its own, 100 Hz at most."""
+    log = open_for(read, detector, mapping=asked.mapping, rate_hz=asked.rate_hz)
+    if asked.rate_hz is None and log.sample_period_s < 0.99 / _FASTEST_HZ:
+        log = open_for(read, detector, mapping=asked.mapping, rate_hz=_FASTEST_HZ)
+    return log
+
+
+def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor, Origin | None, tuple[str, ...]]:
+    """Return a recipe as logs allow it and their attitude wants it, what that is, and which gyros aren't watched."""
+    watcher = asked.watcher
+    assert is_recipe(watcher)
+    if asked.attitude == FROM_LOG and not (isinstance(watcher, AutoDetector) or rests_on_attitude(watcher)):
+        return watcher, None, ()
+    spans = asked.spans if asked.says_healthy else None
+    origin = origin_in_logs(reads, asked.mapping, attitude=asked.attitude, spans=spans)
+    unwatched: tuple[str, ...] = ()
+    if isinstance(watcher, AutoDetector):
+        watcher, unwatched = bank_for_logs(reads, asked.mapping, origin)
+    if not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+        return watcher, None, unwatched
+    return with_origin(watcher, origin), origin, unwatched
+
+
+def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, tuple[str, ...]]:
+    """Return whose attitude a monitor was calibrated for, and a word where the log shows that its own is another."""
+    if not rests_on_attitude(monitor):
+        return None, ()
+    assert isinstance(monitor, BankMonitor)
+    told = Origin(is_driven=monitor.bank.attitude_from_gyros, why="as the monitor was calibrated")
+    seen = origin_in_log(log)
+    if seen.is_assumed or seen.is_driven == told.is_driven:
+        return told, ()
+    names = {True: "one that the gyros drive", False: "one of its own"}
+    return told, (
+        f"the log's attitude is {names[seen.is_driven]} ({seen.why}), and the monitor was calibrated for "
+        f"{names[told.is_driven]}: calibrate one for such logs",
+    )
+
+
+def _with_motion(read: ReadLog, log: FlightLog, watcher: Detector | Monitor, asked: Asked) -> OpenedLog:
+    """Return a log with its gyros and whole attitude, opened anew where its watcher doesn't take all of them."""
+    if not rests_on_motion(watcher):
+        return OpenedLog(log=log, motion=None)
+    if {*GYROS, *ANGLES} <= set(log.channels):
+        return OpenedLog(log=log, motion=log)
+    with contextlib.suppress(InputError):
+        rate_hz, needs = 1.0 / log.sample_period_s, (*GYROS, *ANGLES)
+        moving = open_log(read, mapping=asked.mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)
+        return OpenedLog(log=log, motion=moving)
+    return OpenedLog(log=log, motion=None)

@@ -1,0 +1,196 @@
+"""What a monitor says of a log: it listens to all that it wasn't learnt on, then what hangs on chance is doubted.
+
+What looks at the log as a whole comes after listening: whether an alarm is raised again where watching begins
+elsewhere, whether several IMUs agree, and what the residuals explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.detectors.installation import Installation
+from gtmbench.detectors.installing import corrected, expected_of, has_motion
+from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.protocol import Monitor, Watch, is_ready
+from gtmbench.progress import Progress
+from gtmbench.record import Record
+from gtmbench.study.log.imus import Comparison, beside, compare
+from gtmbench.study.log.learnt import Learnt
+from gtmbench.study.log.records import first_part, without
+from gtmbench.study.log.regime import Regime
+from gtmbench.study.log.self_check.check import WATCHED, Part, SelfCheck, check_watched, check_wiring
+from gtmbench.study.log.starts import steady
+
+_WIDE = 3.0  # spread of a residual beyond which little shows
+_MUCH = 0.1  # of the time
+_OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Said:
+    """What a monitor said.
+
+    Attributes
+    ----------
+    learnt : Learnt
+    watches : tuple of Watch
+        One a stretch that was watched, in time; none where the check stops.
+    excursions : tuple of Excursion
+        The stretches in which nothing can be told.
+    check : SelfCheck
+    installation : Installation or None
+        Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
+    comparison : Comparison or None
+        What several IMUs say of each other.
+    findings : tuple of str
+        Why it can't be told, where it can't; what limits what was said, where it can.
+    """
+
+    learnt: Learnt
+    watches: tuple[Watch, ...] = field(default=(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
+    check: SelfCheck = field(repr=False)
+    installation: Installation | None = None
+    comparison: Comparison | None = field(default=None, repr=False)
+    findings: tuple[str, ...]
+
+
+def listened(learnt: Learnt, progress: Progress) -> Said:
+    """Let a monitor listen to every segment of a log but the spans that it was learnt on.
+
+    Of a log that it wasn't learnt on, the wiring is checked first, and the installation undone.
+    """
+    said = Said(learnt=learnt, check=learnt.check, findings=learnt.findings)
+    monitor = learnt.monitor
+    if learnt.check.stops or not is_ready(monitor):
+        return said
+    rest = _rest(learnt)
+    if not learnt.identified_s:
+        if rest.records and has_motion(monitor):
+            parts, installation = corrected(rest.records, expected_of(monitor))
+            rest = replace(rest, records=parts, motion=parts if rest.motion else ())
+            said = replace(said, installation=installation)
+        wired = check_wiring(monitor, [rest], WATCHED)
+        said = replace(said, check=replace(wired, explained=learnt.check.explained))
+    said = replace(said, excursions=_excursions(monitor, rest))
+    if said.check.stops:
+        return said
+    return replace(said, watches=tuple(_watches(monitor, rest.records, said.excursions, learnt.before, progress)))
+
+
+def doubted(said: Said, progress: Progress) -> Said:
+    """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
+    learnt, monitor = said.learnt, said.learnt.monitor
+    if said.check.stops or not is_ready(monitor):
+        return replace(said, findings=(*said.check.stops, *_installed(said.installation), *said.findings))
+    log, before = learnt.opened.log, learnt.before
+    watches = [
+        steady(monitor, watch, before) if isinstance(monitor, BankMonitor) and isinstance(watch, BankWatch) else watch
+        for watch in said.watches
+    ]
+    comparison, side_by_side = None, learnt.opened.imus
+    if watches and side_by_side is not None:
+        watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
+        progress("compare", watched_s, watched_s)
+        healthy = learnt.identified_s or (first_part(log),)
+        comparison = compare(log, side_by_side, healthy=healthy, excursions=said.excursions)
+        watches = beside(watches, comparison)
+    left = [(each.start_s, each.end_s) for each in without(log, learnt.identified_s)]
+    check = check_watched(said.check, monitor, watches, log, left)
+    findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
+    return replace(said, watches=tuple(watches), check=check, comparison=comparison, findings=findings)
+
+
+def _rest(learnt: Learnt) -> Part:
+    """Return what of a log its monitor wasn't learnt on."""
+    left = [(each.start_s, each.end_s) for each in without(learnt.opened.log, learnt.identified_s)]
+    return learnt.opened.own.part(left)
+
+
+def _watches(
+    monitor: Monitor,
+    parts: Sequence[Record],
+    excursions: Sequence[Excursion],
+    before: Record | None,
+    progress: Progress,
+) -> list[Watch]:
+    done_s, total_s = 0.0, sum(len(part) * part.sample_period_s for part in parts)
+    watches: list[Watch] = []
+    for part in parts:
+        tell = _seconds(progress, done_s, total_s, part.sample_period_s)
+        tell("watch", 0, len(part))
+        if isinstance(monitor, BankMonitor):
+            watches.append(monitor.watch(part, outside=excursions, before=before, progress=tell))
+        else:
+            watches.append(monitor.watch(part))
+        done_s += len(part) * part.sample_period_s
+    progress("watched", round(total_s), round(total_s))
+    return watches
+
+
+def _seconds(progress: Progress, before_s: float, total_s: float, period_s: float) -> Progress:
+    """Return a function to be told rows of a part of a log; `progress` hears seconds of all that is watched."""
+
+    def tell(step: str, rows: int, _of: int) -> None:
+        progress(step, round(before_s + rows * period_s), round(total_s))
+
+    return tell
+
+
+def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
+    """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
+    if not isinstance(monitor, BankMonitor):
+        return ()
+    regime = Regime.told(monitor.provenance)
+    return tuple(excursion for record in left.motion for excursion in regime.excursions(record, left.log.events))
+
+
+def _installed(installation: Installation | None) -> tuple[str, ...]:
+    if installation is None or not installation.said:
+        return ()
+    said = ", ".join(installation.said)
+    return (
+        f"{said}: taken for how the sensors are installed, and undone; a fault from the first sample on is part of it",
+    )
+
+
+def _other_noise(watches: Sequence[Watch]) -> list[str]:
+    """Say whose noise is far from what the monitor was calibrated for."""
+    far: dict[str, float] = {}
+    for watch in watches:
+        for name, level in watch.noise_levels.items():
+            if not 1.0 / _OTHER_NOISE < level < _OTHER_NOISE:
+                far.setdefault(name, level)
+    if not far:
+        return []
+    levels = ", ".join(f"{name} {level:.2g}" for name, level in far.items())
+    return [
+        f"the noise is another one than calibrated for ({levels} times as strong); it is judged as it was learnt here"
+    ]
+
+
+def _limits(watches: Sequence[Watch]) -> list[str]:
+    """Say why nothing was seen, or what limits what was."""
+    if not watches:
+        return ["nothing of the log is left to watch"]
+    reasons = [
+        f"the score of {name} stood above its threshold from {watch.record.start_s:.2f} s on and never came down, so "
+        "nothing is told of it: a fault from the beginning, or sensors that it wasn't calibrated for"
+        for watch in watches
+        for name, score in watch.scores.items()
+        if score.is_stuck_above
+    ]
+    if not reasons and not any(watch.armed_hours for watch in watches):
+        return ["what is left to watch is too short"]
+    reasons += _other_noise(watches)
+    wide = [np.logical_or.reduce([of > _WIDE for of in watch.widening.values()]) for watch in watches if watch.widening]
+    share = float(np.concatenate(wide).mean()) if wide else 0.0
+    if share >= _MUCH:
+        reasons.append(
+            f"{100.0 * share:.0f} % of the time the motion was beyond what identification held; faults show less there"
+        )
+    return reasons
