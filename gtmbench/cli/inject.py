@@ -83,12 +83,14 @@ def inject_command(
     _check_out(out, log, force=force)
     number = trial_number(trial, trials, scenario)
     faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
+    from gtmbench.intake.read import read_log
     from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.inject import inject_log
 
     broken = {name for fault in faults for name in fault.changes}
-    following = following_in_log(log, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
-    changed = inject_log(log, out, faults, mapping=mapping, attitude=following.estimator or "own")
+    read = read_log(log)
+    following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
+    changed = inject_log(read, out, faults, mapping=mapping, attitude=following.estimator or "own")
     if as_json:
         print_json(_summary(log, out, scenario, number, faults, changed, following))
     elif not quiet:

@@ -12,10 +12,10 @@ from gtmbench.checks import naming
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Cells, IntArray
-from gtmbench.intake.formats.registry import read_raw, rewrite_raw
+from gtmbench.intake.formats.registry import rewrite_raw
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.mapping import Chosen, choose, split_mapping
-from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
 from gtmbench.record import Span
@@ -61,7 +61,7 @@ class Samples:
         return Cells(column=self.chosen.series, rows=self.rows[is_new], values=new)
 
 
-def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
+def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
     """Return channels of a log, found as `open_log` finds them, sample by sample.
 
     Raises
@@ -70,8 +70,9 @@ def log_samples(path: Path, channels: Sequence[str], mapping: Sequence[str] = ()
         Where the file can't be read, or a channel isn't there.
     """
     columns = split_mapping(mapping)
-    raw = with_quaternions(read_raw(path))
-    with naming(path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
+    read = read_log(log)
+    raw = read.raw
+    with naming(read.path), np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
         raw = with_time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, channels)
         clocks, breaks_s, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})

@@ -15,6 +15,7 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.open import open_log
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples
 from gtmbench.method.time_constant import ACCELEROMETERS, TimeConstant, time_constant_of
 from gtmbench.study.log.origin import FROM_LOG, origin_in_logs
@@ -58,7 +59,7 @@ class Following:
 
 
 def following_in_log(
-    log: Path,
+    log: Path | ReadLog,
     broken: Iterable[str],
     mapping: Sequence[str] = (),
     *,
@@ -69,7 +70,7 @@ def following_in_log(
 
     Parameters
     ----------
-    log : Path
+    log : Path or ReadLog
         Healthy.
     broken : iterable of str
         The channels that faults change.
@@ -89,20 +90,21 @@ def following_in_log(
     kind, told = _told(attitude, time_constant_s)
     if kind == OWN:
         return Following(estimator=None, why=_TOLD)
-    why_not = _why_not(log, broken, mapping)
+    read = read_log(log)
+    why_not = _why_not(read, broken, mapping)
     if why_not and kind == FOLLOWS:
-        raise InputError(f"{log}: no attitude can follow, for {why_not}; leave 'follows' out")
+        raise InputError(f"{read.path}: no attitude can follow, for {why_not}; leave 'follows' out")
     if why_not:
         return Following(estimator=None, why=why_not)
     why = _TOLD
     if kind == FROM_LOG:
-        origin = origin_in_logs([log], mapping, spans=[(-math.inf, math.inf)])
+        origin = origin_in_logs([read], mapping, spans=[(-math.inf, math.inf)])
         if not origin.is_driven:
             return Following(estimator=None, why=f"the gyros don't drive it: {origin.why}")
         why = f"that the gyros drive it is assumed, {origin.why}" if origin.is_assumed else origin.why
     if told is not None:
         return Following(estimator=told, why=why, time_constant="as given")
-    found = time_constant_in_log(log, mapping)
+    found = time_constant_in_log(read, mapping)
     if found is None:
         return Following(estimator=AttitudeEstimator(time_constant_s=USUAL_S), why=why, time_constant="assumed")
     estimator = AttitudeEstimator(time_constant_s=found.time_constant_s)
@@ -132,7 +134,7 @@ def _told(attitude: str | AttitudeEstimator, time_constant_s: float | None) -> t
     return kind, AttitudeEstimator(time_constant_s=time_constant_s)
 
 
-def _why_not(log: Path, broken: Iterable[str], mapping: Sequence[str]) -> str:
+def _why_not(log: Path | ReadLog, broken: Iterable[str], mapping: Sequence[str]) -> str:
     """Return why no attitude can follow; empty where it can."""
     if not set(broken) & set(GYROS):
         return "no gyro breaks"
@@ -141,13 +143,13 @@ def _why_not(log: Path, broken: Iterable[str], mapping: Sequence[str]) -> str:
     return f"the log has no {' and no '.join(missing)}" if missing else ""
 
 
-def time_constant_in_log(log: Path, mapping: Sequence[str] = ()) -> TimeConstant | None:
+def time_constant_in_log(log: Path | ReadLog, mapping: Sequence[str] = ()) -> TimeConstant | None:
     """Return the time constant of the estimator that makes a log's attitude; None where nothing shows it."""
-    wanted = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
-    if not {*wanted} <= {*log_contents(log, mapping=mapping).usable}:
+    wanted, read = (*GYROS, *ATTITUDE, *ACCELEROMETERS), read_log(log)
+    if not {*wanted} <= {*log_contents(read, mapping=mapping).usable}:
         return None
     try:
-        return time_constant_of(open_log(log, mapping=mapping, needs=wanted).segments)
+        return time_constant_of(open_log(read, mapping=mapping, needs=wanted).segments)
     except InputError:  # samples that make no record can be broken all the same
         return None
 

@@ -16,6 +16,7 @@ from gtmbench.faults.fault import Fault
 from gtmbench.files import atomic_write
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats.registry import check_written
+from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples, log_samples, write_samples
 from gtmbench.study.log.bending import bent_samples, following_in_log
 from gtmbench.study.log.origin import FROM_LOG
@@ -62,7 +63,7 @@ class ChangedColumn:
 
 
 def inject_log(
-    log: str | Path,
+    log: str | Path | ReadLog,
     out: str | Path,
     faults: Fault | Sequence[Fault],
     *,
@@ -79,7 +80,8 @@ def inject_log(
 
     Parameters
     ----------
-    log, out : str or Path
+    log : str, Path or ReadLog
+    out : str or Path
     faults : Fault or sequence of Fault
         In the channel table's units, whatever the log's are; times on the clock that `open_log` gives.
     mapping : sequence of str
@@ -107,18 +109,19 @@ def inject_log(
     ...     out.read_text().splitlines()
     ['t [s],p [mrad/s],note', '0,1.0,a', '1,1.0,b', '2,9.7,c']
     """
-    log, out = Path(log), Path(out)
+    read, out = read_log(log), Path(out)
+    log = read.path
     listed = [faults] if isinstance(faults, Fault) else list(faults)
     changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
-    estimator = following_in_log(log, changed, mapping, attitude=attitude).estimator
+    estimator = following_in_log(read, changed, mapping, attitude=attitude).estimator
     check_written(log)
     wanted = dict.fromkeys(name for fault in listed for name in fault.reads)
     bends: list[str] = []
     if estimator is not None:
-        there = log_contents(log, mapping=mapping).usable
+        there = log_contents(read, mapping=mapping).usable
         bends = [name for name in ATTITUDE if name in there]
         wanted |= dict.fromkeys(name for name in (*GYROS, *bends) if name in there)
-    samples = log_samples(log, list(wanted), mapping)
+    samples = log_samples(read, list(wanted), mapping)
     changed = list(dict.fromkeys([*changed, *bends]))
     _check_apart({name: samples[name] for name in changed})
     _check_columns(log, {name: samples[name] for name in bends})
