@@ -340,6 +340,23 @@ def _numbers(name: str, column: ArrayLike) -> FloatArray:
         raise InputError(f"column '{name}' must hold numbers: {error}") from error
 
 
+def joined(parts: Sequence[Record]) -> Record:
+    """Return records of the same channels, each of which goes on from the one before, as one.
+
+    >>> parts = [Record([1.0, 2.0], channels=["p"], sample_period_s=1.0)]
+    >>> parts.append(Record([3.0], channels=["p"], sample_period_s=1.0, start_s=2.0))
+    >>> joined(parts)["p"]
+    array([1., 2., 3.])
+    """
+    first = parts[0]
+    values, there = (
+        np.concatenate(all_of)
+        for all_of in zip(*((part.values, part.there) for part in parts), strict=True)  # noqa: PD011
+    )
+    period_s = first.sample_period_s
+    return Record(values, channels=first.channels, sample_period_s=period_s, start_s=first.start_s, there=there)
+
+
 def runs(true: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where runs of True begin, and where they have ended.
 

@@ -9,10 +9,10 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import OUTSIDE
 from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, MOTION, RESET, TOUCHDOWN, Regime
 from gtmbench.detectors.statistics.thresholds import tail_threshold
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.study.log.regime import FAILURE, IMPACT, MOTION, RESET, TOUCHDOWN, Regime
 from gtmbench.study.log.starts import DOUBT, steady
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
@@ -124,7 +124,7 @@ def test_the_regime_is_what_was_identified_and_no_one_sensor_widens_it():
     healthy = flight().between(0.0, CUT_S)
     regime = Regime.of([healthy])
     assert len(regime.limits) == 5
-    assert Regime.told({"regime": dict(regime.limits)}) == regime
+    assert Regime.told({"regime": regime.table}) == regime
     usual = regime.excursions(rest())
     for channel, size in (("p", 300.0), ("phi", 60.0)):  # a gyro's fault, an angle's
         broken = gb.inject(rest(), gb.Oscillation(channel=channel, onset_s=100.0, amplitude=size, frequency_hz=3.0))

@@ -19,7 +19,7 @@ from gtmbench.detectors.installation import ANGLES, GYROS, Installation
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
 from gtmbench.method.regression.slow import interpolated
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.record import BoolArray, FloatArray, Record, joined
 
 _BLOCK_S, _FIRST, _WAIT = 2.0, 12, 5  # blocks that settle it, and that a block waits until it is believed
 _HALF_S = 0.15  # to either side: slow motion
@@ -268,7 +268,7 @@ class Corrector:
 
     def push(self, chunk: Record) -> list[Record]:
         """Return the rows that can be given now."""
-        self._rows = chunk if self._rows is None else _whole([self._rows, chunk.select(self._rows.channels)])
+        self._rows = chunk if self._rows is None else joined([self._rows, chunk.select(self._rows.channels)])
         learner, count = self._learner, self._skipped + len(self._rows)
         given: list[Record] = []
         while self._learnt + learner.rows + learner.margin <= count:
@@ -337,14 +337,5 @@ def corrected(records: Sequence[Record], expected: Installation | None = None) -
     for record in records:
         corrector = Corrector(learner)
         parts = [*corrector.push(record), *corrector.end()]
-        given.append(_whole(parts))
+        given.append(joined(parts))
     return given, learner.installation
-
-
-def _whole(parts: Sequence[Record]) -> Record:
-    first = parts[0]
-    values, there = (
-        np.concatenate(all_of) for all_of in zip(*((part.values, part.there) for part in parts), strict=True)
-    )
-    period_s = first.sample_period_s
-    return Record(values, channels=first.channels, sample_period_s=period_s, start_s=first.start_s, there=there)

@@ -22,6 +22,7 @@ from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.channels import SENSORS
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.clock import same_period
+from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -31,7 +32,6 @@ from gtmbench.record import Record
 from gtmbench.study.flights import check_flown, with_late_attitude
 from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for, outside
-from gtmbench.study.log.regime import Regime
 from gtmbench.version import __version__
 
 _GYROS = ("p", "q", "r")  # those whose imperfections are stated
@@ -187,7 +187,7 @@ def logged_records(
     if healthy.left_out:  # least squares take no gaps
         records = between_pauses(healthy.records, detector.channels)
     flown = [piece for log in {id(log): log for log in opened}.values() for piece in _flown_in(log, healthy)]
-    origin = {"source": "logs", "logs": logs, "regime": dict(Regime.of(flown).limits), **_common(added)}
+    origin = {"source": "logs", "logs": logs, "regime": Regime.of(flown).table, **_common(added)}
     return (
         [_with(record, added, seed + number) for number, record in enumerate(records)],
         origin | ({"left_out": healthy.reasons} if healthy.left_out else {}),

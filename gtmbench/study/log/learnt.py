@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.bank_detector import BankDetector, calibrate
+from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.progress import Progress
@@ -18,7 +19,6 @@ from gtmbench.study.log.healthy import Healthy
 from gtmbench.study.log.identified import LeftOut, undisturbed
 from gtmbench.study.log.opened import Opened
 from gtmbench.study.log.records import outside, whole_s
-from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
 
 _RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
@@ -71,7 +71,7 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
         stretches = undisturbed(watcher, stretches)
         findings += tuple(stretches.reasons)
         moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
-        provenance = healthy.provenance | {"regime": dict(Regime.of(moved).limits)}
+        provenance = healthy.provenance | {"regime": Regime.of(moved).table}
         rate = _rate(watcher, opened.asked.false_alarms_per_hour)
         monitor = _calibrated(watcher, stretches.records, rate, provenance, progress)
         check = check_identified(check, monitor, stretches.records)

@@ -15,13 +15,13 @@ from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.progress import Progress
 from gtmbench.record import Record
 from gtmbench.study.log.imus import Comparison, beside, compare
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, without
-from gtmbench.study.log.regime import Regime
 from gtmbench.study.log.self_check.check import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.starts import steady
 

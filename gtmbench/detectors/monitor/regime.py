@@ -1,4 +1,4 @@
-"""The regime: how hard a log's motion is, held against what a monitor was identified on.
+"""The regime: how hard the motion is, held against what a monitor was identified on.
 
 Gyros and attitude both tell how fast the aircraft turns, and how fast that changes; accelerometers tell the specific
 force. Motion is beyond what was identified where both gyros and attitude say so, or the accelerometers do: one sensor's
@@ -8,24 +8,29 @@ crash and a tumble look like faults.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.clock import even_times_s
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.record import BoolArray, FloatArray, Record, runs
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
+from gtmbench.method.pseudo_inputs import derived
+from gtmbench.record import BoolArray, FloatArray, Record, joined, runs
 
 _COVERED = 0.999  # of the identified rows
 _BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
 _BEFORE_S, _AFTER_S = 0.3, 1.0  # of such a row, that count with it
 _TURNING = (("gyros_deg_s", "attitude_deg_s"), ("gyros_deg_s2", "attitude_deg_s2"))  # of each pair, both must say so
 _KEYS = (*_TURNING[0], *_TURNING[1], "force_g")
+_MIDDLES = tuple(f"{name}_middle_deg_s" for name in GYROS)  # what gyros read of no motion
+_FROM_ATTITUDE = ("p_att", "q_att", "r_att")
 _APART_S = 0.15  # an attitude may be late
+LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
 
 MOTION, IMPACT = "motion beyond what was identified", "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
@@ -49,49 +54,124 @@ class Regime:
         ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
         ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
         the rows don't exceed. Those that the records don't tell aren't there.
+    middles : tuple of float
+        What the gyros read in the middle, in deg/s, which isn't counted as motion.
     """
 
     limits: Mapping[str, float]
+    middles: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @classmethod
     def told(cls, provenance: Mapping[str, Any]) -> Regime:
         """Return what a monitor's provenance tells; no limits where it doesn't."""
         told = provenance.get("regime")
-        limits = told if isinstance(told, Mapping) else {}
-        return cls(limits={key: float(limits[key]) for key in _KEYS if isinstance(limits.get(key), (int, float))})
+        table = told if isinstance(told, Mapping) else {}
+        known = {key: float(value) for key, value in table.items() if isinstance(value, (int, float))}
+        limits = {key: known[key] for key in _KEYS if key in known}
+        return cls(limits=limits, middles=tuple(known.get(key, 0.0) for key in _MIDDLES))
 
     @classmethod
     def of(cls, records: Iterable[Record]) -> Regime:
         """Return the regime of records with gyros and a whole attitude, accelerometers where there are any."""
-        sizes = [_sizes(record) for record in records]
+        moving = list(records)
+        middles = _middles(moving)
+        sizes = [_sizes(record, middles) for record in moving]
         limits = {}
         for key in _KEYS:
             values = np.concatenate([size[key] for size in sizes if key in size] or [np.zeros(0)])
             values = values[np.isfinite(values)]
             if len(values):
                 limits[key] = float(np.quantile(values, _COVERED))
-        return cls(limits=limits)
+        return cls(limits=limits, middles=middles)
+
+    @property
+    def table(self) -> dict[str, float]:
+        """As plain values, which `told` reads."""
+        return {**self.limits, **dict(zip(_MIDDLES, self.middles, strict=True))} if self.limits else {}
 
     def excursions(self, record: Record, events: Iterable[Event] = ()) -> tuple[Excursion, ...]:
         """Return the stretches of a record that are beyond it, and those about what the log tells of, in time."""
         told = [excursion for event in events if (excursion := _told(event, record)) is not None]
-        if not self.limits:
-            return _joined(told)
-        sizes = _sizes(record)
+        return _joined([*self.stretches(record), *told])
+
+    def stretches(self, record: Record) -> list[Excursion]:
+        """Return the stretches of a record that are beyond it, in time."""
+        turning, force = self.beyond(record)
+        return _stretches(turning, force, 0, record.start_s, record.sample_period_s)
+
+    def beyond(self, record: Record) -> tuple[BoolArray, BoolArray]:
+        """Return the rows in which it turns harder than that, and those in which the specific force is greater.
+
+        A later row may add to the last `LATE_S`, and takes nothing away.
+        """
         never = np.zeros(len(record), dtype=bool)
+        if not self.limits:
+            return never, never
+        sizes = _sizes(record, self.middles)
         beyond = {key: sizes[key] > _BEYOND * limit for key, limit in self.limits.items() if key in sizes}
         near = {key: _widened(rows, record.sample_period_s, _APART_S, _APART_S) for key, rows in beyond.items()}
         turning = np.logical_or.reduce([near.get(gyros, never) & near.get(angles, never) for gyros, angles in _TURNING])
-        force = beyond.get("force_g", never)
-        return _joined([*_stretches(record, turning, force), *told])
+        return turning, beyond.get("force_g", never)
 
 
-def _stretches(record: Record, turning: BoolArray, force: BoolArray) -> list[Excursion]:
+class RegimeStream:
+    """A regime held against rows as they come in: after any of them, the stretches are those of the rows so far.
+
+    Parameters
+    ----------
+    regime : Regime
+    period_s : float
+    """
+
+    def __init__(self, regime: Regime, period_s: float) -> None:
+        self._regime, self._period_s = regime, period_s
+        self._lead = round(_APART_S / period_s) + 2  # rows beside one that it depends on, a slope's slope among it
+        self._before, self._after = round(_BEFORE_S / period_s), round(_AFTER_S / period_s)
+        self._rows: Record | None = None  # the last ones
+        self._flags = np.zeros((0, 2), dtype=bool)  # turning and force, of the rows from `_first` on
+        self._first = self._stop = 0
+        self._start_s = 0.0
+        self._past: list[Excursion] = []
+
+    @property
+    def excursions(self) -> tuple[Excursion, ...]:
+        """The stretches so far, in time; the last may go on."""
+        turning, force = self._flags.T
+        return (*self._past, *_stretches(turning, force, self._first, self._start_s, self._period_s))
+
+    def take(self, rows: Record) -> None:
+        """Take the next rows, with whatever channels tell of motion."""
+        if self._rows is None:
+            self._start_s = rows.start_s
+        known = rows if self._rows is None else joined([self._rows, rows])
+        self._stop += len(rows)
+        flags = np.column_stack(self._regime.beyond(known))
+        begin = self._stop - len(known)  # row of the first of these
+        final = max(begin + (self._lead if begin else 0), self._first)
+        self._flags = np.concatenate([self._flags[: final - self._first], flags[final - begin :]])
+        self._rows = known.part(range(max(len(known) - 2 * self._lead - 1, 0), len(known)))
+        self._close()
+
+    def _close(self) -> None:
+        """Put the stretches that nothing can be added to behind, with the rows up to them."""
+        settled = self._stop - self._lead - self._before - 1  # what is found later begins behind
+        beyond = np.flatnonzero(self._flags.any(axis=1)) + self._first
+        last = int(beyond[-1]) if len(beyond) else -1
+        if last + self._after + 1 < settled:
+            self._past = list(self.excursions)
+            kept = max(settled, self._first)
+            self._flags, self._first = self._flags[kept - self._first :], kept
+
+
+def _stretches(turning: BoolArray, force: BoolArray, row: int, start_s: float, period_s: float) -> list[Excursion]:
+    """Return the stretches about rows that are beyond a regime, the first of them `row` of a record."""
     found = []
-    starts, ends = runs(_widened(turning | force, record.sample_period_s, _BEFORE_S, _AFTER_S))
+    starts, ends = runs(_widened(turning | force, period_s, _BEFORE_S, _AFTER_S))
     for first, stop in zip(starts.tolist(), ends.tolist(), strict=True):
-        start_s, end_s = record.time_s[[first, stop - 1]].tolist()
-        found.append(_excursion(start_s, end_s, IMPACT if force[first:stop].any() else MOTION))
+        since_s, until_s = (
+            float(even_times_s(start_s, period_s, range(row + k, row + k + 1))[0]) for k in (first, stop - 1)
+        )
+        found.append(_excursion(since_s, until_s, IMPACT if force[first:stop].any() else MOTION))
     return found
 
 
@@ -134,13 +214,12 @@ def _widened(beyond: BoolArray, period_s: float, before_s: float, after_s: float
     return np.asarray(reach > 0.5)
 
 
-def _sizes(record: Record) -> dict[str, FloatArray]:
+def _sizes(record: Record, middles: Sequence[float]) -> dict[str, FloatArray]:
     """Return how hard the motion is, row by row."""
     sizes = {}
-    if {*GYROS, *ANGLES} <= set(record.channels):
-        gyros = record.matrix(GYROS)
-        told = terms_of(record.matrix(ANGLES), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-        for i, rates in enumerate((gyros - _middle(gyros), told)):
+    if {*GYROS, *ATTITUDE} <= set(record.channels):
+        told = np.column_stack(derived(record, _FROM_ATTITUDE))
+        for i, rates in enumerate((record.matrix(GYROS) - np.array(middles), told)):
             sizes[_TURNING[0][i]], sizes[_TURNING[1][i]] = _turning(rates, record.sample_period_s)
     if set(ACCELEROMETERS) <= set(record.channels):
         force = np.linalg.norm(record.matrix(ACCELEROMETERS), axis=1)
@@ -148,9 +227,11 @@ def _sizes(record: Record) -> dict[str, FloatArray]:
     return sizes
 
 
-def _middle(gyros: FloatArray) -> FloatArray:
-    there = np.isfinite(gyros).all(axis=1)
-    return np.median(gyros[there], axis=0) if there.any() else np.zeros(3)
+def _middles(records: Sequence[Record]) -> tuple[float, ...]:
+    """Return the medians of what gyros read."""
+    gyros = [record.matrix(GYROS) for record in records if {*GYROS} <= set(record.channels)]
+    there = np.concatenate([each[np.isfinite(each).all(axis=1)] for each in gyros] or [np.zeros((0, 3))])
+    return tuple(np.median(there, axis=0).tolist()) if len(there) else (0.0, 0.0, 0.0)
 
 
 def _turning(rates: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
