@@ -17,10 +17,11 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
-from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted
+from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
-from gtmbench.detectors.monitor.scores import Track, extend, reach_of
+from gtmbench.detectors.monitor.scores import Track, extend, reach_of, residual_scores
 from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.trials import BankTrials
 from gtmbench.detectors.protocol import Score, Watch
@@ -110,7 +111,7 @@ class BankMonitor(CalibratedBank):
 
     def stream(self) -> BankStream:
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
-        return BankStream(self)
+        return BankStream(self, Regime.told(self.provenance) if self.bank.kinematic else None)
 
     def trials(self, record: Record) -> BankTrials:
         """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
@@ -154,7 +155,9 @@ class BankMonitor(CalibratedBank):
         memory = Memory.of(self, record, residuals.spread)
         for output, rows in out:
             memory.blot(output, rows)
-        excursions = Excursions(self, record, residuals.as_told, outside, learnt)
+        is_silent = any(not excursion.is_judged for excursion in outside)
+        scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
+        excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
         logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
         values = {output: np.full(len(record), np.nan) for output in tracks}
         reach, columns = reach_of(self), record.columns(self.bank.channels)

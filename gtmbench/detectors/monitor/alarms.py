@@ -220,7 +220,8 @@ class AlarmLogic:
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(map(self._rows_of, map(monitor.history_of, tracks))) + self._rows_of(_MARGIN_S) + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
-        self._excursions = excursions
+        self.excursions = excursions
+        self._of_excursions: list[int] = []  # numbers of their alarms
         self.alarms: list[Alarm] = []
         self.due = NEVER  # when a judgement is
         self.row = 0  # the next
@@ -236,16 +237,30 @@ class AlarmLogic:
                 self._look_at_all()
             for alarm in self.missing.tell(self.row, self._memory.time_s, len(self.alarms)):
                 self._put(alarm)
-            for alarm in self._excursions.tell(self.row, len(self.alarms)) if self._excursions else ():
-                self._put(alarm)
+            self._tell_excursions()
             self._watch(min(stop, self.due, self._news_due, self.row + _ROWS))
         told, self._told = self._told, {}
         return tuple(told[number] for number in sorted(told))
 
+    def _tell_excursions(self) -> None:
+        """Tell the alarms of excursions that are known by now; of those that have been told, what they became."""
+        for place, (row, alarm) in enumerate(self.excursions.alarms if self.excursions else ()):
+            if place == len(self._of_excursions) and row <= self.row:
+                self._of_excursions.append(len(self.alarms))
+            if place < len(self._of_excursions):
+                number = self._of_excursions[place]
+                told = replace(alarm, number=number, fault=number)
+                if self.alarms[number : number + 1] != [told]:
+                    self._put(told)
+
     @property
     def _news_due(self) -> int:
         """The row with which the next alarm is known that no armed score raises."""
-        return self.missing.due if self._excursions is None else min(self.missing.due, self._excursions.due)
+        return (
+            self.missing.due
+            if self.excursions is None
+            else min(self.missing.due, self.excursions.due(len(self._of_excursions)))
+        )
 
     def is_quiet(self, scores: Iterable[float]) -> bool:
         """Tell whether scores that the next row makes known raise no alarm, and no judgement is due with it."""
@@ -303,8 +318,8 @@ class AlarmLogic:
             monitor=monitor,
             is_diagnosed=self._may_diagnose(row),
             ruled_out={name for name in self.missing.out if output not in self._bank.affects(name)},
-            settling=self._excursions.just_before(time_s, self._memory.time_s(crossing.onset_row))
-            if self._excursions
+            settling=self.excursions.just_before(time_s, self._memory.time_s(crossing.onset_row))
+            if self.excursions
             else None,
         )
         if fault.is_diagnosed:

@@ -6,16 +6,18 @@ have risen in one is told, as an alarm that can't be: a fault there looks the sa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.missing import NEVER
-from gtmbench.detectors.monitor.scores import residual_scores
+from gtmbench.detectors.monitor.scores import ResidualScore
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
@@ -47,13 +49,14 @@ class Excursion:
 
 def rows_of(excursion: Excursion, record: Record) -> range:
     """Return the rows of a record that an excursion covers."""
-    last = len(record) - 1
-    first, stop = (
-        (time_s - record.start_s) / record.sample_period_s for time_s in (excursion.start_s, excursion.end_s)
-    )
-    return range(
-        min(max(int(np.ceil(first - 1e-6)), 0), last + 1), min(max(int(np.floor(stop + 1e-6)) + 1, 0), last + 1)
-    )
+    rows = rows_about(excursion, record.start_s, record.sample_period_s)
+    return range(min(rows.start, len(record)), min(rows.stop, len(record)))
+
+
+def rows_about(excursion: Excursion, start_s: float, period_s: float) -> range:
+    """Return the rows that an excursion covers of rows that begin at `start_s`, however many these are."""
+    first, last = ((time_s - start_s) / period_s for time_s in (excursion.start_s, excursion.end_s))
+    return range(max(math.ceil(first - 1e-6), 0), max(math.floor(last + 1e-6) + 1, 0))
 
 
 def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursion]) -> list[tuple[str, range]]:
@@ -77,37 +80,49 @@ def blotted(raw: Mapping[str, FloatArray], out: Iterable[tuple[str, range]]) -> 
     return left
 
 
+class Rise(NamedTuple):
+    """A score that rises above 1, had nothing been left out: at a row, of something that began at another."""
+
+    row: int
+    output: str
+    onset_row: int
+
+
+def rises_of(scores: Mapping[str, ResidualScore]) -> list[Rise]:
+    """Return where scores rise."""
+    return [
+        Rise(row, output, score.origins.of(row)[1])
+        for output, score in scores.items()
+        for row in rising(score.values, 1.0).tolist()
+    ]
+
+
 class Excursions:
     """The alarms of excursions, by the row with which each is known.
 
     Parameters
     ----------
     monitor : CalibratedBank
-    record : Record
-    residuals : BankResiduals
-        As they are.
+    start_s : float
+        Of row 0.
     excursions : sequence of Excursion
-    before : mapping of output to array, optional
-        As `Track` has it.
+    rises : sequence of Rise
+    known_s : float
+        Up to when it is known whether one goes on.
     """
 
     def __init__(
         self,
         monitor: CalibratedBank,
-        record: Record,
-        residuals: BankResiduals,
+        start_s: float,
         excursions: Sequence[Excursion],
-        before: Mapping[str, FloatArray] | None = None,
+        rises: Sequence[Rise],
+        known_s: float,
     ) -> None:
+        self._monitor, self._start_s, self._known_s = monitor, start_s, known_s
         silent = [excursion for excursion in excursions if not excursion.is_judged]
-        scores = residual_scores(monitor, record, residuals, before) if silent else {}
-        rises = [
-            (row, output, score.origins.of(row)[1])
-            for output, score in scores.items()
-            for row in rising(score.values, 1.0).tolist()
-        ]
-        pairs = [(each, alarm) for each in silent for alarm in _first(monitor, record, rises, each)]
-        self._alarms = sorted((alarm for _, alarm in pairs), key=lambda each: each[0])
+        pairs = [(each, alarm) for each in silent for alarm in self._first(each, rises)]
+        self.alarms = sorted((alarm for _, alarm in pairs), key=lambda each: each[0])  # each with its row
         self._shaken = [(excursion, excursion.end_s + _SOON_S) for excursion, _ in pairs]
         self._shaken += [(excursion, excursion.end_s) for excursion in excursions if excursion.is_judged]
 
@@ -121,39 +136,26 @@ class Excursions:
                 return excursion
         return None
 
-    @property
-    def due(self) -> int:
-        """The row with which the next is known."""
-        return self._alarms[0][0] if self._alarms else NEVER
+    def due(self, told: int) -> int:
+        """Return the row with which the next is known, once so many have been told."""
+        return self.alarms[told][0] if told < len(self.alarms) else NEVER
 
-    def tell(self, row: int, number: int) -> Iterator[Alarm]:
-        """Give the alarms up to a row, numbered from `number` on."""
-        while self.due <= row:
-            _, alarm = self._alarms.pop(0)
-            yield replace(alarm, number=number, fault=number)
-            number += 1
-
-
-def _first(
-    monitor: CalibratedBank, record: Record, rises: Sequence[tuple[int, str, int]], excursion: Excursion
-) -> Iterator[tuple[int, Alarm]]:
-    """Give the first alarm that an excursion would have raised, if any, and the row with which it is known.
-
-    Of `rises` of scores, each its row, its residual and the row since which something has been there.
-    """
-    rows = rows_of(excursion, record)
-    within = [
-        (row + round(monitor.look_ahead_of(output) / record.sample_period_s), output, onset)
-        for row, output, onset in rises
-        if row in rows
-    ]
-    if not within:
-        return
-    known, output, onset = min(within)
-    time_s, onset_s = (
-        float(even_times_s(record.start_s, record.sample_period_s, range(k, k + 1))[0]) for k in (known, onset)
-    )
-    suspects = tuple(name for name in monitor.bank.suspects if output in monitor.bank.affects(name))
-    judged = Judgement(time_s=time_s, sensor=None, candidates=suspects, doubt=excursion.reason)
-    alarm = Alarm(number=0, time_s=time_s, onset_s=onset_s, source=output, test=OUTSIDE, judgements=(judged,))
-    yield known, replace(alarm, ended_s=excursion.end_s, end_known_s=max(excursion.end_s, time_s))
+    def _first(self, excursion: Excursion, rises: Sequence[Rise]) -> Iterator[tuple[int, Alarm]]:
+        """Give the first alarm that an excursion would have raised, if any, and the row with which it is known."""
+        monitor, period_s = self._monitor, self._monitor.sample_period_s
+        rows = rows_about(excursion, self._start_s, period_s)
+        within = [
+            (rise.row + round(monitor.look_ahead_of(rise.output) / period_s), rise.output, rise.onset_row)
+            for rise in rises
+            if rise.row in rows
+        ]
+        if not within:
+            return
+        known, output, onset = min(within)
+        time_s, onset_s = (float(even_times_s(self._start_s, period_s, range(k, k + 1))[0]) for k in (known, onset))
+        suspects = tuple(name for name in monitor.bank.suspects if output in monitor.bank.affects(name))
+        judged = Judgement(time_s=time_s, sensor=None, candidates=suspects, doubt=excursion.reason)
+        alarm = Alarm(number=0, time_s=time_s, onset_s=onset_s, source=output, test=OUTSIDE, judgements=(judged,))
+        if excursion.end_s < self._known_s:
+            alarm = replace(alarm, ended_s=excursion.end_s, end_known_s=max(excursion.end_s, time_s))
+        yield known, alarm

@@ -51,6 +51,7 @@ class Memory:
         self._capacity = capacity
         self._whole: dict[int, FloatArray] | None = None  # columns of a record that is there as a whole
         self._blots: list[tuple[str, range]] = []
+        self.left_out: list[tuple[str, range]] = []  # rows of residuals that say nothing
         self.first, self.stop = 0, 0  # rows that are there
 
     @classmethod
@@ -129,10 +130,17 @@ class Memory:
             self._monitor.bank, self.record(range(rows.start - lead, rows.stop)), self._monitor.operators, outputs
         )
         raw = {output: np.array(whole.raw[output][lead:]) for output in outputs}
-        for output, out in self._blots:
+        for output, out in (*self._blots, *self.left_out):
             if output in raw:
                 raw[output][max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
         return BankResiduals(raw=raw, predicted={output: whole.predicted[output][lead:] for output in outputs})
+
+    def back_to(self, stop: int) -> FloatArray:
+        """Forget the rows from one on, and return what was taken of them."""
+        values = np.array(self._read(range(stop, self.stop), slice(len(self.taken))))
+        self._blots = [blot for blot in self._blots if blot[1].start < stop]
+        self.stop = stop
+        return values
 
     def cut(self, rows: range, outputs: tuple[str, ...]) -> tuple[Record, BankResiduals]:
         """Return rows as they were known at their end, witnesses that are there among them.
