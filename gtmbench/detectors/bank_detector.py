@@ -19,6 +19,7 @@ from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
 from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.scores import Track, extend, reach_of, residual_scores
@@ -111,7 +112,8 @@ class BankMonitor(CalibratedBank):
 
     def stream(self) -> BankStream:
         """Return a fresh stream: what `watch` says of a record, as its samples come in."""
-        return BankStream(self, Regime.told(self.provenance) if self.bank.kinematic else None)
+        regime = Regime.told(self.provenance)
+        return MotionStream(self, regime) if self.bank.kinematic and regime.limits else BankStream(self)
 
     def trials(self, record: Record) -> BankTrials:
         """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""

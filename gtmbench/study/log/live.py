@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
@@ -19,9 +20,10 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     """Give what a monitor says of a table's rows as they come in, on the monitor's clock: a piece after the other.
 
     Rows are laid on it as a log's are, whatever their rate, jitter and loss; one waits for the few behind it that it
-    depends on. Alarms are those of `watch_log`: the same engine hears the same samples. What looks at a log as a whole
-    isn't there: the self-check, stretches in which nothing can be told, the certificate, the verdict. After a gap a
-    fresh stream begins, and its alarms are counted anew. Where the monitor
+    depends on. Alarms are those of `watch_log`, in the end to the last digit: the same engine hears the same samples,
+    and where the motion turns out to be beyond what was identified, what was said in the tenths of a second before is
+    said anew. What looks at a log as a whole isn't there: the self-check, other beginnings, other IMUs, the
+    certificate, the verdict. After a gap a fresh stream begins, and its alarms are counted anew. Where the monitor
     hears gyros and the whole attitude, the first 24 s settle how they are installed, and are heard then.
 
     Parameters
@@ -62,7 +64,7 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     period_s = monitor.sample_period_s
     if period_s is None or not monitor.channels:
         raise InputError(f"{monitor.name} has no rate, or no channels, of its own; open the log as a whole")
-    witnesses = WITNESSES if hasattr(monitor, "bank") else ()
+    witnesses = (*WITNESSES, *GYROS, *ATTITUDE) if hasattr(monitor, "bank") else ()
     stream: Stream | None = None
     learner = Learner(period_s, expected_of(monitor)) if has_motion(monitor) else None
     due_s, corrector = 0.0, None

@@ -1,0 +1,174 @@
+"""A bank's stream that minds how hard the motion is: in excursions nothing can be told, as `watch` has it.
+
+What is beyond the regime is known some tenths of a second later. So the stream keeps its state every second, goes back
+to one where rows turn out to be beyond, and on without them. What it said meanwhile is told anew, by its number; an
+alarm that isn't there any more has passed. In the end it has said what `watch` says of the whole record.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
+from gtmbench.detectors.monitor.excursions import blotted
+from gtmbench.detectors.monitor.regime import Regime
+from gtmbench.detectors.monitor.stream import BankStream
+from gtmbench.detectors.monitor.surroundings import Surroundings
+from gtmbench.record import BoolArray, FloatArray, Record, joined
+
+_EVERY_S = 1.0  # a state is kept
+_LOOKED_S = 0.25  # after so long, at the latest, motion is looked at where samples come one by one
+
+
+class MotionStream(BankStream):
+    """A bank's monitor that knows its regime, at work on samples as they come in; see the module's text.
+
+    Parameters
+    ----------
+    monitor : CalibratedBank
+    regime : Regime
+    """
+
+    def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
+        super().__init__(monitor)
+        self._around = Surroundings(monitor, regime)
+        self._few = round(_LOOKED_S / self._period_s)
+        self._most_back = self._around.horizon + self._few
+        self._every = min(round(_EVERY_S / self._period_s), self._most_back)
+        self._kept: list[_State] = []
+        self._there: list[tuple[int, BoolArray]] = []  # which of the last samples are there, by the first row of each
+        self._waiting: list[Record] = []  # rows that were taken one by one, whose motion hasn't been looked at
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise or tell more of, as `BankStream.push` does."""
+        before = list(self._logic.alarms)
+        super().push(chunk)
+        return _news(before, self._logic.alarms)
+
+    def _is_few(self, chunk: Record) -> bool:
+        at = self._memory.stop - self._around.horizon
+        return super()._is_few(chunk) and not any(rows.stop > at for _, rows in self._memory.left_out)
+
+    def _take_few(self, chunk: Record, columns: list[int]) -> tuple[Alarm, ...]:
+        self._keep()
+        told = super()._take_few(chunk, columns)
+        if self._waiting and self._waiting[-1].channels != chunk.channels:
+            self._look_around()
+        self._waiting.append(chunk)
+        if told or sum(map(len, self._waiting)) >= self._few:
+            self._look_around()
+        return told
+
+    def _laid(self, chunk: Record, columns: list[int]) -> tuple[FloatArray, BoolArray]:
+        """Return what is taken of a chunk; where its motion tells otherwise of rows before, with these."""
+        self._look_around()
+        laid = super()._laid(chunk, columns)
+        return self._with_earlier(self._around.take(chunk), *laid)
+
+    def _take(self, values: FloatArray, there: BoolArray) -> tuple[Alarm, ...]:
+        late = max(len(values) - self._most_back, 0)
+        for rows in (slice(late), slice(late, None)):
+            if len(values[rows]):
+                self._keep()
+                self._note(self._memory.stop, there[rows])
+                super()._take(values[rows], there[rows])
+        return ()
+
+    def _judged_of(self, residuals: BankResiduals, first: int, rows: range) -> BankResiduals:
+        """Return residuals without what stands on excursions."""
+        self._hear(residuals, first, rows)
+        out = ((output, range(max(of.start - first, 0), of.stop - first)) for output, of in self._memory.left_out)
+        return replace(residuals, raw=blotted(residuals.raw, [each for each in out if each[1].stop > 0]))
+
+    def _hear(self, residuals: BankResiduals, first: int, rows: range) -> None:
+        self._around.hear(residuals, first, rows)
+        self._logic.excursions = self._around.alarms()
+
+    def _look_around(self) -> None:
+        """Look at the motion of rows that were taken one by one; where rows were beyond, take them again."""
+        if not self._waiting:
+            return
+        rows, self._waiting = joined(self._waiting), []
+        stop = self._memory.stop
+        first = max(stop - len(rows) - self._reach, 0)
+        self._note(stop - len(rows), np.isfinite(self._memory.record(range(stop - len(rows), stop)).values))
+        changed = self._around.take(rows)
+        self._hear(bank_residuals(self._monitor, self._memory.record(range(first, stop))), first, range(first, stop))
+        none = np.zeros((0, len(self._memory.taken))), np.zeros((0, len(self._memory.channels)), dtype=bool)
+        values, there = self._with_earlier(changed, *none)
+        if len(values):
+            self._take(values, there)
+
+    def _with_earlier(self, changed: int | None, values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray]:
+        """Return rows with those before that have to be taken again, for from a row on something else is left out."""
+        if changed is not None and changed < self._memory.stop:
+            earlier, was_there = self._go_back(changed)
+            values, there = np.concatenate([earlier, values]), np.concatenate([was_there, there])
+        self._memory.left_out = self._around.left_out(self._memory.first)
+        return values, there
+
+    def _note(self, row: int, there: BoolArray) -> None:
+        """Note which samples are there of the rows from one on, but for those that were noted before."""
+        noted = self._there[-1][0] + len(self._there[-1][1]) if self._there else row
+        self._there.append((max(row, noted), there[max(noted - row, 0) :]))
+
+    def _keep(self) -> None:
+        """Keep the state where the last is old; forget those that nobody goes back to."""
+        stop = self._memory.stop
+        if self._kept and stop - self._kept[-1].stop < self._every:
+            return
+        self._kept.append(_State.of(stop, [*self._tracks.values(), self._logic], list(self._shared())))
+        old = sum(kept.stop <= stop - self._most_back for kept in self._kept)
+        self._kept = self._kept[max(old - 1, 0) :]
+        self._there = [part for part in self._there if part[0] + len(part[1]) > self._kept[0].stop]
+
+    def _go_back(self, row: int) -> tuple[FloatArray, BoolArray]:
+        """Go back to a state before a row; return what has to be taken again, and which of that is there."""
+        self._kept = [kept for kept in self._kept if kept.stop <= row] or self._kept[:1]
+        kept = self._kept.pop()
+        kept.restore([*self._tracks.values(), self._logic])
+        there = np.concatenate([part[max(kept.stop - first, 0) :] for first, part in self._there])
+        self._there = []
+        return self._memory.back_to(kept.stop), there
+
+    def _shared(self) -> Iterator[object]:
+        """Give what states share: it is never changed."""
+        monitor = self._monitor
+        yield from (monitor, monitor.bank, monitor.bank.statistic, self._memory, *self._tracks.values())
+        yield from (*monitor.tolerances.values(), *monitor.whiteners.values(), *monitor.thresholds.values())
+        yield from (self._logic.excursions, *self._logic.alarms)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State:
+    """The state of a stream's parts before a row."""
+
+    stop: int
+    states: list[dict[str, Any]] = field(repr=False)
+
+    @classmethod
+    def of(cls, stop: int, parts: Sequence[object], shared: Sequence[object]) -> _State:
+        """Copy the state of some parts, but for what is shared."""
+        memo = {id(each): each for each in shared}
+        return cls(stop=stop, states=[copy.deepcopy(vars(part), memo) for part in parts])
+
+    def restore(self, parts: Sequence[object]) -> None:
+        """Give the parts their state back, which is theirs from then on."""
+        for part, state in zip(parts, self.states, strict=True):
+            vars(part).clear()
+            vars(part).update(state)
+
+
+def _news(before: Sequence[Alarm], now: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Return the alarms that are others than before; one that isn't there any more has passed."""
+    gone = [
+        replace(alarm, judgements=(*alarm.judgements, Judgement(time_s=alarm.time_s, sensor=None, candidates=())))
+        for alarm in before[len(now) :]
+    ]
+    return (*(alarm for i, alarm in enumerate(now) if before[i : i + 1] != [alarm]), *gone)
