@@ -16,7 +16,8 @@ from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
-from gtmbench.detectors.monitor.alarms import AlarmLogic, Arming
+from gtmbench.detectors.monitor.alarms import AlarmLogic
+from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.motion_stream import MotionStream

@@ -142,7 +142,7 @@ class MotionStream(BankStream):
         monitor = self._monitor
         yield from (monitor, monitor.bank, monitor.bank.statistic, self._memory, *self._tracks.values())
         yield from (*monitor.tolerances.values(), *monitor.whiteners.values(), *monitor.thresholds.values())
-        yield from (self._logic.excursions, *self._logic.alarms)
+        yield from self._logic.values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,112 @@
+"""Faults that are open: alarms that are still looked at, and which of them count to which.
+
+An open fault is a value: what becomes of it is another one. Whom it is beside the others stands on what has been told
+of their alarms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.isolation.diagnosis import entered
+from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.readings import Habit
+from gtmbench.detectors.isolation.referee import Referee
+from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.monitor.scores import Crossing
+
+HORIZONS_S = (0.75, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+_LOOK_S = 20.0  # then, for a fault's end
+_APART_S = 3.0  # what shakes the aircraft shakes all of it within that
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OpenFault:
+    """An alarm, and where its diagnosis stands."""
+
+    alarm: Alarm
+    crossing: Crossing
+    row: int  # when it was raised
+    looks: tuple[int, ...]  # when it is looked at, as far as is settled
+    start: int  # from where on the suspect isn't believed
+    shift: Mapping[str, float]  # biases
+    habits: Mapping[str, Habit] = field(default_factory=dict)
+    referees: Mapping[str, Referee] = field(default_factory=dict)
+    monitor: CalibratedBank  # with the noise as it was known at the alarm
+    is_diagnosed: bool
+    is_judged: bool = False
+    ruled_out: frozenset[str] = frozenset()
+    held: FittedHypothesis | None = None  # the last that was decisive
+    settling: Excursion | None = None  # just before
+
+    @property
+    def number(self) -> int:
+        """Its alarm's."""
+        return self.alarm.number
+
+    @property
+    def due(self) -> int:
+        """When it is looked at next."""
+        return self.looks[0]
+
+    @property
+    def later_looks(self) -> tuple[int, ...]:
+        """When it is looked at once the next look is over."""
+        return self.looks[1:] or (self.due + rows_of(_LOOK_S, self.monitor),)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether its horizons are over, so that the next look is for its end alone."""
+        return self.due > self.row + rows_of(HORIZONS_S[-1], self.monitor)
+
+    @property
+    def enters(self) -> set[str]:
+        """The residuals that a fault of any of its candidates enters."""
+        return entered(self.monitor.bank, self.alarm.candidates)
+
+    @property
+    def disarms(self) -> set[str]:
+        """The residuals that can't tell of another fault."""
+        return self.enters if self.is_judged and self.alarm.is_first else {self.crossing.output}
+
+    def began_with(self, crossing: Crossing) -> bool:
+        """Tell whether another alarm began at about the same time."""
+        return abs(self.crossing.onset_row - crossing.onset_row) <= rows_of(_APART_S, self.monitor)
+
+
+def rows_of(span_s: float, monitor: CalibratedBank) -> int:
+    """Return how many of a monitor's samples a span of time has."""
+    return round(span_s / monitor.sample_period_s)
+
+
+def earlier(fault: OpenFault, others: Iterable[OpenFault]) -> list[OpenFault]:
+    """Return the faults that were told of before one."""
+    return [each for each in others if each.alarm.is_first and each.number < fault.number]
+
+
+def leader_of(fault: OpenFault, others: Iterable[OpenFault]) -> OpenFault | None:
+    """Return the earlier fault that an alarm counts to: by its last judgement it enters the residual that rose.
+
+    One that has been judged is taken back only by a fault that is decided.
+    """
+    able = (each for each in earlier(fault, others) if not fault.is_judged or each.alarm.sensor is not None)
+    return next((each for each in able if fault.crossing.output in each.enters), None)
+
+
+def trusted(fault: OpenFault, others: Iterable[OpenFault]) -> tuple[str, ...]:
+    """Return the residuals that tell of a fault: its own, and those that no earlier one enters."""
+    entered_before = {output for each in earlier(fault, others) for output in each.enters}
+    outputs = (spec.output for spec in fault.monitor.bank.diagnostic)
+    return tuple(output for output in outputs if output == fault.crossing.output or output not in entered_before)
+
+
+def unspoilt(fault: OpenFault, others: Iterable[OpenFault]) -> tuple[str, ...]:
+    """Return those of the trusted residuals that no other fault enters which has been decided since."""
+    firsts = [each.alarm for each in others if each.alarm.is_first and each.number != fault.number]
+    named = [alarm.sensor for alarm in firsts if alarm.sensor is not None]
+    spoilt = {output for sensor in named for output in entered(fault.monitor.bank, [sensor])}
+    outputs = trusted(fault, others)
+    return tuple(output for output in outputs if output == fault.crossing.output or output not in spoilt)

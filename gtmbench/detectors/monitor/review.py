@@ -1,0 +1,153 @@
+"""A review of an open fault: what its case says at a horizon, and what comes of that.
+
+Nothing happens here: a review gives an `Outcome`, which `alarms.AlarmLogic` lets happen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from gtmbench.detectors.alarm import NOISE_CHANGED, Judgement
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.diagnosis import (
+    DECISIVE,
+    by_signature,
+    ended_s,
+    fault_of,
+    is_bent_far,
+    judge,
+    only_doubts,
+)
+from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
+from gtmbench.detectors.isolation.health import greatest
+from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, rows_of, trusted
+
+_SURE_S = 5.0  # after an alarm: whether the noise has changed
+_CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closing:
+    """How a fault is closed.
+
+    Attributes
+    ----------
+    ended_s, known_s : float or None
+        When it had gone, and when that was known; None where there is nothing to tell of it.
+    anew : bool
+        Whether the noise has changed, so that from now on it is learnt anew.
+    """
+
+    ended_s: float | None = None
+    known_s: float | None = None
+    anew: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What comes of a look at an open fault; nothing, unless it says so.
+
+    Attributes
+    ----------
+    judgement : Judgement or None
+        What is told of its alarm.
+    ruled_out : frozenset of str
+        Whom that clears of suspicion for good.
+    held : FittedHypothesis or None
+        What is decisive, and says when the fault would have ended.
+    closing : Closing or None
+    """
+
+    judgement: Judgement | None = None
+    ruled_out: frozenset[str] = frozenset()
+    held: FittedHypothesis | None = None
+    closing: Closing | None = None
+
+
+def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()) -> Outcome:
+    """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
+
+    Parameters
+    ----------
+    fault : OpenFault
+    case : Case
+    others : iterable of OpenFault
+        All that are open.
+    row : int
+    without : iterable of str
+        Families of hypotheses that aren't tried.
+    """
+    if not case.is_ripe:
+        return Outcome()
+    ranking = [] if fault.is_late else ranked_hypotheses(case, case.suspects, without)
+    end = _end(fault, case, ranking)
+    if end is not None or fault.is_late:
+        return Outcome(closing=end)
+    first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
+    judged = judge(case, ranking, first)
+    if _is_worse(case, judged, fault.alarm.last):
+        return Outcome()
+    judged = _settling(fault, case, judged)
+    return Outcome(
+        judgement=judged,
+        ruled_out=frozenset(hopeless(case, ranking, case.suspects)),
+        held=_decisive(ranking, judged),
+        closing=_closing(case, judged, row - fault.row),
+    )
+
+
+def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:
+    """Return how a fault is closed that has ended, by what was decisive of it; None where it hasn't."""
+    if fault.held is None:
+        return None
+    lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
+    ended = ended_s(case, fault.held, lasting)
+    return None if ended is None else Closing(ended_s=ended, known_s=case.end_s)
+
+
+def _is_worse(case: Case, judged: Judgement, last: Judgement | None) -> bool:
+    """Tell whether a judgement says less than the last one, and only because an attitude has bent since."""
+    if last is None:
+        return False
+    is_named = judged.sensor is not None or last.sensor is None
+    if is_named and set(judged.candidates) <= set(last.candidates):
+        return False
+    return only_doubts(case, judged, last) or is_bent_far(case)
+
+
+def _settling(fault: OpenFault, case: Case, judged: Judgement) -> Judgement:
+    """Doubt a judgement while an excursion may still be what it tells of."""
+    excursion = fault.settling
+    if excursion is None or not judged.candidates or case.end_s >= excursion.end_s + excursion.settles_s:
+        return judged
+    return replace(judged, sensor=None, partner=None, doubt=excursion.reason)
+
+
+def _decisive(ranking: Iterable[FittedHypothesis], judged: Judgement) -> FittedHypothesis | None:
+    """Return the hypothesis of a kind that is told decisively, where it reads something definite."""
+    if judged.sensor is None or judged.kind_margin <= DECISIVE:
+        return None
+    named = next(fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind))
+    return None if fault_of(named) is None else named
+
+
+def _closing(case: Case, judged: Judgement, since: int) -> Closing | None:
+    """Return how an alarm is closed, `since` rows ago, that leaves nothing to explain or can't be told any better."""
+    if judged.doubt == NOISE_CHANGED:
+        return Closing(anew=True) if since >= rows_of(_SURE_S, case.monitor) else None
+    if not judged.candidates:
+        return Closing()
+    if judged.doubt and _has_calmed(case):
+        return Closing(ended_s=case.end_s, known_s=case.end_s)
+    is_given_up = judged.doubt and since >= rows_of(HORIZONS_S[-1], case.monitor)
+    return Closing() if is_given_up else None  # should it calm later, watching goes on
+
+
+def _has_calmed(case: Case) -> bool:
+    """Tell whether nothing is wrong any more: what raised a doubtful alarm has gone, so watching goes on."""
+    rows = rows_of(_CALM_S, case.monitor)
+    if case.judged.stop - case.judged.start < rows:
+        return False
+    late = slice(case.judged.stop - rows, case.judged.stop)
+    return all(greatest(case.monitor, output, case.white[output][late]) <= 1.0 for output in case.residuals.raw)
