@@ -218,28 +218,35 @@ class SpreadStream:
         phi = np.concatenate([self._phi, new], axis=1)
         self._phi = phi[:, len(slow) :]
         complete, self._complete = self._complete[: len(slow)], self._complete[len(slow) :]
-        if known <= self._first:
-            return np.zeros((len(self._factors), len(slow)))
-        return np.where(complete, self._powers(phi), 0.0)
+        powers = np.zeros((len(self._factors), len(slow)))
+        if known > self._first - _CHUNK:  # so that the first that are asked for find rows to sum
+            white = self._of_noise(phi[1])
+            past = self._remembered(white, phi[2])
+            if known > self._first:
+                powers[:, complete] = self._powers(phi, white, past)[:, complete]
+        return powers
 
-    def _powers(self, phi: FloatArray) -> FloatArray:
+    def _remembered(self, white: FloatArray, baseline: FloatArray) -> FloatArray:
+        """Return `_past` with further rows, summed up from the last of those before, and remember the last of it."""
+        if not len(self._windows):
+            return self._past
+        sums = np.cumsum(white, axis=0)
+        past = np.concatenate([self._past, np.stack([sums, self._of_noise(baseline)])], axis=1)
+        self._past = past[:, -_KEPT:].copy()
+        self._past[0] -= sums[-1]
+        return past
+
+    def _powers(self, phi: FloatArray, white: FloatArray, past: FloatArray) -> FloatArray:
         """Return |F' phi(k)|^2 of motion, of whitened motion and of every window's shift of its mean."""
-        motion, white = self._of_noise(phi[0]), self._of_noise(phi[1])
-        powers = [_square(motion), _square(white)]
-        if len(self._windows):
-            rows, kept = len(white), self._past.shape[1]
-            # before, windows are shorter where motion begins
-            summable = min(kept, self._sums.rows - rows - self._lags)
-            sums = np.cumsum(white, axis=0)
-            past = np.concatenate([self._past, np.stack([sums, self._of_noise(phi[2])])], axis=1)
-            for window, shift in zip(self._windows.tolist(), phi[3:], strict=True):
-                if window > summable:
-                    powers.append(_square(self._of_noise(shift)))
-                else:
-                    before, baseline = past[:, kept - window : kept - window + rows]
-                    powers.append(_square((sums - before) / window + baseline))
-            self._past = past[:, -_KEPT:].copy()
-            self._past[0] -= sums[-1]
+        powers = [_square(self._of_noise(phi[0])), _square(white)]
+        rows, kept = len(white), past.shape[1] - len(white)
+        summable = min(kept, self._sums.rows - rows - self._lags)  # where motion begins, windows are shorter
+        for window, shift in zip(self._windows.tolist(), phi[3:], strict=True):
+            if window > summable:
+                powers.append(_square(self._of_noise(shift)))
+            else:
+                before, baseline = past[:, kept - window : kept - window + rows]
+                powers.append(_square((past[0, kept:] - before) / window + baseline))
         return np.array(powers)
 
     def _of_noise(self, motion: FloatArray) -> FloatArray:
