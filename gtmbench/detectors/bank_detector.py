@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.bank import Bank, load_bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
+from gtmbench.detectors.bank.calibrated import CalibratedBank, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.monitor.alarms import AlarmLogic
@@ -153,7 +153,7 @@ class BankMonitor(CalibratedBank):
         """
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
-        learnt = {} if before is None else dict(bank_residuals(self, before).raw)
+        learnt = {} if before is None else dict(without_spread(self, before).raw)
         tracks = {output: Track(self, output, learnt.get(output)) for output in self.operators}
         memory = Memory.of(self, record, residuals.spread)
         for output, rows in out:

@@ -14,7 +14,7 @@ import numpy as np
 from gtmbench.channels import SENSORS, unit_of
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
-from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
+from gtmbench.detectors.bank.calibrated import CalibratedBank, without_spread
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.detectors.virtual import integrable
@@ -161,7 +161,7 @@ def _jammed(record: Record, channel: str) -> Record:
 def _rms(monitor: CalibratedBank, record: Record, outputs: list[str] | tuple[str, ...]) -> dict[str, float]:
     """Return the RMS of whitened residuals over the second half of a record; NaN where there is nothing."""
     rms = {}
-    for output, values in bank_residuals(monitor, record, outputs).raw.items():
+    for output, values in without_spread(monitor, record, outputs).raw.items():
         white = monitor.whiteners[output].whiten(values)[len(record) // 2 :]
         there = white[np.isfinite(white)]
         rms[output] = float(np.sqrt(np.mean(np.square(there)))) if len(there) else float("nan")

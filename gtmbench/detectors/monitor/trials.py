@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals
+from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals, without_spread
 from gtmbench.detectors.monitor.scores import crossings, residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual
 from gtmbench.detectors.protocol import Monitor
@@ -154,7 +154,7 @@ class BankTrials:
         first, stop = max(begin - reach, 0), row + len(broken)
         part = self._record.between(float(self._time_s[first]), float(self._time_s[stop - 1]))
         values = np.concatenate([part[channel][: row - first], broken])
-        raw = bank_residuals(self._bank, part.replace(channel, values), outputs).raw
+        raw = without_spread(self._bank, part.replace(channel, values), outputs).raw
         changed = []
         for output in outputs:
             residual = self._residuals[output]

@@ -148,7 +148,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
         own = basis.T @ gram @ basis
         found = []
         for share in _SHARES:
-            signal, _ = signal_of(own, np.zeros(len(own)), share * basis.T @ noise @ basis)
+            signal = signal_of(own, share * basis.T @ noise @ basis)
             sums = basis.T @ (right - (gram - share * noise) @ nominal)
             weight = np.linalg.solve(own + 1e-9 * np.diag(_sizes(own)), signal).T / variance
             hessian = precision + weight @ signal

@@ -71,12 +71,23 @@ def autocovariance(pieces: Sequence[Equations], theta: FloatArray, lags: int) ->
     return np.asarray(toeplitz(sums / np.maximum(counts, 1.0)))
 
 
-def signal_of(gram: FloatArray, right: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return S, and S G^-1 of the right side: what of the equations is motion rather than noise, whatever the units."""
-    size = np.sqrt(np.diag(gram))
-    size = np.where(size > 0.0, size, 1.0)
+def signal_of(gram: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return S: what of the equations is motion rather than noise, whatever the units; none is less than none."""
+    from scipy.linalg import eigh
+
+    size = _size(gram)
+    left = (gram - noise) / np.outer(size, size)
+    values, vectors = eigh(left, subset_by_value=(-np.inf, 0.0))
+    return np.asarray((left - (vectors * values) @ vectors.T) * np.outer(size, size))
+
+
+def solved(gram: FloatArray, right: FloatArray) -> FloatArray:
+    """Return G^-1 of the right side, whatever the units; where G has no inverse, all but."""
+    size = _size(gram)
     unit = gram / np.outer(size, size)
-    values, vectors = np.linalg.eigh(unit - noise / np.outer(size, size))
-    signal = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    solved = np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size)
-    return signal * np.outer(size, size), size * (signal @ solved)
+    return np.asarray(np.linalg.solve(unit + 1e-9 * len(unit) * np.eye(len(unit)), right / size) / size)
+
+
+def _size(gram: FloatArray) -> FloatArray:
+    size = np.sqrt(np.diag(gram))
+    return np.where(size > 0.0, size, 1.0)

@@ -76,8 +76,12 @@ def regressors(motion: FloatArray, lags: int) -> FloatArray:
     array([[ 2., 20.,  1., 10.],
            [ 3., 30.,  2., 20.]])
     """
-    rows = np.arange(lags - 1, motion.shape[-2])[:, np.newaxis] - np.arange(lags)
-    return motion[..., rows, :].reshape(*motion.shape[:-2], len(rows), -1)
+    rows, inputs = motion.shape
+    if rows < lags:
+        return np.zeros((0, lags * inputs))
+    # the newest sample first, a window of lags is a window of numbers that follow each other
+    windows = np.lib.stride_tricks.sliding_window_view(motion[::-1].ravel(), lags * inputs)
+    return np.ascontiguousarray(windows[::inputs][::-1])
 
 
 @cache
