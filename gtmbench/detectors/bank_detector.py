@@ -156,8 +156,7 @@ class BankMonitor(CalibratedBank):
         learnt = {} if before is None else dict(without_spread(self, before).raw)
         tracks = {output: Track(self, output, learnt.get(output)) for output in self.operators}
         memory = Memory.of(self, record, residuals.spread)
-        for output, rows in out:
-            memory.blot(output, rows)
+        memory.leave_out(out)
         is_silent = any(not excursion.is_judged for excursion in outside)
         scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)

@@ -6,7 +6,7 @@ for fits and decisions turn on the last bit now and then.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -51,7 +51,7 @@ class Memory:
         self._capacity = capacity
         self._whole: dict[int, FloatArray] | None = None  # columns of a record that is there as a whole
         self._blots: list[tuple[str, range]] = []
-        self.left_out: list[tuple[str, range]] = []  # rows of residuals that say nothing
+        self._left_out: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
 
     @classmethod
@@ -119,9 +119,16 @@ class Memory:
 
     def blot(self, output: str, rows: range) -> None:
         """Treat rows of a residual as missing, and those around that saw them."""
-        reach = self._history[output]
         self._blots = [blot for blot in self._blots if blot[1].stop > self.first]
-        self._blots.append((output, range(rows.start - reach, rows.stop + reach)))
+        self._blots.append(self._widened(output, rows))
+
+    def leave_out(self, out: Iterable[tuple[str, range]]) -> None:
+        """Treat so some rows of residuals, and no longer those that were left out before."""
+        self._left_out = [self._widened(output, rows) for output, rows in out]
+
+    def _widened(self, output: str, rows: range) -> tuple[str, range]:
+        reach = self._history[output]
+        return output, range(rows.start - reach, rows.stop + reach)
 
     def residuals(self, rows: range, outputs: tuple[str, ...]) -> BankResiduals:
         """Return residuals and predictions as rows and those before them give them; what was blotted out is missing."""
@@ -130,7 +137,7 @@ class Memory:
             self._monitor.bank, self.record(range(rows.start - lead, rows.stop)), self._monitor.operators, outputs
         )
         raw = {output: np.array(whole.raw[output][lead:]) for output in outputs}
-        for output, out in (*self._blots, *self.left_out):
+        for output, out in (*self._blots, *self._left_out):
             if output in raw:
                 raw[output][max(out.start - rows.start, 0) : max(out.stop - rows.start, 0)] = np.nan
         return BankResiduals(raw=raw, predicted={output: whole.predicted[output][lead:] for output in outputs})

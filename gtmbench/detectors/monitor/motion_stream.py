@@ -43,6 +43,7 @@ class MotionStream(BankStream):
         self._every = min(round(_EVERY_S / self._period_s), self._most_back)
         self._kept: list[_State] = []
         self._there: list[tuple[int, BoolArray]] = []  # which of the last samples are there, by the first row of each
+        self._left_out: list[tuple[str, range]] = []  # rows of residuals
         self._waiting: list[Record] = []  # rows that were taken one by one, whose motion hasn't been looked at
 
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
@@ -53,7 +54,7 @@ class MotionStream(BankStream):
 
     def _is_few(self, chunk: Record) -> bool:
         at = self._memory.stop - self._around.horizon
-        return super()._is_few(chunk) and not any(rows.stop > at for _, rows in self._memory.left_out)
+        return super()._is_few(chunk) and not any(rows.stop > at for _, rows in self._left_out)
 
     def _take_few(self, chunk: Record, columns: list[int]) -> tuple[Alarm, ...]:
         self._keep()
@@ -83,7 +84,7 @@ class MotionStream(BankStream):
     def _judged_of(self, residuals: BankResiduals, first: int, rows: range) -> BankResiduals:
         """Return residuals without what stands on excursions."""
         self._hear(residuals, first, rows)
-        out = ((output, range(max(of.start - first, 0), of.stop - first)) for output, of in self._memory.left_out)
+        out = ((output, range(max(of.start - first, 0), of.stop - first)) for output, of in self._left_out)
         return replace(residuals, raw=blotted(residuals.raw, [each for each in out if each[1].stop > 0]))
 
     def _hear(self, residuals: BankResiduals, first: int, rows: range) -> None:
@@ -110,7 +111,8 @@ class MotionStream(BankStream):
         if changed is not None and changed < self._memory.stop:
             earlier, was_there = self._go_back(changed)
             values, there = np.concatenate([earlier, values]), np.concatenate([was_there, there])
-        self._memory.left_out = self._around.left_out(self._memory.first)
+        self._left_out = self._around.left_out(self._memory.first)
+        self._memory.leave_out(self._left_out)
         return values, there
 
     def _note(self, row: int, there: BoolArray) -> None:

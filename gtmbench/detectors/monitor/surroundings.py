@@ -54,7 +54,7 @@ class Surroundings:
         before, self.excursions = self.excursions, self._motion.excursions
         ends = {each.start_s: self._rows(each).stop for each in before}
         changed = [
-            ends[each.start_s] if each.start_s in ends else self._rows(each).start - max(self._reach.values())
+            ends.get(each.start_s, max(self._rows(each).start - max(self._reach.values()), 0))
             for each in self.excursions
             if each not in before
         ]
