@@ -57,6 +57,24 @@ def test_the_same_in_whatever_chunks(chunk):
     assert follower.row == len(noise)
 
 
+@pytest.mark.parametrize("row", [100, 3025, 4110])  # while it learns, within a block, while it is held
+def test_a_copy_goes_on_as_the_first_would_and_neither_changes_the_other(row):
+    noise = COLOURED[:6000].copy()
+    noise[4000:4300] += 3.0
+    first, alone = NoiseFollower(CALIBRATED, TS), NoiseFollower(CALIBRATED, TS)
+    for follower in (first, alone):
+        follower.push(noise[:row])
+    other = first.copy()
+    other.copy().push(50.0 * noise[row:])
+    wanted = alone.push(noise[row:])
+    for follower in (first, other):
+        told = follower.push(noise[row:])
+        np.testing.assert_array_equal(told.values, wanted.values)
+        np.testing.assert_array_equal(told.unsteady, wanted.unsteady)
+        assert follower.first_rows == alone.first_rows
+        assert follower.whitener_at(row).deviation == alone.whitener_at(row).deviation
+
+
 @pytest.mark.parametrize("level", [0.3, 0.6, 1.3, 10.0, 1000.0])
 def test_another_level_changes_next_to_nothing(level):
     one, other = followed(CALIBRATED, COLOURED, TS), followed(CALIBRATED, level * COLOURED, TS)

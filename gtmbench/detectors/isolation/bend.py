@@ -66,13 +66,11 @@ class Bend:
     def of(self, changes: FloatArray) -> Mapping[str, FloatArray]:
         """Return what changes of the gyro, shape (changes, rows), add to each angle, in deg."""
         sharp = sharpened(changes, self._sharpness)
-        rates = {angle: by * sharp for angle, by in self._enters.items()}
-        bends = {angle: self._passed(rate) for angle, rate in rates.items()}
+        rates = np.array([by * sharp for by in self._enters.values()])
+        bends = dict(zip(ATTITUDE, self._passed(rates), strict=True))
         for _ in range(_TURNS):
-            bends = {
-                angle: self._passed(rate + sum(by * bends[other] for other, by in self._carries[angle].items()))
-                for angle, rate in rates.items()
-            }
+            carried = [sum(by * bends[other] for other, by in carries.items()) for carries in self._carries.values()]
+            bends = dict(zip(ATTITUDE, self._passed(rates + np.array(carried)), strict=True))
         return bends
 
     def about(self, record: Record) -> Bend:

@@ -52,7 +52,7 @@ class Following:
     ) -> None:
         operator = monitor.operators[sensor]
         self._ahead, self._period_s = operator.noncausal_order, record.sample_period_s
-        self.begin = max(rows.start - self._ahead - 1, 0)  # a derivative looks a row ahead, too
+        self.begin, self.stop = max(rows.start - self._ahead - 1, 0), rows.stop  # a derivative looks a row ahead, too
         part = record.part(range(self.begin, min(rows.stop, len(record))))
         self._before = rows.start - self.begin
         self._bend = Bend(estimator, part, self._before, sensor)

@@ -8,7 +8,6 @@ the monitor's own statistic.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,12 +19,12 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.detectors.statistics.noise import NoiseFollower, follower
-from gtmbench.detectors.statistics.statistic import Given, Spread, Statistic, Tolerance, over
+from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance, over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
 from gtmbench.record import BoolArray, FloatArray, Record
 
-_REMEMBERED_S = 10.0  # every so often what follows the noise is kept, for trials to go on from
+_REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trials to go on from
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +64,22 @@ class ChangedResidual:
         rows : range
             None before `begin`.
         """
-        there, given, at = self._samples(begin, changed, rows)
+        first = self._first(begin)
+        raw = np.concatenate([self.raw[first:begin], changed])
+        return self._scores(first, raw, self._white(first, begin, changed), rows)
+
+    def healthy_scores(self, rows: range) -> tuple[IntArray, FloatArray]:
+        """Return which of some rows have a score as the residual is, and the scores."""
+        first = self._first(rows.start)
+        own = slice(first, rows.stop)
+        return self._scores(first, self.raw[own], self._healthy.between(own), rows)
+
+    def _scores(self, first: int, raw: FloatArray, white: White, rows: range) -> tuple[IntArray, FloatArray]:
+        """Return which of some rows have a score, and the scores, by the residual from the row `first` on."""
+        spread = None if self.spread is None else self.spread.between(slice(first, first + len(raw)))
+        there, given = self._test.given(raw, white, spread)
+        at = range(int(np.searchsorted(there, rows.start - first)), len(there))
+        there = there[at.start :] + first
         greatest = np.full(len(there), -np.inf)
         for score in self._test.of(given, self._period_s, self._tolerance, at=at):
             np.fmax(greatest, over(score.values, self._thresholds[score.label]), out=greatest)
@@ -77,50 +91,44 @@ class ChangedResidual:
         """How many rows after one its score is known."""
         return round(self.monitor.look_ahead_of(self.output) / self._period_s)
 
-    def _samples(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, Given, range]:
-        """Return the rows asked for that have a sample, and what the statistic takes: samples, and which are meant."""
-        first = self._first(begin)
-        stop = begin + len(changed)
-        raw = np.concatenate([self.raw[first:begin], changed])
-        spread = None if self.spread is None else self.spread.between(slice(first, stop))
-        there, given = self._test.given(raw, self._white(first, begin, changed), spread)
-        at = range(int(np.searchsorted(there, rows.start - first)), len(there))
-        return there[at.start :] + first, given, at
-
     def _white(self, first: int, begin: int, changed: FloatArray) -> White:
         """Return rows from `first` on, whitened by the noise as it is known before `begin`, then as it is learnt."""
         if self.monitor.knows_noise:
             return White.steady(np.concatenate([self.raw[first:begin], changed]))
-        row, noise = self._noise_at(begin)
-        raw = np.concatenate([self.raw[row:begin], changed])
-        spread = None if self.spread is None else self.spread.white[row : begin + len(changed)]
-        white = noise.push(raw, spread)
-        if len(white) < len(raw):  # it is still learning
-            white = White.steady(np.full(len(raw), np.nan))
-        return White.joined([self._healthy.between(slice(first, begin)), white.between(slice(begin - row, None))])
+        white = self._pushed(self._noise_at(begin), begin, changed)
+        if len(white) < len(changed):  # it is still learning
+            white = White.steady(np.full(len(changed), np.nan))
+        own = white.between(slice(len(white) - len(changed), None))
+        return White.joined([self._healthy.between(slice(first, begin)), own])
 
-    def _noise_at(self, row: int) -> tuple[int, NoiseFollower]:
-        """Return what follows the noise, as it was at the last row before that is remembered, and that row."""
-        known = max((each for each in self._remembered if each <= row), default=0)
-        return known, copy.deepcopy(self._remembered[known])
+    def _noise_at(self, row: int) -> NoiseFollower:
+        """Return what follows the noise, as it is before a row; that is remembered, for the next trial there."""
+        if row not in self._remembered:
+            known = max(each for each in self._remembered if each <= row)
+            noise = self._remembered[known].copy()
+            self._pushed(noise, known, self.raw[known:row])
+            self._remembered[row] = noise
+        return self._remembered[row].copy()
+
+    def _pushed(self, noise: NoiseFollower, first: int, raw: FloatArray) -> White:
+        """Return what rows from `first` on make known to what follows the noise."""
+        return noise.push(raw, None if self.spread is None else self.spread.white[first : first + len(raw)])
 
     @cached_property
     def _followed(self) -> tuple[White, dict[int, NoiseFollower]]:
         noise = follower(self.monitor.whiteners[self.output], self._period_s, self.before)
-        parts, remembered = [], {0: copy.deepcopy(noise)}
+        parts, remembered = [], {}
         every = round(_REMEMBERED_S / self._period_s)
         for first in range(0, len(self.raw), every):
-            spread = None if self.spread is None else self.spread.white[first : first + every]
-            parts.append(noise.push(self.raw[first : first + every], spread))
-            if noise.is_learnt:
-                remembered[first + every] = copy.deepcopy(noise)
+            remembered[first] = noise.copy()
+            parts.append(self._pushed(noise, first, self.raw[first : first + every]))
         white = White.joined(parts)
         missing = White.steady(np.full(len(self.raw) - len(white), np.nan))
         return White.joined([white, missing]), remembered
 
     @property
     def _healthy(self) -> White:
-        return self._followed[0]
+        return White.steady(self.raw) if self.monitor.knows_noise else self._followed[0]
 
     @property
     def _remembered(self) -> dict[int, NoiseFollower]:
@@ -128,8 +136,7 @@ class ChangedResidual:
 
     def _first(self, row: int) -> int:
         """Return the first row that the statistics look at from one on: missing samples are passed over."""
-        values = self.raw if self.monitor.knows_noise else self._healthy.values
-        there = np.flatnonzero(np.isfinite(values[:row]))
+        there = np.flatnonzero(np.isfinite(self._healthy.values[:row]))
         wanted = self._test.looks_back(self._period_s)
         return int(there[-wanted]) if len(there) > wanted else 0
 
@@ -187,7 +194,7 @@ class Superposition:
             From the onset until the alarm could be raised: look-ahead counts.
         """
         row = fault.onset_row(self.record)
-        stop = min(row + round(within_s / self.record.sample_period_s) - self.residual.ahead + 1, len(self.record))
+        stop = self._stop(row, within_s)
         if not self.armed[row] or stop <= row:
             return None
         begin, changed = self._changed(fault, row, stop)
@@ -195,15 +202,34 @@ class Superposition:
         above = np.flatnonzero((scores > 1.0) & self.armed[rows])
         return int(rows[above[0]]) if len(above) else None
 
+    def is_quiet(self, row: int, within_s: float) -> bool:
+        """Tell whether nothing raises an alarm within some seconds of a row where there is no fault."""
+        stop = self._stop(row, within_s)
+        if stop <= row:
+            return True
+        following = self._following(row, stop)
+        rows, scores = self.residual.healthy_scores(range(row if following is None else following.begin, stop))
+        return not bool(((scores > 1.0) & self.armed[rows]).any())
+
+    def _stop(self, row: int, within_s: float) -> int:
+        """Return one past the last row whose score can raise an alarm within some seconds of another."""
+        return min(row + round(within_s / self.record.sample_period_s) - self.residual.ahead + 1, len(self.record))
+
     def _changed(self, fault: Fault, row: int, stop: int) -> tuple[int, FloatArray]:
         """Return the first row that a fault changes, and the residual from there on up to another row."""
-        if self.estimator is None:
+        following = self._following(row, stop)
+        if following is None:
             was, reads = fault.onwards(self.record, stop)
             return row, self.residual.raw[row:stop] + (reads - was)
+        was, reads = fault.onwards(self.record, following.stop)
+        change = following.change(reads - was)[: stop - following.begin]
+        return following.begin, self.residual.raw[following.begin : stop] + change
+
+    def _following(self, row: int, stop: int) -> Following | None:
+        """Return how the attitude follows what is changed from one row up to another; None where it doesn't."""
+        if self.estimator is None:
+            return None
         rows = range(row, min(stop + self.residual.ahead, len(self.record)))
         if rows not in self._followings:
             self._followings[rows] = Following(self.residual.monitor, self.record, self.sensor, rows, self.estimator)
-        following = self._followings[rows]
-        was, reads = fault.onwards(self.record, rows.stop)
-        change = following.change(reads - was)[: stop - following.begin]
-        return following.begin, self.residual.raw[following.begin : stop] + change
+        return self._followings[rows]

@@ -18,6 +18,7 @@ and the blocks of that window are taken out of what was learnt, until two second
 
 from __future__ import annotations
 
+import copy
 import math
 import statistics
 from collections.abc import Iterable
@@ -322,6 +323,12 @@ class NoiseFollower:
             if first <= row < first + len(model.clip) * self._block:
                 return self._as_one(model, (row - first) // self._block, mean)
         return self.whitener
+
+    def copy(self) -> NoiseFollower:
+        """Return another that goes on from here; they share arrays, as neither changes one that it stands on."""
+        other = copy.copy(self)
+        other._open, other._past, other.first_rows = None, [*self._past], [*self.first_rows]
+        return other
 
     def drop_before(self, row: int) -> None:
         """Forget what rows before one were whitened by."""

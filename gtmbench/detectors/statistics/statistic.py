@@ -190,16 +190,17 @@ class Statistic:
         most = 1e150 if self.name == "energy" else MOST
         clipped = plain[there]
         np.clip(clipped, -most, most, out=clipped)
-        unsteady, slow = white.unsteady[there], white.slow[there]
+        own = slice(None) if len(there) == len(plain) else there  # what needn't be copied isn't
+        unsteady, slow = white.unsteady[own], white.slow[own]
         if spread is None:
             known = np.broadcast_to(0.0, len(there))
             return there, Given(values=clipped, plain=clipped, means={}, uncertain=known, unsteady=unsteady, slow=slow)
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
-            values=np.clip((plain / by)[there], -most, most),
+            values=np.clip((plain / by)[own], -most, most),
             plain=clipped,
-            means={rows: values[there] for rows, values in spread.means.items()},
-            uncertain=(1.0 - 1.0 / np.square(spread.white))[there],
+            means={rows: values[own] for rows, values in spread.means.items()},
+            uncertain=(1.0 - 1.0 / np.square(spread.white))[own],
             unsteady=unsteady,
             slow=slow,
         )
@@ -365,14 +366,14 @@ def glr(
     `_LOUDEST`: that is no noise any more. Where sigma is 0 these are z^2 / 2 and L/2 (s - 1 - log s), and they are
     never more.
     """
-    worth = steadiness.worth
+    worth, known = steadiness.worth, steadiness.worth + rows
     within = np.maximum(power - np.square(shift), 0.0)
     square = np.square(np.maximum(np.abs(shift) - tolerance, 0.0)) / chance
-    of_mean = 0.5 * (worth + rows) * np.log1p(square / (worth + rows * within))
+    of_mean = 0.5 * known * np.log1p(square / (worth + rows * within))
     np.minimum(of_mean, square / (2.0 * steadiness.widened), out=of_mean)
     np.maximum(of_mean, square / (2.0 * _LOUDEST), out=of_mean)
-    ratio = power / np.clip(power, low * steadiness.quieter, high * steadiness.louder)
-    of_energy = 0.5 * (worth + rows) * np.log1p(rows * (ratio - 1.0) / (worth + rows)) - 0.5 * rows * np.log(ratio)
+    ratio = power / np.minimum(np.maximum(power, low * steadiness.quieter), high * steadiness.louder)
+    of_energy = 0.5 * known * np.log1p(rows * (ratio - 1.0) / known) - 0.5 * rows * np.log(ratio)
     loud = power / (high * _LOUDEST)
     if (loud > 1.0).any():
         np.maximum(loud, 1.0, out=loud)

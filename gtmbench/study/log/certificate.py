@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from heapq import heappush, heappushpop
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
 _FINE = 1.15  # sizes this near are one
 _SAME = 1.0 + 1e-9  # two sizes are equal but for rounding
-_STEP = 4.0  # from a size that isn't seen to the next
+_STEP = 4.0  # from a size to the next, where nothing is known of it yet
 _LEAST = 1e-3  # of the largest: no smaller one is looked for
 _RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
 _TURNED = 2.0  # a scale error that turns the sign
@@ -148,16 +148,12 @@ class _Place:
     on: Superposition
     onset_s: float
     within_s: float
+    is_telling: bool  # no alarm is there without a fault
     outside: tuple[Excursion, ...] = ()
 
     def is_seen(self, fault: Fault) -> bool:
         """Tell whether a fault raises an alarm in time."""
         return self.on.alarm_row(fault, self.within_s) is not None
-
-    @cached_property
-    def is_telling(self) -> bool:
-        """Whether there is no alarm without a fault."""
-        return not self.is_seen(Bias(channel=self.on.sensor, onset_s=self.onset_s, size=0.0))
 
     def names(self, fault: Fault) -> bool:
         """Tell whether the fault's sensor is named, and no other, when the record about it is watched anew."""
@@ -195,13 +191,20 @@ class _Trial:
         """Tell whether it raises an alarm in time that wouldn't be there without it."""
         return self.place.is_telling and self.place.is_seen(self.fault(size))
 
-    def smallest(self, low: float) -> float:
-        """Return about the smallest size above `low` that is seen; inf where not even the largest is."""
-        high = min(_STEP * low, self.most)
-        while not self.is_seen(high):
-            if high >= self.most or not self.place.is_telling:
-                return np.inf
-            low, high = high, min(_STEP * high, self.most)
+    def smallest(self, least: float, near: float, step: float = _FINE) -> float:
+        """Return about the smallest size from `least` on that is seen; inf where not even the largest is.
+
+        It is looked for from `near` on, by a step that grows.
+        """
+        low = high = near
+        if self.is_seen(near):
+            while (low := max(high / step, least)) < high and self.is_seen(low):
+                high, step = low, step**2
+        else:
+            while not self.is_seen(high := min(low * step, self.most)):
+                if high >= self.most:
+                    return np.inf
+                low, step = high, step**2
         while high > _FINE * low:
             middle = float(np.sqrt(low * high))
             low, high = (low, middle) if self.is_seen(middle) else (middle, high)
@@ -269,20 +272,29 @@ def _of_sensor(
     through: Sequence[Sequence[Superposition]],
     watches: Sequence[BankWatch],
     within_s: Mapping[Kind, float],
-    onsets: Mapping[float, Sequence[tuple[int, float]]],
+    onsets: Mapping[float, Sequence[tuple[int, int]]],
     *,
     named: bool,
 ) -> list[Smallest]:
     """Return a sensor's rows, by its own residual on each watch, put through each of some estimators."""
     on = through[0]
     large = _RANGE * (deviation(each.record[each.sensor] for each in on) + deviation(each.residual.raw for each in on))
-    places = {
-        of: [
-            [_Place(on=each[i], onset_s=onset_s, within_s=of, outside=watches[i].outside) for i, onset_s in pairs]
+    places = {}
+    for of, pairs in onsets.items():
+        quiet = [on[i].is_quiet(row, of) for i, row in pairs]
+        places[of] = [
+            [
+                _Place(
+                    on=each[i],
+                    onset_s=watches[i].record.time_at(row),
+                    within_s=of,
+                    is_telling=is_telling,
+                    outside=watches[i].outside,
+                )
+                for (i, row), is_telling in zip(pairs, quiet, strict=True)
+            ]
             for each in through
         ]
-        for of, pairs in onsets.items()
-    }
     rows = []
     for kind, of in within_s.items():
         most = _most(kind, on, large / of if kind.fault is Drift else large)
@@ -299,12 +311,23 @@ def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
     """Return the smallest fault of the estimator through which that is the largest."""
     row, trials = _smallest(tried[0]), tried[0]
     for others in tried[1:]:
-        if row.size is None or sum(trial.is_seen(row.size) for trial in others) < SHARE * len(others):
+        if row.size is None or not _is_often_seen(others, row.size):
             row, trials = max((row, trials), (_smallest(others), others), key=lambda each: each[0].hardness)
     if not named or row.size is None:
         return row
     seen = [trial for trial in trials if trial.is_seen(row.size)]
     return replace(row, named_from=_named_from(seen, row.size))
+
+
+def _is_often_seen(trials: Sequence[_Trial], size: float) -> bool:
+    """Tell whether a size is seen in enough of some trials; no more of them are asked."""
+    enough = len(trials) - _spare(trials)
+    return len(list(islice((trial for trial in trials if trial.is_seen(size)), enough))) == enough
+
+
+def _spare(trials: Sequence[_Trial]) -> int:
+    """Return in how many of some trials a size needn't be seen."""
+    return int((1.0 - SHARE) * len(trials) + 1e-9)
 
 
 def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
@@ -330,8 +353,8 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
     return tuple(names)
 
 
-def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]]:
-    """Return times spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
+def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
+    """Return rows spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
     able = [
         watch.armed[: max(len(watch.record) - round(within_s / watch.record.sample_period_s), 0)] for watch in watches
     ]
@@ -343,8 +366,7 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, float]
         place = int(np.searchsorted(ends, chosen, side="right"))
         i, rows = parts[place]
         there = np.flatnonzero(able[i][rows])
-        row = rows.start + int(there[chosen - int(ends[place])])  # counted from the end
-        onsets.append((i, watches[i].record.time_at(row)))
+        onsets.append((i, rows.start + int(there[chosen - int(ends[place])])))  # counted from the end
     return onsets
 
 
@@ -379,19 +401,19 @@ def _smallest(trials: Sequence[_Trial]) -> Smallest:
 
     What is seen at a smaller size is taken to be seen at a larger one.
     """
-    spare = int((1.0 - SHARE) * len(trials) + 1e-9)
+    spare = _spare(trials)
     hardest: list[tuple[float, int]] = []  # sizes of so many trials and one, with their numbers; the smallest first
     most = trials[0].most
-    low = _LEAST * most
+    near, step = float(np.sqrt(_LEAST)) * most, _STEP
     for i, trial in enumerate(trials):
         if len(hardest) <= spare:
-            heappush(hardest, (trial.smallest(low), i))
-        elif np.isfinite(hardest[0][0]) and not trial.is_seen(hardest[0][0]):
-            heappushpop(hardest, (trial.smallest(hardest[0][0]), i))
+            heappush(hardest, (trial.smallest(_LEAST * most, near, step), i))
+        elif np.isfinite(hardest[0][0]):
+            heappushpop(hardest, (trial.smallest(hardest[0][0], hardest[0][0]), i))
         if np.isfinite(hardest[0][0]):
-            low = max(hardest[0][0] / _STEP**2, _LEAST * most)
+            near, step = hardest[0][0], _FINE
     size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
-    harder = {i for each, i in hardest if size is not None and each > _SAME * size}
+    harder = {i for each, i in hardest if each > _SAME * (most if size is None else size)}
     seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
     on = trials[0].place.on
     return Smallest(
