@@ -110,6 +110,14 @@ def test_samples_one_by_one_end_with_the_same_alarms():
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
 
+def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
+    flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).select([*GYROS, *ANGLES, "nz"])
+    stream, orders = minding().stream(), ([*ANGLES, *GYROS], ["nz", *GYROS, *ANGLES], flown.channels)
+    for number, chunk in enumerate(in_chunks(flown, 400)):
+        stream.push(chunk.select(orders[number % 3]))
+    assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
+
+
 def test_what_was_said_before_a_row_turned_out_to_be_beyond_is_taken_back():
     """A blow that gyros feel first: the alarm is told at once, and is the excursion's when the attitude follows."""
     rows = 3000

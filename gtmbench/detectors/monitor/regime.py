@@ -29,6 +29,7 @@ _TURNING = (("gyros_deg_s", "attitude_deg_s"), ("gyros_deg_s2", "attitude_deg_s2
 _KEYS = (*_TURNING[0], *_TURNING[1], "force_g")
 _MIDDLES = tuple(f"{name}_middle_deg_s" for name in GYROS)  # what gyros read of no motion
 _FROM_ATTITUDE = ("p_att", "q_att", "r_att")
+_MOTION = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 _APART_S = 0.15  # an attitude may be late
 LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
 
@@ -141,9 +142,10 @@ class RegimeStream:
 
     def take(self, rows: Record) -> None:
         """Take the next rows, with whatever channels tell of motion."""
+        motion = _motion_in(rows)
         if self._rows is None:
             self._start_s = rows.start_s
-        known = rows if self._rows is None else joined([self._rows, rows])
+        known = motion if self._rows is None else joined([self._rows, motion])
         self._stop += len(rows)
         flags = np.column_stack(self._regime.beyond(known))
         begin = self._stop - len(known)  # row of the first of these
@@ -161,6 +163,15 @@ class RegimeStream:
             self._past = list(self.excursions)
             kept = max(settled, self._first)
             self._flags, self._first = self._flags[kept - self._first :], kept
+
+
+def _motion_in(rows: Record) -> Record:
+    """Return what tells of motion, missing where the rows haven't got it."""
+    values = np.full((len(rows), len(_MOTION)), np.nan)
+    for place, name in enumerate(_MOTION):
+        if name in rows:
+            values[:, place] = rows[name]
+    return Record(values, channels=_MOTION, sample_period_s=rows.sample_period_s, start_s=rows.start_s)
 
 
 def _stretches(turning: BoolArray, force: BoolArray, row: int, start_s: float, period_s: float) -> list[Excursion]:
