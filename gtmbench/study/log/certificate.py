@@ -30,10 +30,9 @@ from gtmbench.study.log.self_check.motion import GYROS
 
 SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
-_FINE = 1.15  # sizes this near are one
-_SAME = 1.0 + 1e-9  # two sizes are equal but for rounding
-_STEP = 4.0  # from a size to the next, where nothing is known of it yet
-_LEAST = 1e-3  # of the largest: no smaller one is looked for
+_FINE = 1.15  # from a size that is looked at to the next
+_STEPS = 50  # from a thousandth of the largest to that
+_NOT_SEEN = _STEPS + 1
 _RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
 _TURNED = 2.0  # a scale error that turns the sign
 _HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
@@ -191,23 +190,21 @@ class _Trial:
         """Tell whether it raises an alarm in time that wouldn't be there without it."""
         return self.place.is_telling and self.place.is_seen(self.fault(size))
 
-    def smallest(self, least: float, near: float, step: float = _FINE) -> float:
-        """Return about the smallest size from `least` on that is seen; inf where not even the largest is.
+    def size(self, step: int) -> float:
+        """Return a size that is looked at; `_STEPS` is the largest, each is `_FINE` times the one before."""
+        return self.most * _FINE ** (step - _STEPS)
 
-        It is looked for from `near` on, by a step that grows.
+    def smallest(self, least: int, near: int) -> int:
+        """Return the first step from `least` on whose size is seen; `_NOT_SEEN` where not even the largest is.
+
+        It is looked for from `near` on, by strides that double, then between what is seen and what isn't.
         """
-        low = high = near
-        if self.is_seen(near):
-            while (low := max(high / step, least)) < high and self.is_seen(low):
-                high, step = low, step**2
-        else:
-            while not self.is_seen(high := min(low * step, self.most)):
-                if high >= self.most:
-                    return np.inf
-                low, step = high, step**2
-        while high > _FINE * low:
-            middle = float(np.sqrt(low * high))
-            low, high = (low, middle) if self.is_seen(middle) else (middle, high)
+        low, high, stride = (least - 1, near, -1) if self.is_seen(self.size(near)) else (near, _NOT_SEEN, 1)
+        while high - low > 1:
+            middle = (low + high) // 2
+            probe = max(high + stride, middle) if stride < 0 else min(low + stride, middle)
+            low, high = (low, probe) if self.is_seen(self.size(probe)) else (probe, high)
+            stride *= 2
         return high
 
 
@@ -402,19 +399,18 @@ def _smallest(trials: Sequence[_Trial]) -> Smallest:
     What is seen at a smaller size is taken to be seen at a larger one.
     """
     spare = _spare(trials)
-    hardest: list[tuple[float, int]] = []  # sizes of so many trials and one, with their numbers; the smallest first
-    most = trials[0].most
-    near, step = float(np.sqrt(_LEAST)) * most, _STEP
+    hardest: list[tuple[int, int]] = []  # steps of so many trials and one, with their numbers; the smallest first
+    near = _STEPS // 2
     for i, trial in enumerate(trials):
         if len(hardest) <= spare:
-            heappush(hardest, (trial.smallest(_LEAST * most, near, step), i))
-        elif np.isfinite(hardest[0][0]):
+            heappush(hardest, (trial.smallest(0, near), i))
+        elif hardest[0][0] <= _STEPS:
             heappushpop(hardest, (trial.smallest(hardest[0][0], hardest[0][0]), i))
-        if np.isfinite(hardest[0][0]):
-            near, step = hardest[0][0], _FINE
-    size = hardest[0][0] if np.isfinite(hardest[0][0]) else None
-    harder = {i for each, i in hardest if each > _SAME * (most if size is None else size)}
-    seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(most))]
+        near = min(hardest[0][0], _STEPS)
+    size = trials[0].size(hardest[0][0]) if hardest[0][0] <= _STEPS else None
+    harder = {i for step, i in hardest if step > near}
+    largest = trials[0].most
+    seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(largest))]
     on = trials[0].place.on
     return Smallest(
         sensor=on.sensor,

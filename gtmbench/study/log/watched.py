@@ -151,7 +151,8 @@ class WatchedLog:
 def concluded(said: Said, progress: Progress) -> WatchedLog:
     """Conclude what was said of a log with a certificate of what would have been seen."""
     learnt = said.learnt
-    progress("certificate", 0, 1)
+    watched_s = round(sum(len(watch.record) * watch.record.sample_period_s for watch in said.watches))
+    progress("certificate", watched_s, watched_s)
     return WatchedLog(
         log=learnt.opened.log,
         monitor=learnt.monitor,
