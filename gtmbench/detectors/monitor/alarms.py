@@ -110,7 +110,7 @@ class AlarmLogic:
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(rows_of(monitor.history_of(output), monitor) for output in tracks) + self._margin + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
-        self.excursions = excursions
+        self.excursions = excursions or Excursions(monitor, 0.0, (), (), np.inf)
         self._of_excursions: list[int] = []  # numbers of their alarms
         self.alarms: list[Alarm] = []
         self.due = NEVER  # when a judgement is
@@ -139,7 +139,7 @@ class AlarmLogic:
 
     def _tell_excursions(self) -> None:
         """Tell the alarms of excursions that are known by now; of those that have been told, what they became."""
-        for place, (row, alarm) in enumerate(self.excursions.alarms if self.excursions else ()):
+        for place, (row, alarm) in enumerate(self.excursions.alarms):
             if place == len(self._of_excursions) and row <= self.row:
                 self._of_excursions.append(len(self.alarms))
             if place < len(self._of_excursions):
@@ -151,11 +151,7 @@ class AlarmLogic:
     @property
     def _news_due(self) -> int:
         """The row with which the next alarm is known that no armed score raises."""
-        return (
-            self.missing.due
-            if self.excursions is None
-            else min(self.missing.due, self.excursions.due(len(self._of_excursions)))
-        )
+        return min(self.missing.due, self.excursions.due(len(self._of_excursions)))
 
     def is_quiet(self, scores: Iterable[float]) -> bool:
         """Tell whether scores that the next row makes known raise no alarm, and no judgement is due with it."""
@@ -220,7 +216,7 @@ class AlarmLogic:
             shift={output: shift_of(monitor, output, raw) for output, raw in before.raw.items()},
             is_diagnosed=is_diagnosed,
             ruled_out=frozenset(name for name in self.missing.out if crossing.output not in self._bank.affects(name)),
-            settling=self.excursions.just_before(crossing.time_s, onset_s) if self.excursions else None,
+            settling=self.excursions.just_before(crossing.time_s, onset_s),
         )
         leader = leader_of(fault, self._open.values())
         if leader is not None:

@@ -66,11 +66,10 @@ class MotionStream(BankStream):
             self._look_around()
         return told
 
-    def _laid(self, chunk: Record, columns: list[int]) -> tuple[FloatArray, BoolArray]:
-        """Return what is taken of a chunk; where its motion tells otherwise of rows before, with these."""
+    def _take_many(self, chunk: Record, columns: list[int]) -> tuple[Alarm, ...]:
+        """Take samples together; where their motion tells otherwise of rows before, with these."""
         self._look_around()
-        laid = super()._laid(chunk, columns)
-        return self._with_earlier(self._around.take(chunk), *laid)
+        return self._take(*self._with_earlier(self._around.take(chunk), *self._laid(chunk, columns)))
 
     def _take(self, values: FloatArray, there: BoolArray) -> tuple[Alarm, ...]:
         late = max(len(values) - self._most_back, 0)

@@ -78,7 +78,7 @@ class BankStream:
             return ()
         if not self._memory.stop:
             self._memory.start_s = chunk.start_s
-        return self._take_few(chunk, columns) if self._is_few(chunk) else self._take(*self._laid(chunk, columns))
+        return self._take_few(chunk, columns) if self._is_few(chunk) else self._take_many(chunk, columns)
 
     def _is_few(self, chunk: Record) -> bool:
         """Tell whether rows are taken one by one."""
@@ -89,6 +89,10 @@ class BankStream:
         values = chunk.values
         wider = np.column_stack([values, np.full(len(values), np.nan)]) if -1 in columns else values
         return wider[:, columns], np.asarray(chunk.there[:, columns[: len(self._memory.channels)]])
+
+    def _take_many(self, chunk: Record, columns: list[int]) -> tuple[Alarm, ...]:
+        """Take samples together."""
+        return self._take(*self._laid(chunk, columns))
 
     def _take_few(self, chunk: Record, columns: list[int]) -> tuple[Alarm, ...]:
         """Take samples one by one."""

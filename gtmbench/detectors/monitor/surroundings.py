@@ -13,6 +13,7 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.monitor.excursions import Excursion, Excursions, Rise, rows_about
 from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
 from gtmbench.detectors.monitor.scores import Track, extend
+from gtmbench.method.alarms import rising
 from gtmbench.record import Record
 
 
@@ -34,7 +35,7 @@ class Surroundings:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._motion = RegimeStream(regime, self._period_s)
         self._tracks = {output: Track(monitor, output) for output in monitor.operators}  # with nothing left out
-        self._is_above = dict.fromkeys(self._tracks, True)
+        self._last = dict.fromkeys(self._tracks, np.inf)  # scores that were known: none rises that hasn't come down
         self._rises: list[Rise] = []
         self._reach = {output: round(monitor.history_of(output) / self._period_s) for output in monitor.operators}
         self._start_s = 0.0
@@ -78,11 +79,10 @@ class Surroundings:
         self._heard = rows.stop
         for output, track in self._tracks.items():
             track.known(new.start, new.stop)
-            there = np.flatnonzero(~np.isnan(track.values))
-            above = track.values[there] > 1.0
-            risen = there[above & ~np.concatenate([[self._is_above[output]], above])[:-1]] + track.first
+            scores = np.concatenate([[self._last[output]], track.values])
+            risen = rising(scores, 1.0) - 1 + track.first
             self._rises += [Rise(row, output, track.origins.of(row)[1]) for row in risen.tolist()]
-            self._is_above[output] = bool(above[-1]) if len(above) else self._is_above[output]
+            self._last[output] = float(scores[~np.isnan(scores)][-1])
             track.forget()
 
     def alarms(self) -> Excursions:

@@ -18,7 +18,7 @@ from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.progress import Progress
-from gtmbench.record import Record
+from gtmbench.record import Record, Span
 from gtmbench.study.log.imus import Comparison, beside, compare
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, without
@@ -68,7 +68,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
     monitor = learnt.monitor
     if learnt.check.stops or not is_ready(monitor):
         return said
-    rest = _rest(learnt)
+    rest = learnt.opened.own.part(_left_s(learnt))
     if not learnt.identified_s:
         if rest.records and has_motion(monitor):
             parts, installation = corrected(rest.records, expected_of(monitor))
@@ -99,16 +99,14 @@ def doubted(said: Said, progress: Progress) -> Said:
         healthy = learnt.identified_s or (first_part(log),)
         comparison = compare(log, side_by_side, healthy=healthy, excursions=said.excursions)
         watches = beside(watches, comparison)
-    left = [(each.start_s, each.end_s) for each in without(log, learnt.identified_s)]
-    check = check_watched(said.check, monitor, watches, log, left)
+    check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=tuple(watches), check=check, comparison=comparison, findings=findings)
 
 
-def _rest(learnt: Learnt) -> Part:
-    """Return what of a log its monitor wasn't learnt on."""
-    left = [(each.start_s, each.end_s) for each in without(learnt.opened.log, learnt.identified_s)]
-    return learnt.opened.own.part(left)
+def _left_s(learnt: Learnt) -> list[Span]:
+    """Return the spans of a log that its monitor wasn't learnt on."""
+    return [(each.start_s, each.end_s) for each in without(learnt.opened.log, learnt.identified_s)]
 
 
 def _watches(
