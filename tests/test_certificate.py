@@ -12,7 +12,7 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report, outcome_text
-from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, superposition
+from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
 
@@ -42,7 +42,7 @@ def alarmed(watch, fault, within_s):
 def trials(kind, sensor, size, count, seed):
     """Return faults of a size at onsets drawn from when its residual is armed, which leaves time to alarm."""
     random, watch = np.random.default_rng(seed), flight()
-    able_s = watch.record.time_s[superposition(watch, sensor).armed]
+    able_s = watch.record.time_s[watch.monitor.superposition(watch, sensor).armed]
     able_s = able_s[able_s < watch.record.end_s - KIND[kind].within_s]
     return [
         KIND[kind].at(sensor, float(onset_s), size, is_turned=bool(random.integers(2)))
@@ -54,7 +54,7 @@ def trials(kind, sensor, size, count, seed):
 @pytest.mark.parametrize("sensor", ["p", "r"])
 def test_a_fault_alarms_by_superposition_where_it_does_when_it_is_put_on_the_record(sensor, kind):
     watch, row = flight(), certificate().of(sensor, kind)
-    on = superposition(watch, sensor)
+    on = watch.monitor.superposition(watch, sensor)
     several = [
         fault
         for times in (0.4, 0.7, 1.0, 2.0)
@@ -142,7 +142,7 @@ def test_a_sensor_that_is_no_longer_watched_isnt_seen():
 
 
 def test_of_a_gyro_that_reads_nothing_no_scale_and_no_deadzone_is_seen_but_a_bias_is():
-    still = replace(superposition(flight(), "r"), record=flight().record.replace("r", np.zeros(6000)))
+    still = replace(flight().monitor.superposition(flight(), "r"), record=flight().record.replace("r", np.zeros(6000)))
     for kind, size, is_seen in (("scale_factor", 2.0, False), ("deadzone", 50.0, False), ("bias", 1.0, True)):
         fault = KIND[kind].at("r", 60.0, size, is_turned=True)
         assert (still.alarm_row(fault, 10.0) is not None) == is_seen

@@ -16,6 +16,7 @@ import numpy as np
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, FloatArray, Record
@@ -80,7 +81,8 @@ class Monitor(Protocol):
 
     Notes
     -----
-    A method `trials(record)` may be there, too, where it is quicker than watching (`gtmbench.detectors.trials`).
+    A method `trials(record)` may be there, too, where it is quicker than watching (`gtmbench.detectors.trials`); and a
+    `basis`, where it rests on more than its channels (`gtmbench.detectors.basis`).
 
     Examples
     --------
@@ -127,6 +129,8 @@ class Detector(Protocol):
     tied_to_excitation : bool
         Whether it learns what excites its records, as an operator from gyros to gyros does: a study then calibrates it
         on two healthy records of its own flight (other noise), not on flights that shake everything. May be left out.
+    basis : Basis
+        What else it rests on (`gtmbench.detectors.basis`). May be left out.
 
     Examples
     --------
@@ -197,6 +201,8 @@ class Score:
         alarm: there it can't tell.
     disarmed_s : float or None
         Since when a judgement keeps it from alarming, to the record's end.
+    tests : mapping of test to float
+        The thresholds of the test statistics of which it is the greatest; empty where it is one.
 
     Examples
     --------
@@ -217,6 +223,7 @@ class Score:
     channels: tuple[str, ...] = ()
     armed: BoolArray = field(repr=False)
     disarmed_s: float | None = None
+    tests: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     @property
     def exists(self) -> BoolArray:
@@ -258,6 +265,8 @@ class Watch:
         nothing is. Empty where that doesn't arise.
     noise_levels : mapping of score to float
         Of those whose noise is learnt on the record: its deviation at the beginning over that of the calibration.
+    outside : tuple of Excursion
+        The stretches in which residuals say nothing.
 
     Examples
     --------
@@ -278,6 +287,7 @@ class Watch:
     predictions: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     noise_levels: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    outside: tuple[Excursion, ...] = field(default=(), repr=False)
 
     def _repr_html_(self) -> str:
         record, faults = self.record, self.faults

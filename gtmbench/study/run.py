@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.attitude import OWN
-from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.attitude_origin import Origin
@@ -17,7 +16,7 @@ from gtmbench.record import Record
 from gtmbench.study.calibration import Calibrator, own_detector, resolved
 from gtmbench.study.fault_tables import FaultSpec, spec_of
 from gtmbench.study.flights import Flown, common_setup, fly_setup
-from gtmbench.study.log.origin import rests_on_attitude, with_origin
+from gtmbench.study.log.origin import with_origin
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -144,7 +143,7 @@ def knowing(watcher: Any, attitude: str) -> Any:
     >>> [knowing(find_detector("C"), attitude).bank.attitude_from_gyros for attitude in ("own", "kalman")]
     [False, True]
     """
-    if attitude == OWN or not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+    if attitude == OWN:
         return watcher
     return with_origin(watcher, Origin(is_driven=True, why="as the scenario says"))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
@@ -116,6 +117,11 @@ class Bank:
     def kinematic(self) -> tuple[str, ...]:
         """The sensors that kinematics predict."""
         return tuple(spec.output for spec in self.residuals if spec.is_kinematic)
+
+    @property
+    def predicts_gyros_from_attitude(self) -> bool:
+        """Whether it has to know who drives the attitude."""
+        return any(spec.output in GYROS and self.sources(spec) & set(ATTITUDE) for spec in self.residuals)
 
     def sources(self, spec: ResidualSpec) -> set[str]:
         """Return the measured channels that a residual's prediction stands on."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog

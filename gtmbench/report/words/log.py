@@ -10,8 +10,9 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
-from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.faults.additive import Bias
 from gtmbench.intake.events import Event, EventKind
@@ -204,7 +205,7 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
     origin += attitude_lines(watched.attitude)
-    told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, BankMonitor) else []
+    told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, CalibratedBank) else []
     return [title, *origin, *told, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
 
 
@@ -342,7 +343,7 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
         return [bound, "that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
-    slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
+    slower = "the drifts above" if predicts(watched.monitor) else "it can tell"
     return [
         bound,
         f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",

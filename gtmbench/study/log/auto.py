@@ -66,4 +66,4 @@ def recipe_for_logs(
     origin = origin_in_logs(reads, mapping, attitude=attitude, spans=[(-math.inf, math.inf)])
     if isinstance(recipe, AutoDetector):
         recipe, _ = bank_for_logs(reads, mapping, origin)
-    return (with_origin(recipe, origin), origin) if isinstance(recipe, BankDetector) else (recipe, None)
+    return (with_origin(recipe, origin), origin) if rests_on_attitude(recipe) else (recipe, None)

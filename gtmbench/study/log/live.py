@@ -8,8 +8,8 @@ from pathlib import Path
 from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
-from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import InputError
 from gtmbench.intake.live import live_chunks
@@ -64,7 +64,8 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     period_s = monitor.sample_period_s
     if period_s is None or not monitor.channels:
         raise InputError(f"{monitor.name} has no rate, or no channels, of its own; open the log as a whole")
-    witnesses = (*WITNESSES, *GYROS, *ATTITUDE) if hasattr(monitor, "bank") else ()
+    read = basis_of(monitor).witnesses
+    witnesses = (*read, *GYROS, *ATTITUDE) if read else ()
     stream: Stream | None = None
     learner = Learner(period_s, expected_of(monitor)) if has_motion(monitor) else None
     due_s, corrector = 0.0, None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.detectors.bank.bank import check_channels
-from gtmbench.detectors.isolation.case import WITNESSES
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import LogColumn, log_columns
@@ -40,10 +40,11 @@ def open_for(
     InputError
         Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
     """
-    witnesses = WITNESSES if hasattr(watcher, "bank") else ()
-    read = read_log(path)
+    basis, read = basis_of(watcher), read_log(path)
     try:
-        return open_log(read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
+        return open_log(
+            read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=basis.witnesses
+        )
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):
@@ -52,14 +53,10 @@ def open_for(
             mapped = {text.partition("=")[0].strip() for text in mapping}
             there = mapped | {column.channel for column in columns} | {column.name for column in columns}
             try:
-                check_channels(_called(watcher), watcher.channels, there)
+                check_channels(basis.title, watcher.channels, there)
             except InputError as lacking:
                 raise InputError(f"{read.path}: {lacking}") from error
         raise
-
-
-def _called(watcher: Detector | Monitor) -> str:
-    return f"bank {watcher.name}" if hasattr(watcher, "bank") else f"'{watcher.name}'"
 
 
 def whole_s(log: FlightLog) -> Span:

@@ -7,8 +7,8 @@ from enum import IntEnum
 
 from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
