@@ -69,6 +69,8 @@ class WatchedLog:
         was identified on this log, or doesn't hear them all.
     attitude : Origin or None
         Whether its attitude was taken for one that the gyros drive, and why; None of what doesn't rest on one.
+    is_assumed_healthy : bool
+        Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
 
     Examples
     --------
@@ -97,6 +99,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
+    is_assumed_healthy: bool = False
 
     def _repr_html_(self) -> str:
         facts = {
@@ -166,4 +169,5 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         installation=said.installation,
         attitude=learnt.opened.attitude,
+        is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
     )
