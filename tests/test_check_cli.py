@@ -55,7 +55,7 @@ def test_an_unchanged_monitor_passes_and_its_baseline_is_the_same_bytes(cli, bas
     before = baseline.read_bytes()
     code, out, err = cli("check", "mine.toml")
     assert (code, err) == (0, "")
-    assert out == "mine.toml: no figure is worse; 0 better, 40 within their tolerances\n"
+    assert out == "No figure is worse than mine.toml allows; 0 better, 40 within their tolerances.\n"
     assert cli("check", "mine.toml", "-q") == (0, "", "")
     assert cli("check", "mine.toml", "--update")[:2] == (0, "mine.toml: nothing changes in 40 figures\n")
     assert baseline.read_bytes() == before
@@ -89,7 +89,7 @@ def test_the_worst_comes_first(cli, baseline):
     names = [line.split(": was")[0] for line in out.splitlines() if ": was " in line]
     assert names == ["short: jam of altitude, detected", "healthy score E(k), threshold", "healthy residual of r, RMS"]
     assert "better: healthy flight: false alarms" in out
-    assert "mine.toml: 3 of 40 figures worse than allowed; 1 better, 36 within their tolerances" in out
+    assert "3 of 40 figures are worse than mine.toml allows; 1 better, 36 within their tolerances." in out
 
 
 @pytest.mark.usefixtures("spiked")
@@ -169,7 +169,7 @@ def test_a_baseline_of_before_holds_and_is_renewed(cli, baseline):
     baseline.write_text(now.replace('[score."E(k)"]', "[norm.r]").replace("# detector =", "# monitor ="))
     assert baseline.read_text() != now
     code, out, _ = cli("check", "mine.toml")
-    assert (code, out) == (0, "mine.toml: no figure is worse; 0 better, 40 within their tolerances\n")
+    assert (code, out) == (0, "No figure is worse than mine.toml allows; 0 better, 40 within their tolerances.\n")
     assert cli("check", "mine.toml", "--update")[:2] == (0, "mine.toml: nothing changes in 40 figures\n")
     assert baseline.read_text() == now
 
