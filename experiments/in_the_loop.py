@@ -31,11 +31,11 @@ from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown
-from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
+from studies.conduct import Campaign, Findings, conducted
+from studies.targets import Target, held, is_missed
 
 CALIBRATION, FLOWN = "multisine+turbulence", "turbulence"
 CALIBRATION_SEED, PLACE_SEED, OPERATOR_SEED, RANDOM_SEED = (

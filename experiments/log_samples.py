@@ -25,9 +25,9 @@ import gtmbench as gb
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.errors import InputError
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import markdown
 from recorded.flights import CHANNELS, GYROS, LogFile, watched
+from studies.conduct import Campaign, Findings, conducted
 
 COLUMNS = ("log", "rate_hz", "gyros", "residual_p", "residual_q", "residual_r", "remarks", "open_s", "peak_mb")
 RESIDUALS = COLUMNS[3:6]

@@ -27,10 +27,10 @@ from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import jsbsim_aircraft, load_aircraft
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.score import score
+from studies.conduct import Campaign, Findings, conducted
+from studies.targets import Target, held, is_missed
 
 USUAL, OTHER = "multisine+turbulence", "doublets+turbulence"
 GYROS = ("p", "q", "r")

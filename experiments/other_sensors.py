@@ -28,12 +28,12 @@ from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
+from studies.conduct import Campaign, Findings, conducted
+from studies.targets import Target, held, is_missed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -29,10 +29,10 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.read import read_log
 from gtmbench.processes import spread
 from gtmbench.record import Span
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import grouped, markdown
 from gtmbench.study.log.imus import channels_of, compared, opened_with
 from gtmbench.testing.flights import fly_once
+from studies.conduct import Campaign, Findings, conducted
 
 RIGHT, WRONG, UNDECIDED, MISSED, FALSE = "right", "named wrong", "can't tell", "missed", "false alarm"
 FAULTS = {

@@ -17,7 +17,7 @@ from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.testing.mechanisms import MECHANISMS
-from gtmbench.testing.mutations import Mutation
+from recorded.mutations import Mutation
 
 BANK = "C"
 GYROS = ("p", "q", "r")
