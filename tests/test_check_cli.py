@@ -121,7 +121,7 @@ def test_json_says_everything(cli):
     assert (code, err) == (1, "")
     assert printed["passed"] is False
     assert (printed["baseline"], printed["scenarios"], printed["seed"]) == ("mine.toml", ["short"], 1)
-    assert (printed["detector"], printed["monitor"]) == (None, None)
+    assert printed["detector"] is None
     assert len(printed["figures"]) == 40
     told = [worse for worse in printed["regressions"] if worse["at"] == "window 75..85 s"]
     (spike,) = [worse for worse in told if "residual" in worse["group"]]
@@ -204,7 +204,7 @@ REFUSED = {
     ),
     "scenarios of one that exists": (["mine.toml", "--update", "--scenario", "jam"], "names its own scenarios"),
     "a detector that it doesn't name": (
-        ["mine.toml", "--update", "--monitor", "C"],
+        ["mine.toml", "--update", "--detector", "C"],
         "mine.toml names no detector, and --detector C is 'C'; leave --detector out, or state detector = \"C\" there",
     ),
     "no scenario": (["new.toml", "--update", "--scenario", "jim"], "no scenario 'jim'"),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     metavar="CHANNEL=COLUMN:UNIT",
     help="What a log's column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
 )
-@detector_option("Bank C unless told.", alias="--bank", calibrated=False)
+@detector_option("Bank C unless told.", calibrated=False)
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
 )

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
 from gtmbench.files import is_file, no_file, read_toml
@@ -138,8 +137,6 @@ class Bank:
         True
         """
         return replace(self, attitude_from_gyros=True, whitening_s=max(self.whitening_s, _DRIVEN_WHITENING_S))
-
-    disturbs = renamed("Bank.disturbs", "affects")
 
 
 def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) -> None:
