@@ -31,9 +31,10 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.method.attitude_origin import origin_of
 from gtmbench.processes import spread
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.testing.flights import fly_once
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 SEED = 38_000  # of the report's cases; others were looked at while the rule was made
 OWN, DRIVEN = 120, 300  # cases

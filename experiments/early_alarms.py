@@ -28,11 +28,12 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1

@@ -38,11 +38,12 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1

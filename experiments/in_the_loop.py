@@ -31,10 +31,11 @@ from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 from studies.targets import Target, held, is_missed
 
 CALIBRATION, FLOWN = "multisine+turbulence", "turbulence"

@@ -29,10 +29,11 @@ from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 if TYPE_CHECKING:

@@ -25,13 +25,14 @@ import pandas as pd
 
 from gtmbench.errors import InputError
 from gtmbench.processes import spread
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 from recorded.faults import ALONE, CANT_TELL, CERTIFICATE, EITHER_OR, NAMED, NOTHING, TOO_STEEP, USUAL, WRONG
 from recorded.flights import LogFile, SyntheticLog
 from recorded.study import OF_FLIGHT, QUICK, REFUSED, Row, Size, Task, studied
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 SYNTHETIC = "synthetic"

@@ -29,10 +29,11 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.read import read_log
 from gtmbench.processes import spread
 from gtmbench.record import Span
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.imus import channels_of, compared, opened_with
 from gtmbench.testing.flights import fly_once
 from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 RIGHT, WRONG, UNDECIDED, MISSED, FALSE = "right", "named wrong", "can't tell", "missed", "false alarm"
 FAULTS = {

@@ -22,10 +22,10 @@ from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import share_text
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
 from studies.conduct import Findings, conducted
+from studies.tables import share_text
 
 PAGE = EXPERIMENTS.parent / "docs/reference/dissertation.md"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]

@@ -40,25 +40,11 @@ class Baseline:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> shared = trial.baseline
     >>> shared.detector, shared.monitor.operator.name, shared.false_alarms, round(3600 * shared.healthy_hours)
-    ('dissertation', '[p q beta] -> r', 0, 185)
+    ('dissertation', '[p q beta] -> r', 0, 2311)
     """
 
     detector: str
@@ -134,24 +120,10 @@ class Trial(Injection, Verdict):
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> trial.channel, trial.detected, round(trial.detection_delay_s, 1), trial.watch.scores["E(k)"].unit
-    ('p', True, 2.1, 'deg/s')
+    ('p', True, 6.1, 'deg/s')
     """
 
     detector: str
@@ -202,24 +174,10 @@ class Study:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p", "q"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     study = gb.run_study([gb.load_scenario(f"{folder}/short.toml")])
+    >>> study = gb.run_study([gb.load_scenario("jam")])
     >>> [(trial.channel, trial.detected) for trial in study.trials]
-    [('p', True), ('q', True)]
+    [('p', True), ('q', True), ('r', True)]
     >>> study.baseline.detector, study.baseline.false_alarms
     ('dissertation', 0)
     """

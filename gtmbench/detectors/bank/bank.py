@@ -10,9 +10,8 @@ from typing import Any
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
-from gtmbench.shipped import shipped_banks
+from gtmbench.shipped import read_shipped, shipped_banks
 
 _MOST_RESIDUALS = 50
 _DRIVEN_WHITENING_S = 1.5
@@ -173,11 +172,7 @@ def load_bank(source: str | Path) -> Bank:
     >>> bank.affects("psi")
     ('p', 'q', 'r')
     """
-    shipped = shipped_banks()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "bank", shipped))
-    table = read_toml(path, "bank")
+    path, table = read_shipped(source, "bank", shipped_banks())
     with naming(path):
         return bank_of(text("its name", path.stem), table)
 

@@ -17,9 +17,8 @@ from typing import Any
 from gtmbench.checks import keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.plain import plain
-from gtmbench.shipped import shipped_campaigns
+from gtmbench.shipped import read_shipped, shipped_campaigns
 from gtmbench.study.calibration import OWN
 from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
 from gtmbench.study.campaign.searches import Search, searches_of
@@ -236,11 +235,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     >>> campaign.flights, campaign.trials, campaign.detectors
     (1, 15, ('dissertation',))
     """
-    shipped = shipped_campaigns()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "campaign", shipped))
-    table = read_toml(path, "campaign")
+    path, table = read_shipped(source, "campaign", shipped_campaigns())
     with naming(path):
         campaign = _campaign(path.stem, table)
     return campaign.watched_by(detectors)
