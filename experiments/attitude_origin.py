@@ -25,8 +25,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, welch
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS, carried_on
+from gtmbench.attitude import carried_on
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.method.attitude_origin import origin_of

@@ -32,9 +32,9 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, ESTIMATORS, GYROS
+from gtmbench.attitude import ESTIMATORS
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
-from gtmbench.channels import header_of
+from gtmbench.channels import ATTITUDE, GYROS, header_of
 from gtmbench.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.certificate import KINDS, certificate_of, superposition

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from gtmbench.attitude import ATTITUDE, DRIVEN, GYROS, OWN
+from gtmbench.attitude import DRIVEN, OWN
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank_detector import BankDetector

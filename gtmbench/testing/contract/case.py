@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from gtmbench.bench.sensors import measure
+from gtmbench.channels import GYROS
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_recipe
 from gtmbench.detectors.registry import as_detector
@@ -97,7 +98,7 @@ def contract_case(
     recipe = given if is_recipe(given) else None
     monitor = recipe.calibrate(healthy) if recipe is not None else cast(Monitor, given)
     channel = next(name for name in (*monitor.channels, *last.channels) if name in last)
-    channel = next((name for name in ("p", "q", "r") if name in (monitor.channels or ("p",))), channel)
+    channel = next((name for name in GYROS if name in (monitor.channels or ("p",))), channel)
     return Case(
         detector=recipe,
         monitor=monitor,
