@@ -18,7 +18,7 @@ from typing import Any
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.checks import keys, meant, naming, number, printable, shown, table_of, whole
+from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.shipped import shipped_baselines, shipped_scenarios
@@ -204,9 +204,7 @@ def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
 
 def _value_of(where: str, form: str, given: Any) -> Value:
     if form == "flag":
-        if not isinstance(given, bool):
-            raise InputError(f"{where} is {shown(given)}; it must be true or false")
-        return given
+        return boolean(where, given)
     if form == "count":
         return whole(where, given)
     if form == "list":

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import keys, naming, number, shown, table_of, text
+from gtmbench.checks import boolean, keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
 from gtmbench.plain import plain
@@ -252,9 +252,6 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
     detectors = _names("detectors", own.get("detectors", [OWN]))
     for python in filter(is_python, detectors):
         for_data_file(python)  # refuses it
-    isolate = own.get("isolate", True)
-    if not isinstance(isolate, bool):
-        raise InputError(f"isolate is {shown(isolate)}; it must be true or false")
     calibration, rate = _calibration(own.get("calibration", {}))
     campaign = Campaign(
         name=name,
@@ -263,7 +260,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         axes=axes,
         healthy=healthy,
         detectors=detectors,
-        isolate=isolate,
+        isolate=boolean("isolate", own.get("isolate", True)),
         calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),
