@@ -4,7 +4,6 @@ from gtmbench.attitude import AttitudeEstimator
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
@@ -12,7 +11,8 @@ from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import trim
+from gtmbench.bench.trim import Trim
+from gtmbench.bench.trimming import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.accommodate import Accommodate

@@ -124,7 +124,7 @@ def test_what_nobody_foresaw_is_no_fault_found(cli, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr("gtmbench.bench.trim.trim", broken)
+    monkeypatch.setattr("gtmbench.bench.trimming.trim", broken)
     code, out, err = cli("trim")
     assert (code, out) == (2, "")
     assert err.endswith("gtmbench: this shouldn't have happened (ZeroDivisionError: two lines); please report it\n")

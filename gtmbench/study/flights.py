@@ -9,11 +9,11 @@ from typing import ClassVar
 
 from gtmbench.attitude import OWN
 from gtmbench.bench.attitude_filter import estimated_attitude
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import trim
+from gtmbench.bench.trim import Trim
+from gtmbench.bench.trimming import trim
 from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import EnvelopeError, InputError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.loop import LoopEvent, departed_s
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
