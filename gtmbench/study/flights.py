@@ -18,7 +18,7 @@ from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.kinds import Delay
+from gtmbench.faults.replacing import Delay
 from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec

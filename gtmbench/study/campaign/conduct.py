@@ -77,10 +77,9 @@ def campaign(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     rows = gb.campaign("dissertation", out=Path(folder, "out"))
+    ...     rows = gb.campaign("dissertation", out=f"{folder}/out")
     >>> trials = rows[rows["fault"].notna()]
     >>> len(trials), int(trials["detected"].sum()), int(rows["false_alarms"].sum())
     (15, 15, 0)
