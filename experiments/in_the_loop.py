@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
+from gtmbench.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
@@ -45,7 +45,6 @@ CALIBRATION_SEED, PLACE_SEED, OPERATOR_SEED, RANDOM_SEED = (
     640_001,
     650_001,
 )  # of nobody else's flights
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 OPEN, CLOSED, LOOP = "open-loop record", "closed-loop record", "in the loop"
 NONE, NAMED, PLAIN, ZERO, SPARE = "nothing", "virtual rate (C-early)", "virtual rate (C)", "zero (C-early)", "spare"
 _TAKEN_OVER_S = 2.0  # after the onset: from where on rates are compared
@@ -268,7 +267,7 @@ class Rescue:
         if self.part == "gyros":
             yield drawn_fault(random, str(random.choice(GYROS)), onset_s)
         elif self.part == "angles":
-            yield drawn_fault(random, str(random.choice(ANGLES)), onset_s)
+            yield drawn_fault(random, str(random.choice(ATTITUDE)), onset_s)
         elif self.part == "pairs":
             first, second = random.permutation(GYROS)[:2]
             yield drawn_fault(random, str(first), onset_s)

@@ -23,6 +23,7 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
 CALIBRATION, UNSEEN = "multisine+turbulence", "doublets+turbulence"
 CALIBRATION_SEED, HEALTHY_SEED, FAULT_SEED = 1, 51_001, 72_001  # flights of one part are seen by no other
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 MILD, STRONG = "mild", "strong"
 Grid = dict[str, dict[str, dict[str, object]]]  # of a kind, the severities by name
 GYRO_FAULTS: Grid = {  # the milder severities are the targets' own
@@ -125,7 +125,7 @@ class Sensors(NamedTuple):
         """Return a record with the attitude its own gyros drive; the reference has 0.5 deg of noise."""
         if self.time_constant_s is None:
             return record
-        for angle in ANGLES:
+        for angle in ATTITUDE:
             record = record.replace(angle, flight[angle])
         return gb.filtered_attitude(record, time_constant_s=self.time_constant_s, reference_noise_deg=0.5, seed=seed)
 
