@@ -22,7 +22,8 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
+from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.imus import Imu
