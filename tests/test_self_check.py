@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of, causes_among, guesses, holds, undone
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
-from gtmbench.testing.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
+from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.airliner import airliner
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")

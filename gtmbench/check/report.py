@@ -142,7 +142,6 @@ def _origin(reference: Reference) -> dict[str, Any]:
         "scenarios": [scenario.name for scenario in reference.scenarios],
         "seed": reference.seed,
         "detector": reference.detector,
-        "monitor": reference.detector,  # its name of before
     }
 
 
