@@ -61,9 +61,9 @@ def watch_fleet(
         Processes. The caller's main module is imported by each of them, so a script needs its
         ``if __name__ == "__main__":``.
     resume : bool
-        Go on with what stands in the folder.
+        Continue the run in the folder.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def watch_fleet(
     Raises
     ------
     InputError
-        Where there is no log, none could be watched so, or the folder is of another fleet, or in use.
+        If there is no log, none could be watched so, or the folder is of another fleet, or in use.
 
     Examples
     --------
