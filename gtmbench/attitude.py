@@ -107,7 +107,7 @@ class AttitudeEstimator:
         Raises
         ------
         InputError
-            Where the bent attitude comes near a pitch of 90 deg, where Euler angles end.
+            If the bent attitude comes near a pitch of 90 deg, where Euler angles end.
         """
         period_s = healthy.sample_period_s
         steps = np.full(len(healthy) - 1, period_s)
@@ -173,7 +173,7 @@ def estimator_of(attitude: object) -> AttitudeEstimator | None:
     Raises
     ------
     InputError
-        Where it is neither.
+        If it is neither.
 
     Examples
     --------

@@ -144,7 +144,7 @@ def channel_of(header: str) -> str:
     Raises
     ------
     InputError
-        Where the column looks like a known channel in another unit, or without one: units are never guessed.
+        If the column looks like a known channel in another unit, or without one: units are never guessed.
     """
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]

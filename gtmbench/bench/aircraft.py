@@ -51,7 +51,7 @@ class Aircraft:
         What is set when the model has been loaded.
     departure : dict
         By channel, the span beyond which the aircraft isn't flown any more but falls; alpha's is the envelope's, bank's
-        60 deg and pitch's 45 deg unless told.
+        60 deg and pitch's 45 deg by default.
     autopilot : Autopilot or None
         Its gains, where they are known.
     without_io : bool

@@ -67,7 +67,7 @@ def filtered_attitude(
     Raises
     ------
     InputError
-        Where the record lacks a channel or its first attitude, an argument can't be meant, or theta comes near
+        If the record lacks a channel or its first attitude, an argument is invalid, or theta comes near
         +-90 deg, where Euler angles end.
 
     Examples

@@ -36,7 +36,7 @@ class Autopilot:
     Raises
     ------
     InputError
-        Where a figure can't be meant.
+        If a value is invalid.
 
     Examples
     --------

@@ -38,7 +38,7 @@ class Imperfections:
     Raises
     ------
     InputError
-        Where a figure is negative or no number, or too large or fine to be meant.
+        If a figure is negative or no number, or implausibly large or fine.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def imperfect(
     Raises
     ------
     InputError
-        Where the record lacks a channel, or an argument can't be meant.
+        If the record lacks a channel, or an argument is invalid.
 
     Examples
     --------

@@ -183,12 +183,12 @@ def fly_in_loop(
     Raises
     ------
     InputError
-        Where an argument can't be meant, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
+        If an argument is invalid, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
         any fault began.
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     EnvelopeError
-        Where the flight leaves the range of the aircraft's model before any fault began.
+        If the flight leaves the range of the aircraft's model before any fault began.
 
     Examples
     --------

@@ -68,7 +68,7 @@ def modes(
     Raises
     ------
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
 
     Examples
     --------

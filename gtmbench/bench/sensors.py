@@ -45,7 +45,7 @@ def measure(
     Raises
     ------
     InputError
-        Where neither or both of `snr` and `noise` are given, or can't be meant.
+        If neither or both of `snr` and `noise` are given, or they are invalid.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iter
     Raises
     ------
     InputError
-        Where there is no such noise.
+        If there is no such noise.
 
     Examples
     --------

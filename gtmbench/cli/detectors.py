@@ -13,9 +13,9 @@ from gtmbench.errors import InputError
 F = TypeVar("F", bound=Callable[..., Any])
 METAVAR = "NAME|FILE.json|FILE.py:OBJECT|PACKAGE:OBJECT"
 _HELP = (
-    "What watches: a name of `gtmbench list`, a bank's .toml, a monitor of `gtmbench calibrate` (.json), or an object "
-    "in Python: a detector, a monitor, or a function from a record to the times of its alarms. Python is imported "
-    "only where it is named here."
+    "The detector: a name from `gtmbench list`, a bank's .toml, a monitor's .json from `gtmbench calibrate`, or a "
+    "Python object (a detector, a monitor, or a function from a record to the times of its alarms). Python is "
+    "imported only if you name it here."
 )
 
 
@@ -28,7 +28,7 @@ def detector_option(text: str = "", *, multiple: bool = False, calibrated: bool 
                 "--calibrated",
                 type=click.Path(path_type=Path),
                 metavar="FILE.json",
-                help="The figures that `gtmbench calibrate` has saved of a --detector of your own.",
+                help="The file that `gtmbench calibrate` saved for your own --detector.",
             )(command)
         name = "detectors" if multiple else "detector"
         help_text = f"{_HELP} {text}".strip() + (" Repeat it for several." if multiple else "")
@@ -56,7 +56,7 @@ def import_option(command: F) -> F:
         expose_value=False,
         is_eager=True,
         callback=brought,
-        help="Import this first: it registers faults of your own, which scenarios can name then.",
+        help="Import this first, to register your own faults for use in scenarios.",
     )(command)
 
 

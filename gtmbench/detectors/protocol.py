@@ -53,7 +53,7 @@ class Stream(Protocol):
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
 
 
@@ -155,12 +155,12 @@ class Detector(Protocol):
         false_alarms_per_hour : float, optional
             Wanted of the monitor; None: the recipe's own factor or rate.
         progress : callable
-            Told the step, how many are done, and of how many.
+            Called with the step, the number done and the total.
 
         Raises
         ------
         InputError
-            Where a rate is asked for that the recipe can't promise, or the records don't allow it.
+            If a rate is asked for that the recipe can't promise, or the records don't allow it.
         """
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = _NONE) -> Monitor:
@@ -353,7 +353,7 @@ def watch(monitor: Monitor, record: Record) -> Watch:
     Raises
     ------
     InputError
-        Where the record lacks a channel of the monitor or has another sample period.
+        If the record lacks a channel of the monitor or has another sample period.
 
     Examples
     --------

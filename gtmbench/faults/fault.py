@@ -284,7 +284,7 @@ def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: Attitud
     Raises
     ------
     InputError
-        Where the record lacks a channel, or a fault's onset lies outside of it.
+        If the record lacks a channel, or a fault's onset lies outside of it.
 
     Examples
     --------

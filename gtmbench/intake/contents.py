@@ -156,7 +156,7 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
     Raises
     ------
     InputError
-        Where the file can't be read, or a mapping doesn't fit.
+        If the file can't be read, or a mapping doesn't fit.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
     Raises
     ------
     InputError
-        Where the file can't be read.
+        If the file can't be read.
 
     Examples
     --------

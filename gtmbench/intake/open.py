@@ -68,7 +68,7 @@ def open_log(
     Raises
     ------
     InputError
-        Where the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
+        If the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
 
     Examples
     --------

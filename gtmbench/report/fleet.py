@@ -68,7 +68,7 @@ def watch_fleet(
     Raises
     ------
     InputError
-        Where there is no log, none could be watched so, or the folder is of another fleet, or in use.
+        If there is no log, none could be watched so, or the folder is of another fleet, or in use.
 
     Examples
     --------

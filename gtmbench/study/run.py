@@ -83,12 +83,12 @@ def run_study(
     seed : int, optional
         Instead of the scenarios'.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where the scenarios' setups differ, a detector can't be meant or doesn't fit their records, or was calibrated on
+        If the scenarios' setups differ, a detector is invalid or doesn't fit their records, or was calibrated on
         other sensors: before anything is flown.
 
     Examples

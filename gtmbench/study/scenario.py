@@ -245,7 +245,7 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
     Raises
     ------
     InputError
-        Where the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
+        If the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
     """
     autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
     if autopilot is None:

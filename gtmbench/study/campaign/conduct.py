@@ -60,14 +60,14 @@ def campaign(
     out : str or Path
         The folder of its parts, one a flight, which are written as they are finished.
     detectors : sequence of str
-        That watch beside those that it names, as `find_detector` takes them.
+        They watch in addition to its own, as `find_detector` takes them.
     jobs : int
         Processes. The caller's main module is imported by each of them, so a script needs its
         ``if __name__ == "__main__":``.
     resume : bool
-        Go on with what stands in the folder.
+        Continue the run in the folder.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
@@ -125,9 +125,9 @@ def conduct(
     Raises
     ------
     InputError
-        Where the campaign can't be meant, or the folder is of another one, or in use.
+        If the campaign can't be meant, or the folder is of another one, or in use.
     GtmbenchError
-        Where it ends before its end; what is finished stays.
+        If it ends before its end; what is finished stays.
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
@@ -195,7 +195,7 @@ def done(work: Work) -> pa.Table:
     Raises
     ------
     InputError
-        Where this isn't the gtmbench that the work comes from: its rows would be others.
+        If this isn't the gtmbench that the work comes from: its rows would be others.
     """
     if dict(work.versions) != versions():
         differs = {name: (was, versions().get(name)) for name, was in work.versions if versions().get(name) != was}

@@ -221,7 +221,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     ----------
     source : str or Path
     detectors : sequence of str
-        That watch beside those that it names.
+        They watch in addition to its own.
 
     Raises
     ------

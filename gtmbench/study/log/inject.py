@@ -94,7 +94,7 @@ def inject_log(
     Raises
     ------
     InputError
-        Where the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
+        If the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
         attitude passes +-85 deg of pitch; nothing is written.
 
     Examples

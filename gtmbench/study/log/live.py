@@ -43,7 +43,7 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     Raises
     ------
     InputError
-        Where the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
+        If the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
 
     Examples
     --------
