@@ -33,14 +33,14 @@ class AttitudeEstimator:
 
         x'(t) = f(x(t), y(t) - b(t)) + (z(t) - x(t)) / tau,   b'(t) = -(z(t) - x(t)) / (tau tau_b),
 
-    axis by axis; b, in deg/s, is what it takes for the gyros' bias.
+    axis by axis; b, in deg/s, is its estimate of the gyros' bias.
 
     Attributes
     ----------
     time_constant_s : float
-        tau: how long it trusts the gyros.
+        tau, in seconds: how long it trusts the gyros.
     bias_time_constant_s : float
-        tau_b: in how long it learns a gyro's bias; inf where it learns none.
+        tau_b, in seconds: how long it takes to learn a gyro's bias; inf if it learns none.
 
     Examples
     --------
@@ -95,9 +95,9 @@ class AttitudeEstimator:
     def bent(self, healthy: Record, broken: Record) -> Record:
         """Return a broken record with the attitude that the estimator would have made of its gyros.
 
-        The references stay what they were, whatever they are: with d what a fault adds,
-        x_d(k) = x(k) + a (g(x_d(k-1), y_d - b_d) - g(x(k-1), y)), g the attitude carried on by the gyros over a
-        sample, a = tau / (tau + Ts), and b_d(k) = b_d(k-1) + Ts / (tau tau_b) (x_d(k) - x(k)).
+        The references are unchanged: with d what a fault adds, x_d(k) = x(k) + a (g(x_d(k-1), y_d - b_d) - g(x(k-1),
+        y)), g the attitude carried on by the gyros over a sample, a = tau / (tau + Ts), and b_d(k) = b_d(k-1) + Ts /
+        (tau tau_b) (x_d(k) - x(k)).
 
         Parameters
         ----------

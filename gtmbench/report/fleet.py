@@ -56,7 +56,7 @@ def watch_fleet(
     out : str or Path
         The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png`` and ``report.md``.
     limit_s : float
-        How long one log may take.
+        Time limit for one log, in seconds.
     jobs : int
         Processes. The caller's main module is imported by each of them, so a script needs its
         ``if __name__ == "__main__":``.
@@ -73,7 +73,7 @@ def watch_fleet(
     Raises
     ------
     InputError
-        If there is no log, none could be watched so, or the folder is of another fleet, or in use.
+        If there is no log, none could be watched, or the folder belongs to another fleet or is in use.
 
     Examples
     --------
