@@ -102,8 +102,8 @@ class AttitudeEstimator:
         Parameters
         ----------
         healthy, broken : Record
-            Row for row the same but for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped. A channel that
-            isn't there counts as zero.
+            The same rows, except for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped. A channel that isn't
+            there counts as zero.
 
         Raises
         ------
@@ -124,8 +124,8 @@ class AttitudeEstimator:
     ) -> FloatArray:
         """Return the bent attitude, shape (rows, 3), for rows that are `steps_s` apart; see `bent`.
 
-        A missing gyro's sample is the last one told, before the first zero; where an angle is missing, so is the bent
-        one, and its bend goes on.
+        A missing gyro sample holds the last one, or zero before the first. A missing angle leaves the bent one missing,
+        and its bend goes on.
         """
         rates, told = held(gyros), held(attitude)
         broken_rates = held(broken)

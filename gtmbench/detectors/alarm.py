@@ -158,7 +158,7 @@ class Alarm:
 
     @property
     def has_passed(self) -> bool:
-        """Whether it was judged, and nothing is left to explain."""
+        """Whether it was judged and nothing is left to explain."""
         return self.last is not None and not self.last.candidates
 
     @property
@@ -179,7 +179,7 @@ class Alarm:
         return time_s
 
     def at(self, after_alarm_s: float) -> Judgement | None:
-        """Return the last judgement up to so many seconds after the alarm; the first, if there is none by then."""
+        """Return the last judgement up to this many seconds after the alarm, or the first if there is none by then."""
         due_s = self.time_s + after_alarm_s + 1e-6
         by_then = [judged for judged in self.judgements if judged.time_s <= due_s] or list(self.judgements[:1])
         return by_then[-1] if by_then else None

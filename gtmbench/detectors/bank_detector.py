@@ -312,7 +312,7 @@ class BankDetector:
         return _basis(self.bank)
 
     def for_attitude(self, *, is_driven: bool) -> BankDetector:
-        """Return the bank for an attitude that the gyros drive, or for one of its own."""
+        """Return the bank for an attitude that the gyros drive, or for an independent one."""
         if self.bank.attitude_from_gyros == is_driven:
             return self
         return replace(self, bank=self.bank.driven() if is_driven else replace(self.bank, attitude_from_gyros=False))
@@ -342,7 +342,7 @@ class BankDetector:
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> BankMonitor:
-        """Identify the bank and set its thresholds for a false-alarm rate, by default 0.002 an hour."""
+        """Identify the bank and set its thresholds for a false alarm rate, by default 0.002 an hour."""
         return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:

@@ -220,12 +220,12 @@ class Verdict:
 
 
 def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: Sequence[Fault] = ()) -> Verdict:
-    """Hold what a detector said of a broken record against what was injected.
+    """Score a detector's result on a broken record against the injected faults.
 
     Parameters
     ----------
     watch : Watch
-        Of the broken record, or of its part from the time on that is watched.
+        The result on the broken record, or on its watched part.
     fault : Fault
         The truth.
     healthy, broken : Record

@@ -29,7 +29,7 @@ class Baseline:
     Attributes
     ----------
     detector : str
-        Its name; no other detector of the study has it.
+        Its name, unique in the study.
     setup, trim, flight
         The setup, the trim and the flight (truth).
     healthy : Record
