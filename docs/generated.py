@@ -97,7 +97,7 @@ def channels_page() -> Iterator[str]:
         yield from (f"   {'  ' if column else '* '}- {cell}".rstrip() for column, cell in enumerate(cells))
     yield from ("", "Pseudo inputs", "-------------", "")
     yield from (
-        "A sensor's reading by kinematics, computed from other channels; a channel for any operator (`gtmbench.derive`).",
+        "A sensor's reading by kinematics, from other channels; a channel for any operator (`gtmbench.derive`).",
         "",
     )
     yield from (".. list-table::", "   :header-rows: 1", "", "   * - name", "     - formula")
