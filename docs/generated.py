@@ -13,7 +13,7 @@ from typing import Any
 
 import gtmbench as gb
 import gtmbench.testing
-import gtmbench.theory
+import theory
 from gtmbench.api import __all__ as public
 
 ROOT = Path(__file__).parents[1]
@@ -70,10 +70,13 @@ def names_page() -> Iterator[str]:
 
 def theory_page() -> Iterator[str]:
     """Yield the page of the theory's modules."""
-    yield from title("gtmbench.theory")
-    yield from ("What the scripts of ``experiments/`` share; ``pip install 'gtmbench[theory]'``.", "")
-    modules = sorted(found.name for found in pkgutil.iter_modules(gtmbench.theory.__path__))
-    yield from summary("gtmbench.theory", modules)
+    yield from title("Theory, beside the package")
+    yield from (
+        "``experiments/theory`` of a checkout, which the dissertation's scripts share; ``pip install -e '.[theory]'``.",
+        "",
+    )
+    modules = sorted(found.name for found in pkgutil.iter_modules(theory.__path__))
+    yield from summary("theory", modules)
 
 
 def channels_page() -> Iterator[str]:
@@ -97,7 +100,7 @@ def channels_page() -> Iterator[str]:
         yield from (f"   {'  ' if column else '* '}- {cell}".rstrip() for column, cell in enumerate(cells))
     yield from ("", "Pseudo inputs", "-------------", "")
     yield from (
-        "A sensor's reading by kinematics, from other channels; a channel for any operator (`gtmbench.derive`).",
+        "A sensor's reading by kinematics, computed from other channels; any operator may take it (`gtmbench.derive`).",
         "",
     )
     yield from (".. list-table::", "   :header-rows: 1", "", "   * - name", "     - formula")

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-GYROS = ("p", "q", "r")
-ATTITUDE = ("phi", "theta", "psi")
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
 FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from gtmbench.bench.sensors import stream
+from gtmbench.channels import GYROS
 from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
@@ -67,7 +68,7 @@ class Imperfections:
 
 
 def imperfect(
-    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = ("p", "q", "r"), seed: int = 1
+    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = GYROS, seed: int = 1
 ) -> Record:
     """Return the readings of imperfect sensors: the named channels with lag, bias, wander and rounding, in that order.
 

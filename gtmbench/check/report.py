@@ -32,16 +32,21 @@ def regression_line(figure: Compared) -> str:
     return f"{figure.text}: was {shown(figure.was)}, is {shown(figure.now)}, allowed {_allowed(figure)}{said}"
 
 
+def check_verdict(check: Check) -> str:
+    """Say in a sentence whether a figure is worse than its baseline allows."""
+    regressions, better, total = len(check.regressions), len(check.better), len(check.compared)
+    worse = f"{regressions} of {total} figures are worse than" if regressions else "No figure is worse than"
+    same = total - regressions - better
+    return f"{worse} {check.reference.path} allows; {better} better, {same} within their tolerances."
+
+
 def check_lines(check: Check) -> list[str]:
-    """Return what a check says, regressions first, the worst of them on top."""
-    regressions, better, total = check.regressions, check.better, len(check.compared)
-    same = total - len(regressions) - len(better)
-    verdict = f"{len(regressions)} of {total} figures worse than allowed" if regressions else "no figure is worse"
+    """Return what a check says: the verdict, then the regressions, the worst of them on top."""
     return [
-        *map(regression_line, regressions),
-        *_better_lines(better),
+        check_verdict(check),
+        *map(regression_line, check.regressions),
+        *_better_lines(check.better),
         *(f"not as expected: {line}" for group in check.groups for line in _unexpected(group)),
-        f"{check.reference.path}: {verdict}; {len(better)} better, {same} within their tolerances",
         *_advice(check),
     ]
 
@@ -137,7 +142,6 @@ def _origin(reference: Reference) -> dict[str, Any]:
         "scenarios": [scenario.name for scenario in reference.scenarios],
         "seed": reference.seed,
         "detector": reference.detector,
-        "monitor": reference.detector,  # its name of before
     }
 
 

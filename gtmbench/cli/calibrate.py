@@ -11,7 +11,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, common_options, echo, print_json, print_table
+from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
@@ -28,14 +28,8 @@ if TYPE_CHECKING:
 
 @click.command("calibrate")
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
-@click.option(
-    "--map",
-    "mapping",
-    multiple=True,
-    metavar="CHANNEL=COLUMN:UNIT",
-    help="Map a log's column whose name doesn't identify it: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
-)
-@detector_option("The default is bank C.", alias="--bank", calibrated=False)
+@map_option
+@detector_option("The default is bank C.", calibrated=False)
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
 )

@@ -19,10 +19,8 @@ _HELP = (
 )
 
 
-def detector_option(
-    text: str = "", *, multiple: bool = False, alias: str = "--monitor", calibrated: bool = True
-) -> Callable[[F], F]:
-    """Return the option ``--detector``, with its former name as an alias, and ``--calibrated``."""
+def detector_option(text: str = "", *, multiple: bool = False, calibrated: bool = True) -> Callable[[F], F]:
+    """Return the option ``--detector``, and ``--calibrated``."""
 
     def added(command: F) -> F:
         if calibrated:
@@ -34,7 +32,7 @@ def detector_option(
             )(command)
         name = "detectors" if multiple else "detector"
         help_text = f"{_HELP} {text}".strip() + (" Repeat it for several." if multiple else "")
-        return click.option("--detector", alias, name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
+        return click.option("--detector", name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
 
     return added
 

@@ -53,6 +53,7 @@ def monitor_fleet(
     if as_json:
         print_json(results | {"out": str(out)})
     elif not quiet:
+        echo(f"{counts_text(row['outcome'] for row in rows)}.")
         names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
         print_table(f"{out}", names, cells, right=RIGHT)
         if len(rows) > _MOST_ROWS:
@@ -60,7 +61,6 @@ def monitor_fleet(
         for name in names:
             if name in MEANING:
                 echo(MEANING[name])
-        echo(counts_text(row["outcome"] for row in rows))
         files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
         echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")
     return exit_code(rows)

@@ -16,9 +16,9 @@ from gtmbench.errors import InputError
 from gtmbench.files import check_file
 
 if TYPE_CHECKING:
-    from gtmbench.bench.equilibrium import Trim
     from gtmbench.bench.loop import LoopEvent
     from gtmbench.bench.modes import Mode
+    from gtmbench.bench.trim import Trim
 
 
 @click.command("trim")
@@ -36,7 +36,7 @@ def trim_command(
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
     from gtmbench.bench.modes import modes
-    from gtmbench.bench.trim import trim
+    from gtmbench.bench.trimming import trim
 
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)

@@ -61,6 +61,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # 
     help="False alarm rate to calibrate for.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @attitude_option
+@click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
 @click.option(
     "--named", is_flag=True, help="Also report the size above which faults would have been named; takes some seconds."
 )
@@ -89,6 +90,7 @@ def monitor_command(
     rate: float | None,
     wanted: float | None,
     attitude: str,
+    details: bool,
     named: bool,
     record: Path | None,
     figure: Path | None,
@@ -179,7 +181,7 @@ def monitor_command(
 
         print_json(log_results(watched))
     elif not quiet:
-        _print(watched, record, figure, save)
+        _print(watched, record, figure, save, details=details or named)
     return int(watched.outcome)
 
 
@@ -309,11 +311,13 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         save_monitor(watched.monitor, save)
 
 
-def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None, *, details: bool) -> None:
     from gtmbench.detectors.protocol import is_ready
     from gtmbench.report.words.log import log_report
+    from gtmbench.report.words.verdict import summary_lines
 
-    for line in log_report(watched):
+    width = screen_width()
+    for line in log_report(watched, width) if details else summary_lines(watched, width):
         echo(line)
     for what, path in (("figure", figure), ("monitor", save)):
         if path is not None:

@@ -118,7 +118,9 @@ def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
 
 def _print(rescue: Rescue) -> None:
     from gtmbench.report.words.judgement import fault_text, loop_text
+    from gtmbench.report.words.study import rescue_verdict
 
+    echo(rescue_verdict(rescue))
     for fault in rescue.faults:
         echo(f"{fault.onset_s:g} s: {fault_text(fault)}")
     for name, flight in rescue.flights.items():

@@ -71,15 +71,16 @@ def score_command(
 
 
 def _print(log: Path, scores: ScoredLog) -> None:
-    from gtmbench.report.words.autopilot import score_report
-    from gtmbench.report.words.log import outcome_text
+    from gtmbench.report.words.autopilot import score_report, score_verdict
+    from gtmbench.report.words.verdict import verdict_text
 
+    echo(score_verdict(scores))
     print_table(log.name, _COLUMNS, [_row(row) for row in scores.rows], right=[_COLUMNS[1], _COLUMNS[4]])
     for line in score_report(scores):
         echo(line)
     for start_s, end_s in scores.watched.identified_s:
         echo(f"identified and calibrated on {start_s:.2f} to {end_s:.2f} s")
-    echo(outcome_text(scores.watched))
+    echo(verdict_text(scores.watched))
 
 
 def _row(row: Scored) -> list[str]:

@@ -181,18 +181,19 @@ def _run_seeds(
     if as_json:
         print_json(table.results() | {"out": str(out)})
     elif not quiet:
-        columns, rows, right = table.rows()
-        print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
         for line in table.summary_lines():
             echo(line)
+        columns, rows, right = table.rows()
+        print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
         echo(f"one folder a seed, all trials in trials.csv: {out}/")
     return any(row["unexpected"] for row in table.trials)
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
-    from gtmbench.report.words.study import summary_lines, title, trial_rows
+    from gtmbench.report.words.study import study_verdict, summary_lines, title, trial_rows
     from gtmbench.report.words.units import counted
 
+    echo(study_verdict(study))
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
     for line in summary_lines(study):

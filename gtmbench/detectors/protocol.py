@@ -14,7 +14,6 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.notebook import card
@@ -342,10 +341,6 @@ class Watch:
         onset_s = min((alarm.onset_s for alarm in self.alarms if alarm.sensor == sensor), default=self.record.start_s)
         row = round((onset_s - self.record.start_s) / self.record.sample_period_s)
         return integrated_angle(self.record, sensor, row)
-
-    findings = renamed("Watch.findings", "alarms")
-    levels = renamed("Watch.levels", "scores")
-    given_up = renamed("Watch.given_up", "disarmed")
 
 
 def watch(monitor: Monitor, record: Record) -> Watch:

@@ -132,10 +132,8 @@ def setting(
     ----------
     unit : str
         Its own.
-    low, high, above
-        The allowed range: low..high, with `above` more than low.
-    default
-        The default value; without one it must be given.
+    low, high, above, default
+        As `severity` takes them.
 
     Examples
     --------

@@ -78,7 +78,7 @@ class NormStream:
     Parameters
     ----------
     window : int
-        w; w + 1 squares are summed.
+        w, as `windowed_norm` takes it.
 
     Raises
     ------
@@ -149,10 +149,8 @@ class AlarmStream:
 
     Parameters
     ----------
-    threshold : float
-        In the norm's unit.
-    start_s : float
-        Windows that begin before this time, in seconds, aren't watched.
+    threshold, start_s
+        As `alarms` takes them.
 
     Raises
     ------

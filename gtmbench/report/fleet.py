@@ -57,13 +57,8 @@ def watch_fleet(
         The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png`` and ``report.md``.
     limit_s : float
         Time limit for one log, in seconds.
-    jobs : int
-        Processes. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
-    resume : bool
-        Continue the run in the folder.
-    progress : callable
-        Called with the step, the number done and the total.
+    jobs, resume, progress
+        As `campaign` takes them.
 
     Returns
     -------

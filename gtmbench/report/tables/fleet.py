@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gtmbench.channels import GYROS
 from gtmbench.columns import Column, Row
 from gtmbench.faults.additive import Bias
 from gtmbench.parts import Parts
@@ -13,11 +14,10 @@ from gtmbench.plain import plain
 from gtmbench.report.watched import alarm_bound, passed_alarms
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.fleet import words_text
-from gtmbench.report.words.log import outcome_text
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot import of_sensors, words_of
 from gtmbench.study.log.fleet import SCHEMA
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.self_check.motion import GYROS
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
 ERROR = "error"
@@ -59,7 +59,7 @@ def fleet_row(watched: WatchedLog) -> Row:
     segments = watched.log.segments
     row = {
         "outcome": watched.outcome.name.lower(),
-        "verdict": outcome_text(watched),
+        "verdict": verdict_text(watched),
         "certificate": certificate_text(watched.certificate),
         "start_s": segments[0].start_s,
         "end_s": segments[-1].end_s,

@@ -21,8 +21,8 @@ from gtmbench.report.tables.results import SCHEMA, versions
 from gtmbench.report.watched import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
-from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
@@ -42,7 +42,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "study": "log",
         "outcome": watched.outcome.name.lower(),
         "exit_code": int(watched.outcome),
-        "verdict": outcome_text(watched),
+        "verdict": verdict_text(watched),
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
         "hardly_watched": watched.hardly_watched,
@@ -165,7 +165,7 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
         "study": "log score",
         "outcome": scores.watched.outcome.name.lower(),
         "exit_code": int(scores.watched.outcome),
-        "verdict": outcome_text(scores.watched),
+        "verdict": verdict_text(scores.watched),
         "failures": [_scored(row) for row in scores.rows],
         "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],
         "false_words": [asdict(word) for word in scores.false_words],

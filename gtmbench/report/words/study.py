@@ -13,6 +13,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text, kind_text, severity_text, trial_text
 from gtmbench.report.words.monitor import monitor_lines
 from gtmbench.report.words.units import counted, or_dash
+from gtmbench.study.rescue import Rescue
 from gtmbench.study.trial import Baseline, Study, Trial
 
 
@@ -91,6 +92,40 @@ def _kind(trial: Trial) -> str:
     likeliest = trial.candidates[0] if trial.candidates else trial.channel
     kind = kind_text(trial.kind, values, errors, unit_of(likeliest), trial.partner, trial.injected)
     return kind + ("" if trial.kind_right or trial.kind == UNKNOWN else " (wrong)")
+
+
+def study_verdict(study: Study) -> str:
+    """Say in a sentence what every detector found, and how often it alarmed without a fault."""
+    told = [_detector_verdict(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
+    if len(told) == 1:
+        return f"{told[0]}."
+    return f"{'; '.join(f'{each.detector}: {said}' for each, said in zip(study.baselines, told, strict=True))}."
+
+
+def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
+    stuck = [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
+    if stuck:
+        return f"Cannot tell: {listed(stuck)} stood above the threshold before anything failed"
+    found = f"{sum(trial.detected for trial in trials)} of {counted(len(trials), 'fault')} detected"
+    named = ""
+    if baseline.monitor.suspects:
+        wrong = sum(bool(trial.named_wrong) for trial in trials)
+        right = f", {sum(bool(trial.isolated) for trial in trials)} sensors named rightly"
+        named = f"{right}, {wrong} wrongly" if wrong else f"{right}, none wrongly"
+    alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
+    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight"
+
+
+def rescue_verdict(rescue: Rescue) -> str:
+    """Say in a sentence whether flying without the broken sensor saved the aircraft."""
+    since = rescue.onset_s
+    told = {
+        name: "flies on" if flight.departed_s is None else f"departs {flight.departed_s - since:.1f} s after the onset"
+        for name, flight in rescue.flights.items()
+    }
+    saved = rescue.rescued.departed_s is None and rescue.unaided.departed_s is not None
+    first = "Saved" if saved else "Not saved" if rescue.rescued.departed_s is not None else "No need to save it"
+    return f"{first}: without accommodation the aircraft {told['unaided']}, with it the aircraft {told['rescued']}."
 
 
 def summary_lines(study: Study) -> list[str]:

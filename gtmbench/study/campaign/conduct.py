@@ -77,10 +77,9 @@ def campaign(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     rows = gb.campaign("dissertation", out=Path(folder, "out"))
+    ...     rows = gb.campaign("dissertation", out=f"{folder}/out")
     >>> trials = rows[rows["fault"].notna()]
     >>> len(trials), int(trials["detected"].sum()), int(rows["false_alarms"].sum())
     (15, 15, 0)
@@ -112,21 +111,16 @@ def conduct(
     campaign : Campaign
     out : Path
         The folder of the parts; made where there is none.
-    jobs : int
-        Processes on this machine. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
+    jobs, resume, progress
+        As `campaign` takes them.
     shard : Shard, optional
         Only these tasks; other shards may be at work in the folder at the same time.
     scheduler : str, optional
         The address of a Dask scheduler whose workers do the tasks instead.
     tls : Path, optional
         A folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
-    resume : bool
-        Whether the folder may hold parts already.
     yes : bool
         Whether more than ten million trials are meant.
-    progress : callable
-        Called with the step, the number done and the total.
 
     Raises
     ------

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
-from gtmbench.channels import unit_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -69,6 +68,8 @@ class WatchedLog:
         was identified on this log, or doesn't read them all.
     attitude : Origin or None
         Whether the attitude was taken for one that the gyros drive, and why; None if the monitor doesn't use one.
+    is_assumed_healthy : bool
+        Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
 
     Examples
     --------
@@ -97,6 +98,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
+    is_assumed_healthy: bool = False
 
     def _repr_html_(self) -> str:
         facts = {
@@ -146,8 +148,6 @@ class WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
         return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
 
-    findings = renamed("WatchedLog.findings", "alarms")
-
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:
     """Conclude what was said of a log with a certificate of what would have been seen."""
@@ -167,4 +167,5 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         installation=said.installation,
         attitude=learnt.opened.attitude,
+        is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
     )

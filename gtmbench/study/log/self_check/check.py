@@ -48,6 +48,8 @@ class Cause:
     changes : tuple of Change
         What has to be undone.
     text : str
+    why : str
+        How much of the motion the attitude explains with that undone, and as it is.
     to_type : str
         The options under which the log reads as it should; "" where there are none.
     """
@@ -55,6 +57,7 @@ class Cause:
     log: str
     changes: tuple[Change, ...]
     text: str
+    why: str
     to_type: str
 
 
@@ -134,7 +137,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
         named = [_cause(part, guess) for guess in found]
         if named:
-            stops.append(f"{at}: {_either(named)}; {_better(part, found[0])}")
+            stops.append(f"{at}: {_either(named)}; {named[0].why}")
         elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
             stops.append(f"{at}: gyros and attitude don't tell of one motion; {nothing_found_text()}")
         causes += named
@@ -148,14 +151,15 @@ def _cause(part: Part, guess: Guess) -> Cause:
         log=part.log.path.name,
         changes=guess.changes,
         text=cause_text(guess.changes),
+        why=_better(part, guess),
         to_type=mapping_for(guess, sources),
     )
 
 
 def _better(part: Part, guess: Guess) -> str:
     now = as_it_is(part.motion)
-    said = f"undone, the attitude explains {fits_text(guess.fits)} of the motion"
-    return said if now is None else f"{said}, as it is {fits_text(now.fits)}"
+    said = f"with that undone, the attitude explains {fits_text(guess.fits)} of the motion"
+    return said if now is None else f"{said}; as it is, {fits_text(now.fits)}"
 
 
 def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Record]) -> SelfCheck:
