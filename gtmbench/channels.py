@@ -33,13 +33,14 @@ class Channel:
     Attributes
     ----------
     name, unit, role, meaning
-        ``name`` and ``unit`` as they stand in records and messages.
+        ``name`` and ``unit`` as in records and messages.
     jsbsim : str
-        The property read (or, for commands, written) each step. Of positions it is the speed, which the flight sums.
+        The property read (or, for commands, written) at each step. For positions it is the speed, which the flight
+        sums.
     scale : float
         Channel value = property value * scale.
     noise : float
-        Standard deviation of the T2's sensor in ``unit``; 0 where there is no sensor.
+        Standard deviation of the T2's sensor in ``unit``; 0 if there is no sensor.
 
     Examples
     --------

@@ -41,7 +41,7 @@ def write_log(record: Record, path: str | Path) -> None:
     ----------
     record : Record
     path : str or Path
-        Its ending says what is written: ``.csv`` or ``.parquet``.
+        The ending sets the format: ``.csv`` or ``.parquet``.
 
     Raises
     ------
@@ -83,8 +83,8 @@ def _comes_back(name: str) -> bool:
 def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Record:
     """Read an evenly sampled log with a header row: ``time_s`` and columns with units (``p_deg_s``, ``beta_deg``).
 
-    Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, the stamps
-    are only asked for the start: for logs whose stamps are rounded.
+    Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, only the
+    first stamp is used: for logs whose stamps are rounded.
 
     Parameters
     ----------

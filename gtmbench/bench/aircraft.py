@@ -40,22 +40,22 @@ class Aircraft:
     Attributes
     ----------
     altitude_ft, tas_kt, psi_deg, latitude_deg, guess
-        Where it is trimmed, and where the search begins.
+        The trim condition, and the start of its search.
     limits, envelope : dict
-        What commands and flights are bounded by, by channel, in the channel's unit.
+        The bounds of commands and flights, by channel, in the channel's unit.
     commands : dict
-        By channel, how each reaches the model.
+        By channel, how the command reaches the model.
     excitation : dict
-        By surface, how many times what an excitation moves on the GTM it moves here.
+        By surface, the factor on the deflection that an excitation has on the GTM.
     properties : dict
-        What is set when the model has been loaded.
+        JSBSim properties that are set after loading the model.
     departure : dict
-        By channel, the span beyond which the aircraft isn't flown any more but falls; alpha's is the envelope's, bank's
-        60 deg and pitch's 45 deg by default.
+        By channel, the span beyond which the aircraft is out of control. By default alpha's is the envelope's, bank's
+        60 deg and pitch's 45 deg.
     autopilot : Autopilot or None
-        Its gains, where they are known.
+        Its gains, if they are known.
     without_io : bool
-        Whether the model's input and output sections are left out; else a model that has some is refused.
+        Whether the model's input and output sections are left out. Otherwise a model that has some is refused.
 
     Examples
     --------

@@ -61,7 +61,7 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
     Raises
     ------
     TrimError
-        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+        Naming the acceleration that can't be zeroed, and the command at its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 

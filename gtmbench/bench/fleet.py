@@ -25,16 +25,16 @@ _JSBSIMS = "jsbsim.toml"
 def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> Aircraft:
     """Return an aircraft by name (ours, or one that comes with JSBSim) or by the path of its folder.
 
-    A folder holds ``NAME.xml`` or, in its ``aircraft.toml``, says of which ``model`` it tells. Where there is no
-    ``aircraft.toml``, what it would say is found by trying, which takes a second or a few.
+    A folder holds ``NAME.xml``, or its ``aircraft.toml`` states the ``model``. Without an ``aircraft.toml`` its
+    contents are found by trying, which takes a second or a few.
 
     Parameters
     ----------
     name : str, Path or Aircraft
         An aircraft is returned as it is.
     without_io : bool
-        Whether to leave out the model's input and output sections, which would open files and ports, and which are
-        refused otherwise; of JSBSim's own aircraft they are always left out.
+        Whether to leave out the model's input and output sections, which would open files and ports. Otherwise a model
+        with them is refused. For JSBSim's own aircraft they are always left out.
 
     Raises
     ------

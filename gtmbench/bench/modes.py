@@ -32,7 +32,7 @@ _LATERAL = np.array([False, True, False, True, False, True, True, False])
 class Mode:
     """One mode: an eigenvalue (the upper one of a pair) with its natural frequency and damping ratio.
 
-    ``time_constant_s`` is -1/Re of the eigenvalue: negative where the mode grows.
+    ``time_constant_s`` is -1/Re of the eigenvalue: negative if the mode grows.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def modes(
     aircraft : str, Path or Aircraft
         As `trim` takes it.
     altitude_ft, tas_kt : float, optional
-        Another condition than the aircraft's own.
+        Another trim condition than the aircraft's own.
 
     Raises
     ------

@@ -24,7 +24,7 @@ def measure(
     seed: int = 1,
     commands: bool = False,
 ) -> Record:
-    """Return what the sensors read: the flight's sensor channels with white Gaussian noise.
+    """Return the sensor readings: the flight's sensor channels with white Gaussian noise.
 
     Every channel draws from a random stream of its own, named after it: adding a channel changes no other.
 
@@ -40,7 +40,7 @@ def measure(
     seed : int
         Of the noise.
     commands : bool
-        Whether the surface commands come along, as they were given.
+        Whether to include the surface commands, without noise.
 
     Raises
     ------

@@ -15,21 +15,21 @@ def trim(
 ) -> Trim:
     """Trim an aircraft for level flight without sideslip.
 
-    Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
-    least squares; pitch equals alpha up to the bank's second order, so that the flight path stays level. What is found
-    is rounded to 1e-8 deg (and percent of throttle), so that every kind of CPU starts from the same trim.
+    Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by least
+    squares; pitch equals alpha up to the bank's second order, so that the flight path stays level. The result is
+    rounded to 1e-8 deg (and percent of throttle), so that every CPU starts from the same trim.
 
     Parameters
     ----------
     aircraft : str, Path or Aircraft
         A name that ``gtmbench list --all`` shows, or the path of an aircraft's folder.
     altitude_ft, tas_kt : float, optional
-        Another condition than the aircraft's own.
+        Another trim condition than the aircraft's own.
 
     Raises
     ------
     TrimError
-        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+        Naming the acceleration that can't be zeroed, and the command at its limit.
 
     Examples
     --------

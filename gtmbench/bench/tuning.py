@@ -36,13 +36,13 @@ _GRAVITY_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 
 @dataclass(frozen=True, kw_only=True)
 class Tuned:
-    """Gains that were found, and how they held the aircraft for ten minutes of moderate turbulence.
+    """Gains that were found, and how well they held the aircraft in ten minutes of moderate turbulence.
 
     Attributes
     ----------
     autopilot : Autopilot
     altitude_off_ft, tas_off_kt, bank_deg : float
-        The most that altitude and speed were off the trim, and the most bank, either way.
+        The greatest deviations of altitude and speed from the trim, and the greatest bank, in either direction.
 
     Examples
     --------

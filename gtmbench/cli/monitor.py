@@ -113,8 +113,8 @@ def monitor_command(
     Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
 
     Several logs, a folder or a pattern need --out, a folder for the results: a row a log, worst first. By default bank
-    auto watches, identified on each log's own first part. Exit code: 1 any failed, 3 some can't be told, 0 nothing
-    found, 2 none could be watched (docs/how_to/fleet.md).
+    auto watches, identified on each log's own first part. Exit code: 1 any failed, 3 some can't tell, 0 nothing found,
+    2 none could be watched (docs/how_to/fleet.md).
     """
     from gtmbench.detectors.bank.composed import AUTO
 

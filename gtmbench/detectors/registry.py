@@ -27,7 +27,7 @@ DISSERTATION = "dissertation"
 
 
 def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -> Detector | Monitor:
-    """Return a detector, or a monitor where the source is one.
+    """Return a detector, or a monitor if the source is one.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
         Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to the times of its
         alarms.
     calibrated : str or Path, optional
-        A monitor's JSON file whose figures the detector is to restore.
+        A monitor's JSON file whose figures the detector restores.
 
     Raises
     ------

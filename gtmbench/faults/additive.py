@@ -78,7 +78,7 @@ class Oscillation(Formula):
     phase_deg : float, optional
         At the onset.
     replaces : bool, optional
-        Whether the sine takes the signal's place; left out, it is added.
+        Whether the sine replaces the signal; by default it is added.
 
     Examples
     --------
@@ -178,7 +178,7 @@ class Spikes(Formula):
     size : float
         In the channel's unit.
     rate_hz : float
-        How many a second.
+        Mean number of spikes a second.
     seed : int, optional
         Seed of the random draws.
 
@@ -207,7 +207,7 @@ class Spikes(Formula):
 class GSensitivity(Formula):
     """Acceleration leaks in: y + coefficient n, n the specific force in g that the accelerometer of `axis` reads.
 
-    At rest that is 1 g along the vertical: the bias that it brings belongs to the fault.
+    At rest n is 1 g along the vertical; the resulting bias belongs to the fault.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ _Class = TypeVar("_Class", bound=type[Fault])
 
 
 def register_fault(cls: _Class) -> _Class:
-    """Make a kind of fault known by its name, so that scenarios can say it; a decorator.
+    """Register a kind of fault by its name, for use in scenarios; a decorator.
 
     A scenario file names it once ``gtmbench run --import PACKAGE`` has imported the class's module. In Python, faults
     of any class work as they are, registered or not.

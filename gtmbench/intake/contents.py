@@ -35,14 +35,14 @@ class LogColumn:
     ----------
     name : str
     unit : str
-        As it is stated; "" where it isn't.
+        As stated; "" if it isn't.
     channel : str
-        Which channel it becomes by itself, or as it is mapped, ``time`` for the time; "" for none.
+        The channel that it becomes, by its name or as mapped; ``time`` for the time; "" for none.
     why_not : str
-        What is left open about a column that looks like a channel.
+        Why a column that looks like a channel isn't one.
     samples : int
     rate_hz, start_s, end_s : float
-        Of its stamps; NaN where the time isn't known.
+        Rate and span of its stamps; NaN if the time isn't known.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
     Parameters
     ----------
     path : str, Path or ReadLog
-        What was read before isn't read again.
+        A log that was read before isn't read again.
     mapping : sequence of str
         As `open_log` takes it.
 
@@ -246,7 +246,7 @@ def _imus(raw: RawLog) -> tuple[str, ...]:
 
 
 def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
-    """Return what a log's file holds: columns, their units and rates, and which channels they become.
+    """Return the columns of a log's file, with units, rates and the channels that they become.
 
     Parameters
     ----------

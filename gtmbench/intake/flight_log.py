@@ -19,7 +19,7 @@ _MOST_REMARKS = 36
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """Something about a log that a reader should know.
+    """A note on a log that a reader should know.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class Remark:
         ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``slipped``, ``held``, ``missing``, ``constant``,
         ``saturated``, ``short``, ``sign``.
     channel : str or None
-        Which one; None where it is about all of them.
+        The channel; None if it concerns all of them.
     start_s, end_s : float
-        When, on the log's clock.
+        Its span, on the log's clock in seconds.
     text : str
-        In words, figures included.
+        In words, with figures.
 
     Examples
     --------
@@ -76,22 +76,22 @@ class FlightLog:
     ----------
     path : Path
     segments : tuple of Record
-        The stretches between gaps, in time, all of one sample period and with the same channels; times are the log's.
-        While a channel pauses and others live on it is missing (NaN).
+        The stretches between gaps, in order of time, with one sample period and the same channels. Times are the log's.
+        A channel is missing (NaN) while it pauses and others continue.
     remarks : tuple of Remark
         In time.
     method : tuple of str
-        What was done to it, line by line: which column became which channel, how it was resampled.
+        The treatment of the log, line by line: which column became which channel, how it was resampled.
     sources : tuple of Source
-        The columns that the channels are read from.
+        The columns of the channels.
     events : tuple of Event
-        In time: what the log itself says happened. Of formats that say such a thing: PX4's and ArduPilot's.
+        The log's own events, in order of time. Only PX4's and ArduPilot's formats have them.
     injections : tuple of Injection
-        In time: the failures that the log says were put into its flight.
+        The injected failures that the log records, in order of time.
     imus : tuple of Imu
-        The gyros of three axes that it holds, each with stamps that come often enough to be compared.
+        Its gyros of three axes, each sampled often enough to be compared.
     attitude_from_gyros : bool
-        Whether its format documents that its attitude is an estimator's which the gyros drive.
+        Whether its format documents that the gyros drive the attitude.
 
     Examples
     --------

@@ -20,7 +20,7 @@ from gtmbench.record import FloatArray, Record, check_record, frozen
 
 
 class ResidualStream:
-    """The residual (4.11) of a record that comes in chunks: e(k) is returned with sample k + d.
+    """The residual (4.11) of a record that arrives in chunks: e(k) is returned with sample k + d.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class ResidualStream:
         self._tail = np.zeros((0, len(self._channels)))  # the last r + d samples
 
     def push(self, record: Record) -> Residual:
-        """Return the rows that a chunk's samples make known, rows k < r (NaN) included.
+        """Return the rows that a chunk's samples complete, rows k < r (NaN) included.
 
         Raises
         ------
@@ -70,7 +70,7 @@ class ResidualStream:
 
 
 class NormStream:
-    """E(k), equation (4.12), of a residual that comes in chunks: E(k) is returned with row k + w, bit for bit.
+    """E(k), equation (4.12), of a residual that arrives in chunks: E(k) is returned with row k + w, bit for bit.
 
     The scheme of `windowed_norm`, blocks of w + 1 rows counted from the first: a window is the end of the block before
     and the beginning of this one.
@@ -145,7 +145,7 @@ class NormStream:
 
 
 class AlarmStream:
-    """The alarms of a norm that comes in chunks.
+    """The alarms of a windowed norm that arrives in chunks.
 
     Parameters
     ----------

@@ -36,16 +36,16 @@ def run(
     scenario : str, Path or Scenario
         A TOML file, or the name of one of the package's (``drift``).
     seed : int, optional
-        Instead of the scenario's.
+        Replaces the scenario's.
     detectors : sequence
-        What watches, as `run_study` takes it; the scenario's own operator unless told.
+        The detectors, as in `run_study`; by default the scenario's own operator.
     faults : sequence of Fault, or of sequences of Fault
-        Instead of the scenario's, one trial each (several together are one); a class of your own does.
+        Replace the scenario's, one trial each (several together are one); your own class works, too.
 
     Raises
     ------
     GtmbenchError
-        Of the kind that says what went wrong: a bad scenario, no trim, a flight out of its envelope.
+        The subclass for the cause: a bad scenario, no trim, a flight out of its envelope.
 
     Examples
     --------
@@ -69,19 +69,19 @@ def run_study(
 ) -> Study:
     """Run scenarios that share a flight, watched by one detector or several.
 
-    Each detector is calibrated first, unless it is a monitor already: the dissertation's on two healthy records of the
-    study's own flight (so is any that is tied to its excitation), others on a dozen healthy flights that shake
-    everything, with the study's sensors. All watch the same records from `watch_from_s` on.
+    Each detector is calibrated first, unless it is a monitor already. The dissertation's, and any that is tied to its
+    excitation, is calibrated on two healthy records of the study's own flight; others on a dozen healthy flights with
+    rich excitation and the study's sensors. All watch the same records from `watch_from_s` on.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
-        Those that state neither snr nor noise have the T2's noise where anything but their own operator watches.
+        Scenarios that state neither snr nor noise have the T2's noise if any detector but their own operator watches.
     detectors : sequence
-        Detectors, monitors, banks, functions from a record to times of alarms, or what names one, as `find_detector`
-        takes it. ``"dissertation"`` is the scenarios' own, with their ``[operator]`` and ``[alarm]``, and the default.
+        Detectors, monitors, banks, functions from a record to times of alarms, or names, as in `find_detector`.
+        ``"dissertation"`` is the scenarios' own, with their ``[operator]`` and ``[alarm]``, and the default.
     seed : int, optional
-        Instead of the scenarios'.
+        Replaces the scenarios'.
     progress : callable
         Called with the step, the number done and the total.
 

@@ -19,24 +19,24 @@ from gtmbench.study.score import Verdict
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Baseline:
-    """What the trials of one detector share.
+    """The data that the trials of one detector share.
 
     Attributes
     ----------
     detector : str
-        Its name; no other detector of the study has it.
+        Its name, unique in the study.
     setup, trim, flight
-        What was flown; `flight` is truth.
+        The setup, the trim and the flight (truth).
     healthy : Record
-        The measurements that are broken in the trials.
+        The measurements that the trials break.
     monitor : Monitor
         The detector, calibrated.
     watch : Watch
-        Of `healthy`, from `setup.alarm.watch_from_s` on.
+        The result on `healthy`, from `setup.alarm.watch_from_s` on.
     false_alarms : int
     healthy_hours : float
-        False alarms on healthy records that calibration hasn't seen, and the hours watched, as `gtmbench.study.score`
-        defines them.
+        False alarms on healthy records outside calibration, and the hours watched, as `gtmbench.study.score` defines
+        them.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Injection:
 
     @property
     def departure_time_s(self) -> float | None:
-        """When the aircraft departed, or left its envelope; None: it didn't."""
+        """When the aircraft departed or left its envelope; None if it didn't."""
         return departed_s(self.events)
 
     @property
@@ -105,14 +105,14 @@ class Injection:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial(Injection, Verdict):
-    """One fault, or several of one record, watched by one detector: the verdict and what it was reached on.
+    """One fault, or several in one record, watched by one detector: the verdict and its evidence.
 
     Attributes
     ----------
     detector : str
         The detector's name.
     watch : Watch
-        Of the broken record, from `setup.alarm.watch_from_s` on.
+        The result on the broken record, from `setup.alarm.watch_from_s` on.
     baseline : Baseline
         Shared by the trials of this detector.
     expected : Expectation or None
@@ -137,7 +137,7 @@ class Trial(Injection, Verdict):
 
     @property
     def unexpected(self) -> tuple[str, ...]:
-        """Where the verdict differs from what is expected, in words; empty where it doesn't."""
+        """How the verdict differs from the expectation, in words; empty if it doesn't."""
         return () if self.expected is None else tuple(_differences(self, self.expected))
 
     def row(self) -> dict[str, object]:
@@ -168,7 +168,7 @@ class Study:
     Attributes
     ----------
     baselines : tuple of Baseline
-        One a detector, in the order in which they were given.
+        One a detector, in the given order.
     trials : tuple of Trial
         Detector by detector, each in the order of the scenarios.
 

@@ -65,7 +65,7 @@ class ResidualSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Bank:
-    """Residuals, the test that judges them, and whom it may suspect.
+    """Residuals, the test that judges them, and the sensors that it may suspect.
 
     Attributes
     ----------
@@ -77,9 +77,9 @@ class Bank:
     whitening_s : float
         Length of the whitening filters.
     attitude_from_gyros : bool
-        Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
-        so that what shows of it is how the filter's references pull the attitude back, and after an alarm no residual
-        that uses it tells of another fault. `driven` makes such a bank of any.
+        Whether the attitude comes from a filter that the gyros drive, as on most aircraft. A gyro's fault then bends
+        it, and shows only as the filter's references pull the attitude back. After an alarm no residual that uses the
+        attitude is evidence of another fault. `driven` turns any bank into such a bank.
 
     Examples
     --------
@@ -101,14 +101,14 @@ class Bank:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The measured channels it needs, outputs first."""
+        """The measured channels that it needs, outputs first."""
         outputs = [spec.output for spec in self.diagnostic]
         inputs = sorted({raw for spec in self.residuals for raw in spec.needs} - set(outputs))
         return (*outputs, *inputs)
 
     @property
     def diagnostic(self) -> tuple[ResidualSpec, ...]:
-        """The residuals that diagnoses stand on: all that aren't early."""
+        """The residuals that a diagnosis uses: all but the early ones."""
         return tuple(spec for spec in self.residuals if not spec.is_early)
 
     @property
@@ -118,11 +118,11 @@ class Bank:
 
     @property
     def predicts_gyros_from_attitude(self) -> bool:
-        """Whether it has to know who drives the attitude."""
+        """Whether it needs to know if the gyros drive the attitude."""
         return any(spec.output in GYROS and self.sources(spec) & set(ATTITUDE) for spec in self.residuals)
 
     def sources(self, spec: ResidualSpec) -> set[str]:
-        """Return the measured channels that a residual's prediction stands on."""
+        """Return the measured channels that a residual's prediction uses."""
         return {raw for name in spec.inputs for raw in raw_needs(name)}
 
     def affects(self, channel: str) -> tuple[str, ...]:
@@ -130,13 +130,13 @@ class Bank:
         return tuple(dict.fromkeys(spec.source for spec in self.residuals if channel in spec.needs))
 
     def check_channels(self, channels: Iterable[str]) -> None:
-        """Refuse a record that lacks a channel, and say what could be used instead."""
+        """Refuse a record that lacks a channel, and suggest what to use instead."""
         check_channels(f"bank {self.name}", self.channels, channels)
 
     def driven(self) -> Bank:
         """Return the bank for an attitude that the gyros drive.
 
-        What its references leave of a gyro's fault is slow beside their noise, so it takes longer filters to whiten.
+        The remainder of a gyro's fault is slow compared with the references' noise, so whitening takes longer filters.
 
         >>> load_bank("C").driven().attitude_from_gyros
         True

@@ -34,7 +34,7 @@ Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OrderChoice:
-    """A recommended r and d, and what it was chosen from.
+    """Recommended orders r and d, and the evidence.
 
     Attributes
     ----------
@@ -93,11 +93,11 @@ def select_orders(
 
     All members fit the same equations (4.8), those of the largest: k = r_max..l-d_max, means removed as by `identify`.
     With `validation`, the recommendation is the member of fewest parameters whose held-out residual is within 1 % of
-    the least: what lies so close is told apart by the draw of the noise. Without, it is the least BIC.
+    the least: differences so small depend on the noise draw. Without `validation` it is the least BIC.
 
-    AIC and BIC take the residuals as white, Gaussian and independent from output to output: sums over the outputs of
-    n log(residual power / output power), plus 2 or log(n) for each parameter that the data determine. Sensor noise on
-    the pseudo inputs makes the residual coloured, and both then ask for too much: hold out data if there are any.
+    AIC and BIC take the residuals as white, Gaussian and independent from output to output: sums over the outputs of n
+    log(residual power / output power), plus 2 or log(n) for each parameter that the data determine. Sensor noise on the
+    pseudo inputs makes the residual coloured, and both then choose too many parameters: hold out data if possible.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def campaign(
     source : str, Path or Campaign
         A TOML file, or the name of one of the package's (``ci``).
     out : str or Path
-        The folder of its parts, one a flight, which are written as they are finished.
+        The folder of its parts, one a flight, each written when finished.
     detectors : sequence of str
         They watch in addition to its own, as `find_detector` takes them.
     jobs : int
@@ -72,7 +72,7 @@ def campaign(
     Raises
     ------
     GtmbenchError
-        As `conduct` does. A trial that fails is a row with its `error`.
+        As `conduct`. A failed trial is a row with its `error`.
 
     Examples
     --------
