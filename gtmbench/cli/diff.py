@@ -78,7 +78,7 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
     overlaid = None if overlay is None else str(overlay)
     own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
     found = [
-        *({"text": f"{_name(line)}: {_differing(line)} samples differ"} for line in comparison.lines),
+        *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
         *({"text": f"{one.entity} {one.field}: {_shown(one.a)}, {_shown(one.b)}"} for one in comparison.verdicts),
         *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
         *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
@@ -131,19 +131,17 @@ def _name(line: LineDifference) -> str:
 
 
 def _differing(line: LineDifference) -> str:
-    return f"{line.differing} of {line.samples}"
+    of, others = f"{line.differing} of {line.samples}", line.only_a + line.only_b
+    return f"{of}, {others} at other times" if others else of
 
 
 def _row(line: LineDifference) -> list[str]:
-    name, of = _name(line), _differing(line)
-    others = line.only_a + line.only_b
-    counted = f"{of}, {others} at other times" if others else of
-    worst = line.worst
+    name, counted, worst = _name(line), _differing(line), line.worst
     if worst is None:
         return [name, counted, *[""] * 5]
     at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
     values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
-    return [name, counted, at, *values, "" if others else f"{line.relative:.1e}"]
+    return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
 
 
 def _shown(value: float | str | None) -> str:

@@ -116,7 +116,7 @@ def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool)
     from gtmbench.report.words.units import counted
 
     columns = log_columns(log)
-    verdict = f"{log} has {counted(len(columns), 'column')}; there are {counted(len(trials), 'trial')} to break it by."
+    verdict = f"{log} has {counted(len(columns), 'column')}, and the scenario {counted(len(trials), 'trial')}."
     if as_json:
         own = {"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]}
         print_json(envelope("inject-list", verdict, own))

@@ -104,7 +104,9 @@ def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
         right = f", {sum(bool(trial.isolated) for trial in trials)} sensors named rightly"
         named = f"{right}, {wrong} wrongly" if wrong else f"{right}, none wrongly"
     alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
-    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight"
+    differing = sum(bool(trial.unexpected) for trial in trials)
+    otherwise = f"; {differing} not as its scenario expects" if differing else ""
+    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
 
 
 def rescue_verdict(rescue: Rescue) -> str:
