@@ -93,7 +93,7 @@ def folder(tmp_path_factory):
     }
     for name, record in logs.items():
         gb.write_log(record, made / f"{name}.csv")
-        shutil.copy(made / f"{name}.csv", made / "logs")
+    shutil.copy(made / "broken.csv", made / "logs")
     (made / "logs/none.csv").write_text("no table\n")
     (made / "biased.bin").write_bytes(
         ardupilot(

@@ -53,7 +53,7 @@ def contents_verdict(contents: LogContents) -> str:
     """Say in a sentence what a log is."""
     span = "" if contents.span_s is None else f" from {contents.span_s[0]:.2f} to {contents.span_s[1]:.2f} s"
     columns = counted(len(contents.columns), "column")
-    return f"{contents.path.name} is a {contents.kind}{span} with {columns}; --all lists them."
+    return f"{contents.path.name} ({contents.kind}){span} has {columns}; --all lists them."
 
 
 def _sensor_lines(channels: Sequence[LogChannel], width: int) -> list[str]:
