@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-GYROS = ("p", "q", "r")
-ATTITUDE = ("phi", "theta", "psi")
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
 FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
@@ -108,7 +107,7 @@ class AttitudeEstimator:
         Raises
         ------
         InputError
-            Where the bent attitude comes near a pitch of 90 deg, where Euler angles end.
+            If the bent attitude comes near a pitch of 90 deg, where Euler angles end.
         """
         period_s = healthy.sample_period_s
         steps = np.full(len(healthy) - 1, period_s)
@@ -174,7 +173,7 @@ def estimator_of(attitude: object) -> AttitudeEstimator | None:
     Raises
     ------
     InputError
-        Where it is neither.
+        If it is neither.
 
     Examples
     --------

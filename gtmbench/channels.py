@@ -107,7 +107,8 @@ CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
 SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
-_AXES = {name: axis for axis in (("p", "phi"), ("q", "theta"), ("r", "psi")) for name in axis}
+GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")  # about, along x, y, z
+_AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
 # how logs write units; "p_rad_s" is channel p in another unit, "p_2" is somebody's second gyro
@@ -143,7 +144,7 @@ def channel_of(header: str) -> str:
     Raises
     ------
     InputError
-        Where the column looks like a known channel in another unit, or without one: units are never guessed.
+        If the column looks like a known channel in another unit, or without one: units are never guessed.
     """
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]

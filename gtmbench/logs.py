@@ -46,7 +46,7 @@ def write_log(record: Record, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Where the ending isn't .csv or .parquet, the folder can't be written, or a channel's name would be read back
+        If the ending isn't .csv or .parquet, the folder can't be written, or a channel's name would be read back
         as something else.
 
     Examples
@@ -96,7 +96,7 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     Raises
     ------
     InputError
-        Where the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
+        If the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
         missing or another one.
 
     Examples

@@ -83,7 +83,7 @@ class Record:
     Raises
     ------
     InputError
-        Where shapes, names or times can't be meant.
+        If shapes, names or times are invalid.
 
     Examples
     --------
@@ -230,7 +230,7 @@ class Record:
         Raises
         ------
         InputError
-            Where the span is empty or reaches outside the record.
+            If the span is empty or reaches outside the record.
         """
         tolerance = 1e-6  # of a sample: times are written as decimals
         first = np.ceil((start_s - self.start_s) / self.sample_period_s - tolerance)
@@ -276,7 +276,7 @@ class Record:
         Raises
         ------
         InputError
-            Where there is no time, or it isn't even.
+            If there is no time, or it isn't even.
 
         Examples
         --------

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.bench.trim import Trim
+from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import keys, number
 from gtmbench.record import Span
 
-if TYPE_CHECKING:
-    from gtmbench.bench.equilibrium import Trim
-
 Commands = tuple[float, float, float, float]  # in the order of `COMMANDS`, in their units
-_READ = ("p", "q", "r", "phi", "theta", "psi", "tas", "altitude")
+_READ = (*GYROS, *ATTITUDE, "tas", "altitude")
 _MOST = 1e4  # a gain beyond is none that anybody means
 
 
@@ -38,7 +36,7 @@ class Autopilot:
     Raises
     ------
     InputError
-        Where a figure can't be meant.
+        If a value is invalid.
 
     Examples
     --------

@@ -47,7 +47,7 @@ def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     Raises
     ------
     InputError
-        Where a part of the name is unknown.
+        If a part of the name is unknown.
 
     Examples
     --------

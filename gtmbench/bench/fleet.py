@@ -39,7 +39,7 @@ def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> A
     Raises
     ------
     InputError
-        Where there is no such aircraft, or its facts are incomplete.
+        If there is no such aircraft, or its facts are incomplete.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
     Raises
     ------
     InputError
-        Where there is none.
+        If there is none.
     """
     if str(name) in shipped_aircraft():
         return share() / "aircraft" / str(name)

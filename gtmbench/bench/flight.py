@@ -51,11 +51,11 @@ def fly(
     Raises
     ------
     InputError
-        Where a name, the duration or the seed can't be meant.
+        If a name, the duration or the seed is invalid.
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     EnvelopeError
-        Where the flight leaves the range of the aircraft's model.
+        If the flight leaves the range of the aircraft's model.
 
     Examples
     --------

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from gtmbench.bench.sensors import stream
+from gtmbench.channels import GYROS
 from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
@@ -37,7 +38,7 @@ class Imperfections:
     Raises
     ------
     InputError
-        Where a figure is negative or no number, or too large or fine to be meant.
+        If a figure is negative or no number, or implausibly large or fine.
 
     Examples
     --------
@@ -67,7 +68,7 @@ class Imperfections:
 
 
 def imperfect(
-    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = ("p", "q", "r"), seed: int = 1
+    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = GYROS, seed: int = 1
 ) -> Record:
     """Return what imperfect sensors read: the named channels with lag, bias, wander and rounding, in that order.
 
@@ -92,7 +93,7 @@ def imperfect(
     Raises
     ------
     InputError
-        Where the record lacks a channel, or an argument can't be meant.
+        If the record lacks a channel, or an argument is invalid.
 
     Examples
     --------

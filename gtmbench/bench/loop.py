@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
+from gtmbench.attitude import OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
 from gtmbench.bench.airborne import FLOWN, Airborne, Outside, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
@@ -23,7 +23,7 @@ from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.sensors import noise_blocks
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import meant, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_onset
@@ -183,12 +183,12 @@ def fly_in_loop(
     Raises
     ------
     InputError
-        Where an argument can't be meant, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
+        If an argument is invalid, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
         any fault began.
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     EnvelopeError
-        Where the flight leaves the range of the aircraft's model before any fault began.
+        If the flight leaves the range of the aircraft's model before any fault began.
 
     Examples
     --------

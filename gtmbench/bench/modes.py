@@ -9,8 +9,9 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import set_condition
-from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.record import FloatArray
 
@@ -67,7 +68,7 @@ def modes(
     Raises
     ------
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
 
     Examples
     --------

@@ -71,14 +71,14 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
     aircraft : str, Path or Aircraft
         As `fly` takes it.
     progress : callable
-        Told the axis, how many are done, and of how many.
+        Called with the axis, the number done and the total.
 
     Raises
     ------
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     GtmbenchError
-        Where no gains are found that hold it.
+        If no gains are found that hold it.
 
     Examples
     --------

@@ -16,7 +16,7 @@ from gtmbench.report.tables.envelope import envelope
 
 @click.command("autopilot")
 @aircraft_options
-@click.option("--out", type=click.Path(path_type=Path), help="A file for the table [autopilot], beside showing it.")
+@click.option("--out", type=click.Path(path_type=Path), help="Also write the table [autopilot] into this file.")
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def autopilot_command(
@@ -31,8 +31,8 @@ def autopilot_command(
 ) -> None:
     """Find gains of an autopilot that holds an aircraft in turbulence, by flying it.
 
-    It takes seconds. The table [autopilot] that comes of it belongs into the aircraft's aircraft.toml, or into a
-    scenario; then `gtmbench fly --closed-loop` and `gtmbench run` fly in the loop.
+    It takes seconds and prints a table [autopilot]. Put it into the aircraft's aircraft.toml or into a scenario; then
+    `gtmbench fly --closed-loop` and `gtmbench run` fly in the loop.
     """
     from gtmbench.bench.aircraft_file import autopilot_table
     from gtmbench.bench.tuning import find_autopilot

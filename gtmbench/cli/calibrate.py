@@ -11,7 +11,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, common_options, echo, print_json, print_table
+from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
@@ -29,14 +29,8 @@ if TYPE_CHECKING:
 
 @click.command("calibrate")
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
-@click.option(
-    "--map",
-    "mapping",
-    multiple=True,
-    metavar="CHANNEL=COLUMN:UNIT",
-    help="What a log's column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
-)
-@detector_option("Bank C unless told.", alias="--bank", calibrated=False)
+@map_option
+@detector_option("The default is bank C.", calibrated=False)
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
 )
@@ -44,19 +38,19 @@ if TYPE_CHECKING:
     "--false-alarms-per-hour",
     "rate",
     type=float,
-    help="Wanted of the whole monitor in flight; refused by a detector that can't promise one.  "
-    "[default: 0.002 of a bank]",
+    help="False alarms per flight hour to calibrate the whole monitor for; a detector that can't promise a rate "
+    "refuses it.  [default: 0.002 for a bank]",
 )
-@click.option("--flights", type=int, help="How many are flown, without logs.  [default: 60]")
-@click.option("--duration", type=float, help="Seconds each.  [default: 500]")
-@click.option("--excitation", help="A name of `gtmbench list`, or a sum.  [default: multisine+turbulence]")
-@click.option("--aircraft", help="A name of `gtmbench list --all`, or a folder.  [default: gtm]")
+@click.option("--flights", type=int, help="Without logs: the number of flights to fly.  [default: 60]")
+@click.option("--duration", type=float, help="Without logs: seconds of each flight.  [default: 500]")
+@click.option("--excitation", help="A name from `gtmbench list`, or a sum of names.  [default: multisine+turbulence]")
+@click.option("--aircraft", help="A name from `gtmbench list --all`, or an aircraft's folder.  [default: gtm]")
 @click.option(
     "--tolerate",
     metavar="TEXT",
-    help="Imperfections of healthy gyros that must not alarm, such as bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
+    help="Imperfections of healthy gyros that must not alarm: bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
 )
-@click.option("--seed", default=1, show_default=True, help="Of the first flight, its noise and imperfections.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the first flight, its noise and imperfections.")
 @attitude_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -77,11 +71,11 @@ def calibrate_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Calibrate a detector on healthy records (a bank: identify, and set thresholds), and write a monitor.
+    """Calibrate a detector on healthy records and write a monitor. A bank is identified and gets its thresholds.
 
-    Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
-    The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
-    It says what thresholds owe to the luck of these flights, and refuses where that is more than three times.
+    It reads logs as `gtmbench monitor` does. Without logs it flies (by default the GTM) with the T2's sensor noise.
+    The file holds numbers and names only; any process or machine that loads it gives the same verdicts bit for bit.
+    The output states how much other flights would change the thresholds; more than three times is refused.
     """
     from gtmbench.bench.imperfections import parse_imperfections
     from gtmbench.detectors.files import save_monitor
@@ -179,9 +173,9 @@ def _print_monitor(monitor: BankMonitor) -> None:
 @click.argument("source", required=False, metavar="[NAME|FILE.toml|MONITOR.json]")
 @common_options
 def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
-    """Show a bank: its residuals, which fault enters which, and what it can't see. Without a name: list the banks.
+    """Show a bank: its residuals, which fault enters which, and its blind spots. Without a name, list the banks.
 
-    Of a monitor's file, also what it was calibrated on and what that lets pass.
+    For a monitor's file, also show its calibration and the faults that it can't detect.
     """
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank.composed import AUTO

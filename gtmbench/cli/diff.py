@@ -25,17 +25,19 @@ _MOST = 20  # rows of a table; --json lists all
 @click.command("diff")
 @click.argument("a", metavar="A.rrd", type=click.Path(path_type=Path))
 @click.argument("b", metavar="B.rrd", type=click.Path(path_type=Path))
-@click.option("--tolerance", default=0.0, metavar="REL", help="Equal within this times a series' greatest magnitude.")
-@click.option("--absolute", default=0.0, metavar="ABS", help="Equal within this, in a series' own unit.")
+@click.option(
+    "--tolerance", default=0.0, metavar="REL", help="Relative tolerance, in parts of a series' greatest magnitude."
+)
+@click.option("--absolute", default=0.0, metavar="ABS", help="Absolute tolerance, in a series' own unit.")
 @click.option("--overlay", type=click.Path(path_type=Path), metavar="OUT.rrd", help="Write both into one recording.")
 @click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
 def diff_command(
     a: Path, b: Path, tolerance: float, absolute: float, overlay: Path | None, force: bool, as_json: bool, quiet: bool
 ) -> int:
-    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 where they are equal, 1 where not.
+    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 if they are equal, 1 if not.
 
-    Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
+    Without a tolerance numbers must be equal bit for bit, as they are for two runs of one seed. Texts always must.
     """
     from gtmbench.report.recording.diff import Tolerance, compare
     from gtmbench.report.recording.read import read_recording, recording_in

@@ -17,14 +17,14 @@ from gtmbench.files import check_file
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.equilibrium import Trim
     from gtmbench.bench.loop import LoopEvent
     from gtmbench.bench.modes import Mode
+    from gtmbench.bench.trim import Trim
 
 
 @click.command("trim")
 @aircraft_options
-@click.option("--modes", "with_modes", is_flag=True, help="Also the linear modes: natural frequency and damping.")
+@click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")
 @common_options
 def trim_command(
     name: str,
@@ -37,7 +37,7 @@ def trim_command(
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
     from gtmbench.bench.modes import modes
-    from gtmbench.bench.trim import trim
+    from gtmbench.bench.trimming import trim
 
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
@@ -86,19 +86,21 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.command("fly")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
 @aircraft_options
-@click.option("--excitation", default="dissertation", show_default=True, help="A name of `gtmbench list`, or a sum.")
-@click.option("--duration", default=500.0, show_default=True, help="Seconds.")
-@click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")
-@click.option("--noise", help="Write what sensors read, with the T2's noise (t2) or a signal-to-noise ratio (50).")
-@click.option("--commands", is_flag=True, help="With --noise: the surface commands, too.")
 @click.option(
-    "--closed-loop", is_flag=True, help="The aircraft's autopilot flies, on what its sensors read; excitations add."
+    "--excitation", default="dissertation", show_default=True, help="A name from `gtmbench list`, or a sum of names."
+)
+@click.option("--duration", default=500.0, show_default=True, help="Seconds to fly.")
+@click.option("--seed", default=1, show_default=True, help="Seed of excitation, turbulence and noise.")
+@click.option("--noise", help="Write sensor readings with the T2's noise (t2) or a signal-to-noise ratio (50).")
+@click.option("--commands", is_flag=True, help="With --noise: also write the surface commands.")
+@click.option(
+    "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
 @click.option(
     "--fault",
     "scenario",
     metavar="SCENARIO.toml",
-    help="With --closed-loop: what breaks in the loop, a scenario's [[faults]], all severities absolute.",
+    help="With --closed-loop: the scenario whose [[faults]] act in the loop; severities must be absolute.",
 )
 @trial_option
 @click.option(
@@ -106,8 +108,8 @@ def _print_modes(linear: list[Mode]) -> None:
     default="own",
     show_default=True,
     metavar="NAME",
-    help="With --closed-loop or --noise: whose phi, theta and psi are, or an estimator that p, q and r drive: "
-    "'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
+    help="With --closed-loop or --noise: the source of phi, theta and psi. own: a vertical gyro. Or an estimator that "
+    "p, q and r drive: 'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -130,7 +132,7 @@ def fly_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly and write a log: the truth, or with --noise what the sensors read."""
+    """Fly and write a log of the truth, or with --noise of the sensor readings."""
     from gtmbench.attitude import OWN, estimator_of
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     "scenario",
     required=True,
     metavar="SCENARIO.toml",
-    help="What breaks: a scenario's [[faults]], all severities absolute; or a name of `gtmbench list`.",
+    help="The scenario whose [[faults]] break the log (severities must be absolute), or a name from `gtmbench list`.",
 )
 @trial_option
 @map_option
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     metavar="auto|own|follows[:SECONDS]",
     default="auto",
     show_default=True,
-    help="What a gyro's fault does to phi, theta and psi. follows: an estimator with this time constant makes them of "
-    "the broken gyros. own: nothing. auto: follows where the gyros drive the log's attitude, which is assumed where "
-    "nothing shows otherwise.",
+    help="The effect of a gyro's fault on phi, theta and psi. follows: an estimator with this time constant computes "
+    "them from the broken gyros. own: none. auto: follows if the gyros drive the log's attitude, which is assumed "
+    "unless something shows otherwise.",
 )
 @click.option(
     "--time-constant-s",
     type=float,
-    help="That estimator's time constant; by default the log's own where accelerometers show it, else 5 s.",
+    help="The estimator's time constant.  [default: the log's own if accelerometers show it, else 5 s]",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
+@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, in the same format.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
@@ -68,9 +68,9 @@ def inject_command(
 ) -> None:
     """Break a recorded flight, CSV or Parquet, by one trial of a scenario, and change nothing else in it.
 
-    Where the gyros drive the attitude, as in most logs, it follows a gyro's fault.
+    If the gyros drive the attitude, as in most logs, it follows a gyro's fault.
 
-    Onsets are on the log's clock, as `gtmbench monitor` tells times; figures are in the channels' units, whatever the
+    Onsets are on the log's clock, as `gtmbench monitor` shows it. Figures are in the channels' units, whatever the
     log's are. Other columns, stamps, notation, schema and metadata stay as they are.
     """
     from gtmbench.study.scenario import load_faults

@@ -24,7 +24,7 @@ from gtmbench.shipped import (
 
 
 @click.command("list")
-@click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
+@click.option("--all", "with_all", is_flag=True, help="Also list the aircraft that come with JSBSim.")
 @common_options
 def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""

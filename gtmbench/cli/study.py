@@ -52,12 +52,11 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.command("run")
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
 @click.option(
-    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
+    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
 )
 @detector_option(
-    "Without it the scenarios' own [operator] and [alarm] watch, which go by the name dissertation. A bank, and any "
-    "other detector, is calibrated first on flights of its own; then of [operator] and [alarm] only watch_from_s and "
-    "healthy_records are used.",
+    "The default is `dissertation`: the scenarios' own [operator] and [alarm]. A bank, or any other detector, is first "
+    "calibrated on separate flights; then only watch_from_s and healthy_records of [alarm] are used.",
     multiple=True,
 )
 @import_option
@@ -66,9 +65,9 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     "seeds",
     metavar="N|FIRST:LAST",
     callback=_seeds,
-    help="Instead of the scenarios' own. Of several (1:20, both included), each has a folder.",
+    help="Replace the scenarios' seed. For several (1:20, both included), each gets a folder.",
 )
-@click.option("--strict", is_flag=True, help="Exit code 1 where a trial goes otherwise than its scenario expects.")
+@click.option("--strict", is_flag=True, help="End with exit code 1 if a trial differs from its scenario's expectation.")
 @click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
@@ -86,11 +85,11 @@ def run_command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
+    """Fly, break, watch and report scenarios, given as files or names from `gtmbench list`.
 
-    Without a scenario: the dissertation's study, every gyro broken in five ways. Into the folder go results.json,
-    trials.csv, figures and study.rrd, a recording for `gtmbench view`. With several detectors all watch the same
-    flight, and there is one row a detector and trial.
+    Without a scenario it runs the dissertation's study, every gyro broken in five ways. The folder gets results.json,
+    trials.csv, figures and study.rrd, a recording for `gtmbench view`. Several detectors watch the same flight, and
+    each detector and trial gets a row.
     """
     from gtmbench.study.run import run_study
     from gtmbench.study.scenario import load_scenario
@@ -212,7 +211,7 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 
 @click.command("view")
 @click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
-@click.option("--web", is_flag=True, help="In the browser instead of a window: for machines without a screen.")
+@click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
@@ -237,13 +236,13 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
 @click.argument("name", metavar="[NAME.toml]", type=click.Path(path_type=Path), required=False)
 @click.option(
     "--aircraft",
-    help="Instead of a scenario: what is known of an aircraft, a name of `gtmbench list --all` or a folder. It is "
-    "written as aircraft.toml into the folder NAME, or the aircraft's own.",
+    help="Instead of a scenario, write an aircraft's facts as aircraft.toml into the folder NAME, or the aircraft's "
+    "own. Give a name from `gtmbench list --all` or a folder.",
 )
-@click.option("--without-io", is_flag=True, help="With --aircraft: leave out its model's input and output sections.")
+@click.option("--without-io", is_flag=True, help="With --aircraft: leave out the model's input and output sections.")
 @common_options
 def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_json: bool, quiet: bool) -> None:
-    """Write a commented scenario to edit, every key at its default; or an aircraft's facts."""
+    """Write a commented scenario with every key at its default, or an aircraft's facts."""
     if aircraft is not None:
         target, text = aircraft_file(aircraft, name, without_io=without_io)
         target.parent.mkdir(exist_ok=True)

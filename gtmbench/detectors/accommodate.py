@@ -52,7 +52,7 @@ class Accommodate:
     Raises
     ------
     InputError
-        Where a value can't be meant, or the monitor can't name a gyro or needs what isn't sensed.
+        If a value is invalid, or the monitor can't name a gyro or needs what isn't sensed.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class Accommodate:
         Raises
         ------
         InputError
-            Where the monitor was calibrated at another sample period.
+            If the monitor was calibrated at another sample period.
         """
         wanted_s = self.monitor.sample_period_s
         if wanted_s is not None and not same_period(wanted_s, sample_period_s):

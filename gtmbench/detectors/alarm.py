@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.virtual import ANGLES
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
@@ -194,11 +193,6 @@ class Alarm:
         if set(names) <= set(ANGLES) and not self.last.swapped and not self.last.doubt:
             return f"reference attitude failed ({' or '.join(names)})"
         return self.last.verdict
-
-    alarm_s = renamed("Finding.alarm_s", "time_s")
-    residual = renamed("Finding.residual", "source")
-    series = renamed("Finding.series", "test")
-    resumed_s = renamed("Finding.resumed_s", "end_known_s")
 
 
 SAID = ("alarm (s)", "onset (s)", "of", "said")  # what `said_of` says, column by column

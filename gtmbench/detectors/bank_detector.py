@@ -153,12 +153,12 @@ class BankMonitor(CalibratedBank):
         before : Record, optional
             Healthy, of the same sensors: their noise is learnt on its last 20 s, so that watching begins at once.
         progress : callable
-            Told ``watch``, how many rows are done, and of how many.
+            Called with ``watch``, the rows done and the total.
 
         Raises
         ------
         InputError
-            Where the record lacks a channel of the bank or has another sample period.
+            If the record lacks a channel of the bank or has another sample period.
         """
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
@@ -342,7 +342,7 @@ class BankDetector:
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> BankMonitor:
-        """Identify the bank and set its thresholds for a false-alarm rate, 0.002 an hour unless told."""
+        """Identify the bank and set its thresholds for a false-alarm rate, by default 0.002 an hour."""
         return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
@@ -385,19 +385,19 @@ def calibrate(
     bank : Bank, str or Path
         Or what `load_bank` takes: a name, such as ``C``, or a TOML file.
     false_alarms_per_hour : float, optional
-        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
+        Wanted of the whole monitor (by default 0.002); far below 1 over the hours given, it stands on extrapolated
         tails.
     estimator : Estimator, optional
         `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
     provenance : mapping, optional
         Kept with the monitor: where the records come from.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where channels are missing or constant, or the records too short.
+        If channels are missing or constant, or the records too short.
 
     Examples
     --------

@@ -204,7 +204,7 @@ class SimpleMonitor:
         Raises
         ------
         InputError
-            Where the record lacks a channel or has another sample period.
+            If the record lacks a channel or has another sample period.
         """
         check_record(record)
         known_s = np.round(record.time_s + self.look_ahead_s, 9)
@@ -273,7 +273,7 @@ class SimpleStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         clock, record = self._buffer.joined(chunk)
         known = clock.known(len(chunk), self._monitor.behind)

@@ -57,7 +57,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Where the file can't be written there, or the monitor holds what couldn't be read back.
+        If the file can't be written there, or the monitor holds what couldn't be read back.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def kind_of(detector: Detector | Monitor) -> str:
     Raises
     ------
     InputError
-        Where somebody's own goes by a name that is gtmbench's.
+        If somebody's own goes by a name that is gtmbench's.
     """
     if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"

@@ -14,7 +14,6 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.notebook import card
@@ -54,7 +53,7 @@ class Stream(Protocol):
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
 
 
@@ -156,12 +155,12 @@ class Detector(Protocol):
         false_alarms_per_hour : float, optional
             Wanted of the monitor; None: the recipe's own factor or rate.
         progress : callable
-            Told the step, how many are done, and of how many.
+            Called with the step, the number done and the total.
 
         Raises
         ------
         InputError
-            Where a rate is asked for that the recipe can't promise, or the records don't allow it.
+            If a rate is asked for that the recipe can't promise, or the records don't allow it.
         """
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = _NONE) -> Monitor:
@@ -341,10 +340,6 @@ class Watch:
         row = round((onset_s - self.record.start_s) / self.record.sample_period_s)
         return integrated_angle(self.record, sensor, row)
 
-    findings = renamed("Watch.findings", "alarms")
-    levels = renamed("Watch.levels", "scores")
-    given_up = renamed("Watch.given_up", "disarmed")
-
 
 def watch(monitor: Monitor, record: Record) -> Watch:
     """Watch a record with a monitor, as its own `watch` does.
@@ -358,7 +353,7 @@ def watch(monitor: Monitor, record: Record) -> Watch:
     Raises
     ------
     InputError
-        Where the record lacks a channel of the monitor or has another sample period.
+        If the record lacks a channel of the monitor or has another sample period.
 
     Examples
     --------

@@ -42,7 +42,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     Raises
     ------
     InputError
-        Where there is no such detector, or the file isn't of it.
+        If there is no such detector, or the file isn't of it.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     Raises
     ------
     InputError
-        Where it is Python, or there is none of that name.
+        If it is Python, or there is none of that name.
     """
     if is_python(source):
         raise InputError(

@@ -44,7 +44,7 @@ class DissertationOperator:
     threshold_factor : float
         Times the greatest E(k) of the healthy record.
     identify_s, threshold_s : (start, end), optional
-        The parts of the two records that are used (k Ts of windows, for the threshold); all of them unless told.
+        The parts of the two records that are used (k Ts of windows, for the threshold), by default all.
 
     Examples
     --------
@@ -90,12 +90,12 @@ class DissertationOperator:
         false_alarms_per_hour : None
             It has a factor, and promises no rate.
         progress : callable
-            Told the step, how many are done, and of how many.
+            Called with the step, the number done and the total.
 
         Raises
         ------
         InputError
-            Where a rate is asked for, or less than two records are given.
+            If a rate is asked for, or less than two records are given.
         """
         if false_alarms_per_hour is not None:
             raise InputError(
@@ -239,7 +239,7 @@ class NormMonitor:
         Raises
         ------
         InputError
-            Where the record lacks a channel or has another sample period.
+            If the record lacks a channel or has another sample period.
         """
         check_record(record)
         errors = residual(self.operator, record)
@@ -296,7 +296,7 @@ class NormAlarmStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         crossed = self._crossings.push(self._norm.push(self._residual.push(chunk)))
         times_s = np.round(crossed.time_s, 9).tolist()

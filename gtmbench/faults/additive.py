@@ -112,7 +112,7 @@ class RandomWalk(Fault):
     gain : float
         In the channel's unit per sqrt(s).
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------
@@ -150,7 +150,7 @@ class Noise(Formula):
     deviation : float
         Standard deviation, in the channel's unit.
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------
@@ -180,7 +180,7 @@ class Spikes(Formula):
     rate_hz : float
         How many a second.
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------

@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
-from gtmbench.channels import unit_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.checks import number, shown
 from gtmbench.clock import even_times_s
 from gtmbench.errors import InputError
@@ -284,7 +284,7 @@ def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: Attitud
     Raises
     ------
     InputError
-        Where the record lacks a channel, or a fault's onset lies outside of it.
+        If the record lacks a channel, or a fault's onset lies outside of it.
 
     Examples
     --------

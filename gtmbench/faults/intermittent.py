@@ -35,7 +35,7 @@ class Intermittent:
     Raises
     ------
     InputError
-        Where a figure can't be meant.
+        If a value is invalid.
 
     Examples
     --------

@@ -132,10 +132,8 @@ def setting(
     ----------
     unit : str
         Its own.
-    low, high, above
-        What it may be: low..high, with `above` more than low.
-    default
-        What it is when nothing is said; left out: it must be given.
+    low, high, above, default
+        As `severity` takes them.
 
     Examples
     --------

@@ -35,15 +35,10 @@ class Remark:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
-    ...     log = gb.open_log(Path(folder, "flight.csv"))
-    >>> [(remark.kind, remark.start_s, remark.end_s) for remark in log.remarks]
-    [('gap', 3.9, 6.0)]
+    >>> gap = gb.Remark(kind="gap", channel=None, start_s=3.9, end_s=6.0, text="nothing from 3.90 to 6.00 s")
+    >>> gap.end_s - gap.start_s
+    2.1
     """
 
     kind: str
@@ -107,8 +102,8 @@ class FlightLog:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
     ...     log = gb.open_log(Path(folder, "flight.csv"))
-    >>> log.channels, log.sample_period_s, [len(segment) for segment in log.segments]
-    (('p',), 0.1, [40, 40])
+    >>> log.channels, [len(segment) for segment in log.segments], log.remarks[0].kind
+    (('p',), [40, 40], 'gap')
     """
 
     path: Path

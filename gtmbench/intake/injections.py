@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from gtmbench.channels import GYROS
 from gtmbench.checks import one_line
 
-GYRO, GYROS = "gyro", ("p", "q", "r")  # a sensor of three axes, and the channels that it is
+GYRO = "gyro"  # a sensor of three axes
 
 
 @dataclass(frozen=True, kw_only=True)

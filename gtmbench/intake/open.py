@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import SENSORS
+from gtmbench.channels import ATTITUDE, SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
@@ -29,8 +29,6 @@ from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import Track
 from gtmbench.pieces import beside
 from gtmbench.record import Record
-
-_ATTITUDE = ("phi", "theta", "psi")
 
 
 def open_log(
@@ -70,7 +68,7 @@ def open_log(
     Raises
     ------
     InputError
-        Where the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
+        If the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
 
     Examples
     --------
@@ -156,7 +154,7 @@ def _opened(
         events=events,
         injections=_injections(raw, breaks_s, segments),
         imus=imus_of(raw),
-        attitude_from_gyros=raw.attitude_from_gyros and not set(_ATTITUDE) <= set(columns),
+        attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
     )
 
 

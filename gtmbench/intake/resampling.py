@@ -66,7 +66,7 @@ def decimate(record: Record, factor: int) -> Record:
     Raises
     ------
     InputError
-        Where the factor isn't a whole number of 1 or more, or the record is too short.
+        If the factor isn't a whole number of 1 or more, or the record is too short.
 
     Examples
     --------

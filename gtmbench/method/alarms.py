@@ -63,7 +63,7 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
     Raises
     ------
     InputError
-        Where no complete window begins in that span.
+        If no complete window begins in that span.
 
     Examples
     --------
@@ -127,12 +127,12 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     threshold : float
         In the norm's unit.
     start_s : float
-        k Ts of the first window that is watched, in seconds; all of them unless told.
+        k Ts of the first window that is watched, in seconds, by default all.
 
     Raises
     ------
     InputError
-        Where the threshold isn't a positive number.
+        If the threshold isn't a positive number.
 
     Examples
     --------

@@ -48,14 +48,14 @@ def identify(
     Raises
     ------
     InputError
-        Where channels are missing, constant, hold NaN, or the records are too short.
+        If channels are missing, constant, hold NaN, or the records are too short.
 
     Warns
     -----
     RankWarning
-        Where the data don't determine the Markov parameters (noise-free sinusoids don't), naming the channels.
+        If the data don't determine the Markov parameters (noise-free sinusoids don't), naming the channels.
     ConvergenceWarning
-        Where a noise model hasn't settled.
+        If a noise model hasn't settled.
 
     Examples
     --------

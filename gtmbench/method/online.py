@@ -45,7 +45,7 @@ class RecursiveIdentification:
     Raises
     ------
     InputError
-        Where names, orders or the forgetting factor can't be meant.
+        If names, orders or the forgetting factor are invalid.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class RecursiveIdentification:
         Raises
         ------
         InputError
-            Where a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
+            If a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
         """
         check_record(record)
         values = record.matrix((*self.inputs, *self.outputs))
@@ -128,7 +128,7 @@ class RecursiveIdentification:
         Raises
         ------
         InputError
-            Where they are too few yet, or a channel has been constant.
+            If they are too few yet, or a channel has been constant.
 
         Warns
         -----

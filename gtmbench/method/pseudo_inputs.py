@@ -241,7 +241,7 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     Raises
     ------
     InputError
-        Where a name is unknown, or channels are missing: what can be built from those that are there is said.
+        If a name is unknown, or channels are missing: what can be built from those that are there is said.
 
     Examples
     --------

@@ -100,7 +100,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     Raises
     ------
     InputError
-        Where the record lacks a channel or has another sample period.
+        If the record lacks a channel or has another sample period.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
     Raises
     ------
     InputError
-        Where the operator has no noise model; otherwise as `residual`.
+        If the operator has no noise model; otherwise as `residual`.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     Raises
     ------
     InputError
-        Where the window is negative.
+        If the window is negative.
 
     Examples
     --------

@@ -50,7 +50,7 @@ class ResidualStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
+            If the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
         check_record(record)
         chunk = ChunkClock(
@@ -78,12 +78,12 @@ class NormStream:
     Parameters
     ----------
     window : int
-        w; w + 1 squares are summed.
+        w, as `windowed_norm` takes it.
 
     Raises
     ------
     InputError
-        Where the window is negative.
+        If the window is negative.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class NormStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before.
+            If the chunk doesn't continue the one before.
         """
         source = f"outputs {', '.join(residual.outputs)} with a look-ahead of {residual.look_ahead_s} s"
         clock = advanced(self._clock, ChunkClock.of(residual.time_s, residual.sample_period_s, source))
@@ -149,15 +149,13 @@ class AlarmStream:
 
     Parameters
     ----------
-    threshold : float
-        In the norm's unit.
-    start_s : float
-        Windows that begin before this time aren't watched.
+    threshold, start_s
+        As `alarms` takes them.
 
     Raises
     ------
     InputError
-        Where the threshold isn't a positive number.
+        If the threshold isn't a positive number.
 
     Examples
     --------
@@ -185,7 +183,7 @@ class AlarmStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before.
+            If the chunk doesn't continue the one before.
         """
         source = f"windows of {norm.window + 1} samples with a look-ahead of {norm.look_ahead_s} s"
         clock = advanced(self._clock, ChunkClock.of(norm.time_s, norm.sample_period_s, source))

@@ -164,7 +164,7 @@ class Transmissibility:
         Raises
         ------
         InputError
-            Where there is no such output.
+            If there is no such output.
         """
         root = self.covariance_root(output)
         return np.asarray((root @ root.T).reshape((len(self.lags), len(self.inputs)) * 2))
@@ -175,7 +175,7 @@ class Transmissibility:
         Raises
         ------
         InputError
-            Where there is no such output.
+            If there is no such output.
         """
         if output not in self.outputs:
             raise InputError(f"'{output}' isn't a pseudo output of {self.name}; it has {', '.join(self.outputs)}")
@@ -202,7 +202,7 @@ class Transmissibility:
         Raises
         ------
         InputError
-            Where the record lacks an input or has another sample period.
+            If the record lacks an input or has another sample period.
         """
         record.check_period(self.sample_period_s, f"the operator {self.name} was identified at")
         return self.predicted([record[name] for name in self.inputs])

@@ -57,13 +57,8 @@ def watch_fleet(
         The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png`` and ``report.md``.
     limit_s : float
         How long one log may take.
-    jobs : int
-        Processes. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
-    resume : bool
-        Go on with what stands in the folder.
-    progress : callable
-        Told the step, how many are done, and of how many.
+    jobs, resume, progress
+        As `campaign` takes them.
 
     Returns
     -------
@@ -73,7 +68,7 @@ def watch_fleet(
     Raises
     ------
     InputError
-        Where there is no log, none could be watched so, or the folder is of another fleet, or in use.
+        If there is no log, none could be watched so, or the folder is of another fleet, or in use.
 
     Examples
     --------

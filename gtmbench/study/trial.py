@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
-from typing import cast
 
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.loop import LoopEvent, departed_s
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import unit_of
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
-from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.method.alarms import Alarms, alarms
-from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.notebook import card
 from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation
@@ -45,25 +40,11 @@ class Baseline:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> shared = trial.baseline
     >>> shared.detector, shared.monitor.operator.name, shared.false_alarms, round(3600 * shared.healthy_hours)
-    ('dissertation', '[p q beta] -> r', 0, 185)
+    ('dissertation', '[p q beta] -> r', 0, 2311)
     """
 
     detector: str
@@ -75,13 +56,6 @@ class Baseline:
     watch: Watch = field(repr=False)
     false_alarms: int
     healthy_hours: float
-
-    watched = renamed("MonitoredBaseline.watched", "watch")
-    operator = renamed("Baseline.operator", "monitor.operator")
-    threshold = renamed("Baseline.threshold", "monitor.threshold")
-    armed_s = renamed("Baseline.armed_s", "watch.scores['E(k)'].armed_s", lambda self: self.watch.scores[SCORE].armed_s)
-    norm = renamed("Baseline.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
-    residual = renamed("Baseline.residual", "watch.residuals", lambda self: _residual(self.watch))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,24 +120,10 @@ class Trial(Injection, Verdict):
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> trial.channel, trial.detected, round(trial.detection_delay_s, 1), trial.watch.scores["E(k)"].unit
-    ('p', True, 2.1, 'deg/s')
+    ('p', True, 6.1, 'deg/s')
     """
 
     detector: str
@@ -200,13 +160,6 @@ class Trial(Injection, Verdict):
             "unexpected": list(self.unexpected),
         }
 
-    watched = renamed("MonitoredTrial.watched", "watch")
-    peak_level = renamed("MonitoredTrial.peak_level", "peak_ratio")
-    window_s = renamed("Trial.window_s", "baseline.monitor.window_s")
-    alarms = renamed("Trial.alarms", "watch.alarms", lambda self: _crossings(self.watch))
-    norm = renamed("Trial.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
-    residual = renamed("Trial.residual", "watch.residuals", lambda self: _residual(self.watch))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
@@ -221,24 +174,10 @@ class Study:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p", "q"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     study = gb.run_study([gb.load_scenario(f"{folder}/short.toml")])
+    >>> study = gb.run_study([gb.load_scenario("jam")])
     >>> [(trial.channel, trial.detected) for trial in study.trials]
-    [('p', True), ('q', True)]
+    [('p', True), ('q', True), ('r', True)]
     >>> study.baseline.detector, study.baseline.false_alarms
     ('dissertation', 0)
     """
@@ -316,16 +255,3 @@ def _differences(verdict: Verdict, expected: Expectation) -> Iterator[str]:
         yield f"{verdict.verdict or 'no sensor named'}, expected {' or '.join(wanted)}"
     if expected.kind is not None and verdict.kind != expected.kind:
         yield f"kind {verdict.kind or 'not told'}, expected {expected.kind}"
-
-
-def _residual(watch: Watch) -> Residual:
-    """Return what trials held of the dissertation's operator, one release ago."""
-    return residual(cast(NormMonitor, watch.monitor).operator, watch.record)
-
-
-def _norm(watch: Watch) -> WindowedNorm:
-    return windowed_norm(_residual(watch), window=cast(NormMonitor, watch.monitor).window)
-
-
-def _crossings(watch: Watch) -> Alarms:
-    return alarms(_norm(watch), cast(NormMonitor, watch.monitor).threshold)

@@ -53,7 +53,7 @@ def assert_detects(
     AssertionError
         Naming what was found, what was allowed and the recording.
     InputError
-        Where an argument can't be meant, or the fault changes nothing.
+        If an argument is invalid, or the fault changes nothing.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
     AssertionError
         Naming output, figure, bound and recording.
     InputError
-        Where an argument can't be meant.
+        If an argument is invalid.
 
     Examples
     --------

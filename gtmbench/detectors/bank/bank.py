@@ -7,14 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
-from gtmbench.shipped import shipped_banks
+from gtmbench.shipped import read_shipped, shipped_banks
 
 _MOST_RESIDUALS = 50
 _DRIVEN_WHITENING_S = 1.5
@@ -145,8 +143,6 @@ class Bank:
         """
         return replace(self, attitude_from_gyros=True, whitening_s=max(self.whitening_s, _DRIVEN_WHITENING_S))
 
-    disturbs = renamed("Bank.disturbs", "affects")
-
 
 def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) -> None:
     """Refuse channels that lack one which a detector needs, and say which bank could be used instead."""
@@ -182,11 +178,7 @@ def load_bank(source: str | Path) -> Bank:
     >>> bank.affects("psi")
     ('p', 'q', 'r')
     """
-    shipped = shipped_banks()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "bank", shipped))
-    table = read_toml(path, "bank")
+    path, table = read_shipped(source, "bank", shipped_banks())
     with naming(path):
         return bank_of(text("its name", path.stem), table)
 

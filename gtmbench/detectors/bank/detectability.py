@@ -87,7 +87,7 @@ def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> S
     Raises
     ------
     InputError
-        Where a record is given without a monitor, lacks channels, or is too short for residuals in its second half.
+        If a record is given without a monitor, lacks channels, or is too short for residuals in its second half.
 
     Examples
     --------

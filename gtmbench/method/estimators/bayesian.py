@@ -91,7 +91,7 @@ class Bayesian:
         Raises
         ------
         InputError
-            Where there are too few complete windows of samples.
+            If there are too few complete windows of samples.
         """
         inputs = len(problem.inputs)
         blocks = [stretch.read(0, len(stretch)).T for stretch in problem.stretches if len(stretch) >= problem.lags]

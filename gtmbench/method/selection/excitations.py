@@ -92,7 +92,7 @@ def count_excitations(
     Raises
     ------
     InputError
-        Where channels are missing, too many or too few, or the records are too short for p inputs.
+        If channels are missing, too many or too few, or the records are too short for p inputs.
 
     Notes
     -----

@@ -77,14 +77,14 @@ def select_inputs(
     causal_order, noncausal_order : int
         r and d.
     most : int, optional
-        How many inputs at most; all candidates unless told.
+        How many inputs at most (by default all candidates).
     weights : array_like, optional
         As for `identify`.
 
     Raises
     ------
     InputError
-        Where channels are missing or the records are too short for all candidates.
+        If channels are missing or the records are too short for all candidates.
 
     Examples
     --------

@@ -72,7 +72,7 @@ class OrderChoice:
         Raises
         ------
         InputError
-            Where the table has no such column.
+            If the table has no such column.
         """
         if name not in self.table.columns[2:]:
             raise InputError(f"the table has no column '{name}'; it has {', '.join(self.table.columns[2:])}")
@@ -106,7 +106,7 @@ def select_orders(
     inputs, outputs : sequence of str
         Pseudo inputs and pseudo outputs.
     causal_orders, noncausal_orders : iterable of int, or int
-        Grid of r and d, in samples; 0 to 50 unless told.
+        Grid of r and d, in samples (by default 0 to 50).
     validation : Record or sequence of Record, optional
         Healthy measurements that nothing was identified on.
     weights : array_like, optional
@@ -115,7 +115,7 @@ def select_orders(
     Raises
     ------
     InputError
-        Where no order is given, or the largest can't be identified on the records.
+        If no order is given, or the largest can't be identified on the records.
 
     Notes
     -----

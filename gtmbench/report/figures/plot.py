@@ -63,7 +63,7 @@ def plot(value: Any) -> Figure:
     Raises
     ------
     InputError
-        Where it is none of these.
+        If it is none of these.
 
     Examples
     --------

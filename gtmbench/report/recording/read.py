@@ -46,7 +46,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        Where it isn't a whole recording, or another application's.
+        If it isn't a whole recording, or another application's.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def recording_in(given: Path) -> Path:
     Raises
     ------
     InputError
-        Where a folder holds none, or several.
+        If a folder holds none, or several.
     """
     if not given.is_dir():
         return given

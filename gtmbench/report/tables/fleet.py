@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gtmbench.channels import GYROS
 from gtmbench.columns import Column, Row
 from gtmbench.faults.additive import Bias
 from gtmbench.parts import Parts
@@ -17,7 +18,6 @@ from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot import of_sensors, words_of
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.self_check.motion import GYROS
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
 ERROR = "error"

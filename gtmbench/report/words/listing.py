@@ -7,7 +7,7 @@ import shlex
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.errors import InputError
@@ -18,9 +18,9 @@ from gtmbench.report.words.units import counted
 from gtmbench.shipped import shipped_banks
 
 _KINDS = (
-    ("gyros", ("p", "q", "r")),
-    ("attitude", ("phi", "theta", "psi")),
-    ("accelerometers", ("nx", "ny", "nz")),
+    ("gyros", GYROS),
+    ("attitude", ATTITUDE),
+    ("accelerometers", ACCELEROMETERS),
     ("air data", ("alpha", "beta", "tas")),
     ("others", tuple(CHANNELS)),
 )

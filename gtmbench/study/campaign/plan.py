@@ -14,12 +14,11 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import keys, naming, number, shown, table_of, text
+from gtmbench.checks import boolean, keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.plain import plain
-from gtmbench.shipped import shipped_campaigns
+from gtmbench.shipped import read_shipped, shipped_campaigns
 from gtmbench.study.calibration import OWN
 from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
 from gtmbench.study.campaign.searches import Search, searches_of
@@ -222,7 +221,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     ----------
     source : str or Path
     detectors : sequence of str
-        That watch beside those that it names.
+        They watch in addition to its own.
 
     Raises
     ------
@@ -236,11 +235,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     >>> campaign.flights, campaign.trials, campaign.detectors
     (1, 15, ('dissertation',))
     """
-    shipped = shipped_campaigns()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "campaign", shipped))
-    table = read_toml(path, "campaign")
+    path, table = read_shipped(source, "campaign", shipped_campaigns())
     with naming(path):
         campaign = _campaign(path.stem, table)
     return campaign.watched_by(detectors)
@@ -257,9 +252,6 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
     detectors = _names("detectors", own.get("detectors", [OWN]))
     for python in filter(is_python, detectors):
         for_data_file(python)  # refuses it
-    isolate = own.get("isolate", True)
-    if not isinstance(isolate, bool):
-        raise InputError(f"isolate is {shown(isolate)}; it must be true or false")
     calibration, rate = _calibration(own.get("calibration", {}))
     campaign = Campaign(
         name=name,
@@ -268,7 +260,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         axes=axes,
         healthy=healthy,
         detectors=detectors,
-        isolate=isolate,
+        isolate=boolean("isolate", own.get("isolate", True)),
         calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),

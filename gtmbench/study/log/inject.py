@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
-from gtmbench.channels import unit_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
@@ -94,7 +94,7 @@ def inject_log(
     Raises
     ------
     InputError
-        Where the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
+        If the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
         attitude passes +-85 deg of pitch; nothing is written.
 
     Examples

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
@@ -43,7 +43,7 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     Raises
     ------
     InputError
-        Where the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
+        If the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
 
     Examples
     --------

@@ -153,7 +153,7 @@ def score_log(
     Raises
     ------
     InputError
-        Where the log says of no failure, can't be watched, or a healthy span holds one.
+        If the log says of no failure, can't be watched, or a healthy span holds one.
 
     Examples
     --------

@@ -93,12 +93,12 @@ def watch_log(
         it is of its ``own``. ``auto`` is what the format documents, else what the samples show: driven where they don't
         show that it is of its own. A monitor keeps what it was calibrated with.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where a log can't be read, lacks channels, or holds too little that is healthy.
+        If a log can't be read, lacks channels, or holds too little that is healthy.
 
     Examples
     --------

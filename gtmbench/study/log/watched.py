@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -147,8 +146,6 @@ class WatchedLog:
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that says what would have been named, too: that takes seconds."""
         return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
-
-    findings = renamed("WatchedLog.findings", "alarms")
 
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:

@@ -17,7 +17,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import Residual
 from gtmbench.record import FloatArray, Record, check_record, frozen
-from gtmbench.theory.state_space import StateSpace, companion
+from theory.state_space import StateSpace, companion
 
 _TRUSTED = 1e-4  # of a column's length, what those before it must leave: of less, squares would lose too many digits
 Channels = tuple[str, str]
@@ -122,8 +122,8 @@ def iv4(record: Record, *, order: int, instrument: str, reach: int = 50, channel
 
     Examples
     --------
-    >>> from gtmbench.theory.closed_loop import loop_records
-    >>> from gtmbench.theory.plants import example_3_2
+    >>> from theory.closed_loop import loop_records
+    >>> from theory.plants import example_3_2
     >>> loop = example_3_2()
     >>> record = loop_records(loop.plant, loop.gain, samples=2000, snr=1e8)[0]
     >>> iv4(record, order=7, instrument="c").plant.poles.real[-3:].round(2)

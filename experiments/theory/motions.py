@@ -9,8 +9,8 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from gtmbench.record import FloatArray
-from gtmbench.theory.exact import Matrix, exact_entry, read_exactly, rows
-from gtmbench.theory.rational import Coefficients, DifferentialEquation, coefficients, entries
+from theory.exact import Matrix, exact_entry, read_exactly, rows
+from theory.rational import Coefficients, DifferentialEquation, coefficients, entries
 
 
 def holds_for_free_responses(equation: DifferentialEquation, A: Matrix, Ci: Matrix, Co: Matrix) -> bool:
@@ -24,7 +24,7 @@ def holds_for_free_responses(equation: DifferentialEquation, A: Matrix, Ci: Matr
     --------
     Signals that differ by a constant, as in Example 2.2.1: y_i = x1 with x1' = u, and y_o = x1 + x2 with x2' = 0.
 
-    >>> from gtmbench.theory.exact import exact_operator
+    >>> from theory.exact import exact_operator
     >>> model = {"A": [[0, 0], [0, 0]], "Ci": [[1, 0]], "Co": [[1, 1]]}
     >>> T = exact_operator(**model, B=[[1], [0]])
     >>> holds_for_free_responses(T.theorem_1, **model), holds_for_free_responses(T.reduced, **model)

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, frozen
-from gtmbench.theory.annuli import Annulus, annuli, on_circle, refuse_zero
-from gtmbench.theory.state_space import ComplexArray, StateSpace
-from gtmbench.theory.transfer_matrix import TransferMatrix
+from theory.annuli import Annulus, annuli, on_circle, refuse_zero
+from theory.state_space import ComplexArray, StateSpace
+from theory.transfer_matrix import TransferMatrix
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +72,7 @@ def laurent(
 
     Examples
     --------
-    >>> from gtmbench.theory.transfer_matrix import transfer_matrix
+    >>> from theory.transfer_matrix import transfer_matrix
     >>> G = transfer_matrix([[[1.0]]], np.poly([0.5, 1.5]))  # Example 3.4.2
     >>> series = laurent(G, causal_order=2, noncausal_order=1)
     >>> series.coefficients[:, 0, 0].round(9), series.annulus

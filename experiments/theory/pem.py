@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.signal
 
 from gtmbench.record import FloatArray, Record, frozen
-from gtmbench.theory.iir import Channels, IirModel, innovations, lagged, model_of, regressor, signals, solve
+from theory.iir import Channels, IirModel, innovations, lagged, model_of, regressor, signals, solve
 
 _LONG = 30  # lags, at least, of the ARX model that the search starts from
 _FEW = 10  # iterations, after which the better start is chosen

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files import atomic_folder, check_folder
 from gtmbench.plain import dumps, finite_or_none, plain
-from gtmbench.theory.polynomials import read_polynomial, write_polynomial
-from gtmbench.theory.rational import Coefficients, PolynomialMatrix, entries
+from theory.polynomials import read_polynomial, write_polynomial
+from theory.rational import Coefficients, PolynomialMatrix, entries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

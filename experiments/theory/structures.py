@@ -11,9 +11,9 @@ import numpy as np
 from gtmbench.checks import shown, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.theory.exact import Matrix, operator_of_system, read_exactly, rows
-from gtmbench.theory.rational import PolynomialMatrix, RationalOperator
-from gtmbench.theory.state_space import StateSpace
+from theory.exact import Matrix, operator_of_system, read_exactly, rows
+from theory.rational import PolynomialMatrix, RationalOperator
+from theory.state_space import StateSpace
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
 from gtmbench.record import FloatArray
-from gtmbench.theory.vibration import Modes, modes_of
+from theory.vibration import Modes, modes_of
 
 _X: Final = np.repeat([2, 3, 4], 3)  # powers of (4.14): x^(i+1) y^(j-1), i the slow index
 _Y: Final = np.tile([0, 1, 2], 3)

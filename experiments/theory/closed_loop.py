@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
-from gtmbench.theory.state_space import StateSpace
+from theory.state_space import StateSpace
 
 Noise = Literal["process", "measured", "input", "output"]
 
@@ -76,7 +76,7 @@ def loop_records(
 
     Examples
     --------
-    >>> from gtmbench.theory.plants import example_3_1
+    >>> from theory.plants import example_3_1
     >>> example = example_3_1()
     >>> loop_records(example.plant, example.gain, samples=50)[0].channels
     ('c0', 'c1', 'u0', 'u1', 'y0', 'y1')

@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
-from gtmbench.theory.rational import PolynomialMatrix, RationalOperator, adjugate_times
+from theory.rational import PolynomialMatrix, RationalOperator, adjugate_times
 
 Matrix = Any  # rows of ints, Fractions, floats or sympy expressions: lists, a numpy array, a sympy matrix
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, frozen
-from gtmbench.theory.state_space import ComplexArray, StateSpace, companion
+from theory.state_space import ComplexArray, StateSpace, companion
 
 _TOLERANCE = 1e-10  # of the norms of A, B and C: directions that are reached more weakly count as unreached
 

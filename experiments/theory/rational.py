@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.theory.state_space import ComplexArray
+from theory.state_space import ComplexArray
 
 Polynomial = Any  # of p: an element of sympy's ring K[p], K the rationals or rational functions of the symbols
 PolynomialMatrix = Any  # sympy's DomainMatrix over K[p]; .to_Matrix() makes it an ordinary sympy matrix

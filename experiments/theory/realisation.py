@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.theory.annuli import on_circle
-from gtmbench.theory.laurent import reflected
-from gtmbench.theory.state_space import StateSpace
+from theory.annuli import on_circle
+from theory.laurent import reflected
+from theory.state_space import StateSpace
 
 
 def markov_parameters(given: ArrayLike) -> FloatArray:
@@ -123,7 +123,7 @@ def realise(coefficients: ArrayLike, *, noncausal_order: int, stable_order: int,
 
     Examples
     --------
-    >>> from gtmbench.theory.laurent import laurent
+    >>> from theory.laurent import laurent
     >>> G = StateSpace([[0.5, 1.0], [0.0, 2.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[3.0]])
     >>> series = laurent(G, causal_order=5, noncausal_order=5)
     >>> again = realise(series.coefficients, noncausal_order=5, stable_order=1, unstable_order=1)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.theory.state_space import ComplexArray, StateSpace
+from theory.state_space import ComplexArray, StateSpace
 
 _TOLERANCE = 1e-12  # of the norm of A, in `on_circle`
 
@@ -36,7 +36,7 @@ class Annulus:
 def annuli(system: StateSpace) -> tuple[Annulus, ...]:
     """Return the maximal annuli of Definition 2, from the innermost one outwards: each has a Laurent series of its own.
 
-    The realisation must be minimal (`gtmbench.theory.transfer_matrix.minimal`): poles are eigenvalues of A. A multiple
+    The realisation must be minimal (`theory.transfer_matrix.minimal`): poles are eigenvalues of A. A multiple
     pole, which rounding takes apart, counts as one; see `on_circle`.
 
     >>> annuli(StateSpace([[0.5, 0.0], [0.0, -2.0]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]]))

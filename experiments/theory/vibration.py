@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, frozen
-from gtmbench.theory.state_space import ComplexArray, StateSpace
+from theory.state_space import ComplexArray, StateSpace
 
 _Ends = tuple[FloatArray, FloatArray]
 

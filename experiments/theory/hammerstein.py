@@ -22,7 +22,7 @@ from scipy.stats.distributions import rv_frozen
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, frozen
-from gtmbench.theory.state_space import StateSpace
+from theory.state_space import StateSpace
 
 Nonlinearity = Callable[[FloatArray], FloatArray]
 _BREAKS = (0.0,)  # sign(u) jumps there
@@ -171,7 +171,7 @@ def without_nonlinearities(G1: StateSpace, G2: StateSpace, parameters: int) -> F
 
     Examples
     --------
-    >>> from gtmbench.theory.state_space import companion
+    >>> from theory.state_space import companion
     >>> G1, G2 = companion([1.0, -0.5], [1.0, 0.3]), companion([1.0, 0.0], [1.0, 0.3])
     >>> without_nonlinearities(G1, G2, 40)[:4].round(9)
     array([1.   , 0.5  , 0.25 , 0.125])
