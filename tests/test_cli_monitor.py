@@ -78,7 +78,7 @@ def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     printed = json.loads(out)
     assert (code, err, printed["exit_code"], printed["outcome"]) == (1, "", 1, "failed")
     assert printed["identified_s"] == [[0.0, 30.0]]
-    assert [finding["verdict"] for finding in printed["findings"]] == ["q failed"]
+    assert [finding["text"] for finding in printed["findings"]] == ["q failed"]
     assert printed["stretches"][0]["start_s"] == 0.0
     assert printed["stretches"][-1]["end_s"] == pytest.approx(60.0, abs=0.05)
     assert {row["residual"] for row in printed["residuals"]} == {"p", "q", "r"}
@@ -118,7 +118,7 @@ def test_a_monitor_that_was_saved_watches_other_logs(cli):
     printed = json.loads(out)
     assert code == 1
     assert printed["identified_s"] == []
-    assert [finding["verdict"] for finding in printed["findings"]] == ["q failed"]
+    assert [finding["text"] for finding in printed["findings"]] == ["q failed"]
     assert cli("monitor", "healthy.csv", "--detector", "C.json", "-q")[0] == 0
     code, _, err = cli("monitor", "broken.csv", "--detector", "C.json", "--rate", 50)
     assert code == 2

@@ -150,7 +150,7 @@ def test_report_and_json_say_which_imu(watched):
     assert any(line.startswith("IMUs: q of IMU and IMU2 part by 4") for line in lines)
     assert lines[0].startswith("The pitch gyro (q) of IMU2 failed at 8")
     table = log_results(watched)
-    assert [(each["verdict"], each["imu"]) for each in table["findings"]] == [("q of IMU2 failed", "IMU2")]
+    assert [(each["text"], each["imu"]) for each in table["findings"]] == [("q of IMU2 failed", "IMU2")]
     assert table["imus"]["watched"] == "IMU"
     assert [imu["name"] for imu in table["log"]["imus"]] == ["IMU", "IMU2"]
 

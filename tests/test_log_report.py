@@ -188,9 +188,9 @@ def test_stretches_say_why_nothing_was_watched():
 def test_results_are_plain_data_and_say_what_the_watch_says(case):
     watched, results = case(), log_results(case())
     assert json.loads(json.dumps(results, allow_nan=False)) == results
-    assert (results["schema"], results["study"], results["outcome"]) == (2, "log", watched.outcome.name.lower())
+    assert (results["command"], results["outcome"]) == ("monitor", watched.outcome.name.lower())
     for row, alarm in zip(results["findings"], watched.alarms, strict=True):
-        assert (row["alarm_s"], row["sensor"], row["verdict"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
+        assert (row["alarm_s"], row["sensor"], row["text"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
         assert [judgement["time_s"] for judgement in row["judgements"]] == [
             judgement.time_s for judgement in alarm.judgements
         ]

@@ -319,7 +319,7 @@ def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli
     code, out, _ = cli(*watch, "--json")
     (finding,) = json.loads(out)["findings"]
     assert code == 1
-    assert (finding["verdict"], finding["kind"], finding["residual"], finding["test"]) == (
+    assert (finding["text"], finding["kind"], finding["residual"], finding["test"]) == (
         "p failed",
         "dropout",
         "p",

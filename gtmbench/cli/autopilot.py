@@ -11,6 +11,7 @@ from gtmbench.cli.aircraft import aircraft_options, at_condition, told_aircraft
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.files import atomic_write, check_file
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 
 @click.command("autopilot")
@@ -45,14 +46,16 @@ def autopilot_command(
     if out is not None:
         with atomic_write(out) as aside:
             aside.write_text(text, encoding="utf-8")
+    verdict = (
+        f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
+        f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."
+    )
     if as_json:
-        print_json(asdict(tuned) | ({} if out is None else {"out": str(out)}))
+        own = {"out": None if out is None else str(out), **asdict(tuned)}
+        print_json(envelope("autopilot", verdict, own))
     elif not quiet:
+        echo(verdict)
         echo(text.rstrip())
-        echo(
-            f"ten minutes of moderate turbulence: altitude within {tuned.altitude_off_ft:.0f} ft, speed within "
-            f"{tuned.tas_off_kt:.0f} kt, bank at most {tuned.bank_deg:.1f} deg"
-        )
         echo(
             f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
         )

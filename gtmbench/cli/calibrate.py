@@ -15,6 +15,7 @@ from gtmbench.cli.output import attitude_option, common_options, echo, map_optio
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def calibrate_command(
     from gtmbench.bench.imperfections import parse_imperfections
     from gtmbench.detectors.files import save_monitor
     from gtmbench.report.words.monitor import facts
+    from gtmbench.report.words.units import counted
     from gtmbench.study.calibration import with_provenance
     from gtmbench.study.healthy_records import CalibrationFlights, logged_records
     from gtmbench.study.log.auto import recipe_for_logs
@@ -115,9 +117,12 @@ def calibrate_command(
         monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         _check_luck(monitor, len(records), "logs" if logs else "flights")
         save_monitor(monitor, out)
+    bank = "bank " if getattr(monitor, "bank", None) else ""
+    verdict = f"Calibrated {bank}{monitor.name} on {counted(len(records), 'record')}: {out}."
     if as_json:
-        print_json(facts(monitor) | {"out": str(out)})
+        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(monitor)}))
     elif not quiet:
+        echo(verdict)
         _print_calibrated(monitor, records, attitude_of_logs)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
@@ -178,6 +183,7 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.files import load_monitor
     from gtmbench.report.words.monitor import facts
+    from gtmbench.report.words.units import counted
 
     if source is None:
         _list_banks(as_json, quiet)
@@ -192,9 +198,13 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
     table = signatures(monitor if monitor is not None else bank)
+    residuals = counted(len(bank.residuals), "residual")
+    verdict = f"Bank {bank.name} has {residuals}, of {', '.join(spec.output for spec in bank.residuals)}."
     if as_json:
-        print_json(_bank_json(table) | ({} if monitor is None else {"monitor": facts(monitor)}))
+        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor)}
+        print_json(envelope("bank", verdict, own))
     elif not quiet:
+        echo(verdict)
         if monitor is None:
             _print_residuals(bank)
         else:
@@ -206,9 +216,12 @@ def _list_banks(as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.bank.bank import load_bank
 
     banks = [load_bank(name) for name in shipped_banks()]
+    verdict = f"{len(banks)} banks ship with gtmbench."
     if as_json:
-        print_json({"banks": {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}})
+        own = {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}
+        print_json(envelope("bank-list", verdict, {"banks": own}))
     elif not quiet:
+        echo(verdict)
         rows = [[bank.name, bank.title, " ".join(bank.channels)] for bank in banks]
         print_table("Banks", ["name", "predicts", "needs"], rows)
         echo("one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml")

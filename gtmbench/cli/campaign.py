@@ -14,11 +14,10 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.parts import Parts, Shard
-
-SOME_FAILED = 3
 
 
 def _shard(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -75,7 +74,7 @@ def campaign_command(
     """
     from gtmbench.parts import Shard
     from gtmbench.report.tables.campaign import campaign_results, write_campaign
-    from gtmbench.report.words.campaign import plan_facts, plan_lines
+    from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
     from gtmbench.study.campaign.conduct import check_size, conduct
     from gtmbench.study.campaign.plan import load_campaign
     from gtmbench.study.campaign.watchers import named
@@ -88,7 +87,7 @@ def campaign_command(
         plan = plan_facts(campaign, named(campaign).names, processes)
         check_size(campaign, len(plan["detectors"]), yes=True)
         if as_json:
-            print_json(plan)
+            print_json(envelope("campaign-plan", plan_verdict(plan), plan))
         elif not quiet:
             for line in plan_lines(plan):
                 echo(line)
@@ -116,21 +115,25 @@ def campaign_command(
         print_json(results | {"out": str(folder)})
     elif not quiet:
         _print_results(results, folder)
-    return SOME_FAILED if results["failed"] else 0
+    return int(results["exit_code"])
 
 
 def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:
-    done = len(parts.done())
+    done, share = len(parts.done()), str(shard)
+    of = f"{done} of {parts.tasks} tasks stand in {parts.folder}/"
+    verdict = f"Shard {share} is done: {of}, --resume collects them."
     if as_json:
-        print_json({"out": str(parts.folder), "shard": str(shard), "tasks": parts.tasks, "tasks_done": done})
+        own = {"out": str(parts.folder), "shard": share, "tasks": parts.tasks, "tasks_done": done}
+        print_json(envelope("campaign-shard", verdict, own))
     elif not quiet:
-        echo(f"shard {shard}: done; {done} of {parts.tasks} tasks stand in {parts.folder}/, --resume collects them")
+        echo(verdict)
     return 0
 
 
 def _print_results(results: dict[str, Any], folder: Path) -> None:
     from gtmbench.report.words.campaign import fault_rows, summary_lines
 
+    echo(results["verdict"])
     columns, rows, right = fault_rows(results)
     if rows:
         print_table(f"{results['campaign']}: {results['title']}", columns, rows, right=right)

@@ -177,13 +177,9 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.check.report import changed_rows
+    from gtmbench.check.report import changed_rows, update_verdict
 
-    if not reference.recorded:
-        echo(f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}")
-        return
-    rows = changed_rows(changes)
+    echo(update_verdict(reference, changes))
+    rows = changed_rows(changes) if reference.recorded else []
     if rows:
         print_table(f"{reference.path}: what changes", ["figure", "was", "is", "unit"], rows, right=["was", "is"])
-    else:
-        echo(f"{reference.path}: nothing changes in {len(changes)} figures")

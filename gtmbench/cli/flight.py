@@ -14,6 +14,7 @@ from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.loop import LoopEvent
@@ -41,9 +42,15 @@ def trim_command(
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
+    verdict = (
+        f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
+        f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
+    )
     if as_json:
-        print_json({"trim": asdict(trimmed)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
+        own = {"trim": asdict(trimmed), "modes": [asdict(mode) for mode in linear or []]}
+        print_json(envelope("trim", verdict, own))
     elif not quiet:
+        echo(verdict)
         echo(trim_text(trimmed))
         if linear:
             _print_modes(linear)
@@ -132,6 +139,7 @@ def fly_command(
     from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
     from gtmbench.logs import check_log_path, write_log
+    from gtmbench.report.tables.loop import event_rows
     from gtmbench.report.words.judgement import loop_text
 
     check_log_path(out)
@@ -159,13 +167,14 @@ def fly_command(
             readings = measure(truth, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
             record = estimated_attitude(readings, truth, attitude, seed)
     write_log(record, out)
+    verdict = f"Wrote {out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s."
     if as_json:
         written = {"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
-        print_json(written | ({"events": [asdict(event) for event in events]} if closed_loop else {}))
+        print_json(envelope("fly", verdict, written, findings=event_rows(events)))
     elif not quiet:
+        echo(verdict)
         for event in events:
             echo(f"{event.time_s:g} s: {loop_text(event)}")
-        echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
 
 
 def _ratio(text: str) -> float:

@@ -14,6 +14,7 @@ from gtmbench.cli.faults import numbered, trial_number, trial_option
 from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
 from gtmbench.files import check_file
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
@@ -84,6 +85,7 @@ def inject_command(
     number = trial_number(trial, trials, scenario)
     faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
     from gtmbench.intake.read import read_log
+    from gtmbench.report.words.units import counted
     from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.inject import inject_log
 
@@ -91,9 +93,13 @@ def inject_command(
     read = read_log(log)
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
     changed = inject_log(read, out, faults, mapping=mapping, attitude=following.estimator or "own")
+    samples = sum(column.changed for column in changed)
+    verdict = f"Wrote {out}: trial {number} of {scenario} changed {counted(samples, 'sample')}."
     if as_json:
-        print_json(_summary(log, out, scenario, number, faults, changed, following))
+        own = _summary(log, out, scenario, number, faults, changed, following)
+        print_json(envelope("inject", verdict, own))
     elif not quiet:
+        echo(verdict)
         _print(out, faults, changed, following)
 
 
@@ -107,11 +113,15 @@ def _check_out(out: Path, log: Path, *, force: bool) -> None:
 
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
     from gtmbench.intake.contents import log_columns
+    from gtmbench.report.words.units import counted
 
     columns = log_columns(log)
+    verdict = f"{log} has {counted(len(columns), 'column')}, and the scenario {counted(len(trials), 'trial')}."
     if as_json:
-        print_json({"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]})
+        own = {"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]}
+        print_json(envelope("inject-list", verdict, own))
     elif not quiet:
+        echo(verdict)
         print_columns(log, columns)
         for line in numbered(trials):
             echo(f"trial {line}")

@@ -265,10 +265,10 @@ def _list(contents: LogContents, *, every: bool, as_json: bool) -> None:
     if as_json:
         print_json(contents_results(contents))
         return
-    if every:
-        print_columns(contents.path, contents.columns)
     for line in listing_lines(contents, screen_width()):
         echo(line)
+    if every:
+        print_columns(contents.path, contents.columns)
 
 
 def _nothing_to_watch_with(contents: LogContents) -> InputError:

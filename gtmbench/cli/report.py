@@ -10,6 +10,7 @@ from gtmbench.checks import number
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file
+from gtmbench.report.tables.envelope import envelope
 
 _FORMATS = {"html": "report.html", "md": "report.md", "json": "report.json", "table": "table.md"}  # default names
 
@@ -51,6 +52,7 @@ def report_command(
     from gtmbench.parts import read_parts
     from gtmbench.report.page.contents import contents_of
     from gtmbench.report.page.write import FORMATS
+    from gtmbench.report.tables.scores import first_and_rest
     from gtmbench.study.scores.scoring import DEADLINE_S
 
     suffix = "" if out is None or out.is_dir() else out.suffix.lstrip(".")
@@ -68,7 +70,8 @@ def report_command(
     with atomic_write(path) as aside:
         aside.write_text(FORMATS[form](contents), encoding="utf-8")
     if as_json:
-        print_json({"out": str(path), "verdict": contents.verdict})
+        verdict, findings = first_and_rest(contents.verdict)
+        print_json(envelope("report", verdict, {"out": str(path)}, findings=findings))
     elif not quiet:
         for line in contents.verdict:
             echo(line)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_write, check_file
 from gtmbench.progress import Progress, progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.detectors.protocol import Monitor
@@ -94,8 +94,12 @@ def rescue_command(
         with atomic_write(figure) as aside:
             rescue_figure(rescue).savefig(aside, dpi=150)
     if as_json:
-        events = {which: [asdict(event) for event in flight.events] for which, flight in rescue.flights.items()}
-        print_json({"out": str(out), "onset_s": onset_s, "events": events})
+        from gtmbench.report.tables.loop import event_rows
+        from gtmbench.report.words.study import rescue_verdict
+
+        told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
+        own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
+        print_json(envelope("rescue", rescue_verdict(rescue), own, findings=told))
     elif not quiet:
         _print(rescue)
         echo(f"{out}: both flights; gtmbench view {out}")

@@ -19,6 +19,7 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import MAIN_JOB
 
 if TYPE_CHECKING:
@@ -98,8 +99,7 @@ def run_command(
     watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
-        differs = _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)
-        return int(strict and differs)
+        return _run_seeds(loaded, watching, seeds, out, parts, strict=strict, as_json=as_json, quiet=quiet)
     with progress_bar(silent=as_json or quiet) as tell:
         study = run_study(
             loaded,
@@ -109,15 +109,19 @@ def run_command(
         )
         with atomic_folder(out) as folder:
             _write(study, folder, parts, lambda step: tell(step, None, None))
+    code = int(strict and any(trial.unexpected for trial in study.trials))
     if as_json:
-        from gtmbench.report.tables.results import results
+        from gtmbench.report.tables.results import results, unexpected
+        from gtmbench.report.words.study import study_verdict
 
-        print_json(results(study) | {"out": str(out)})
+        own = results(study)
+        told = unexpected(own["trials"])
+        print_json(envelope("run", study_verdict(study), own | {"out": str(out)}, exit_code=code, findings=told))
     elif not quiet:
         _print_study(study, out, parts)
         if strict and not any(trial.expected for trial in study.trials):
             echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
-    return int(strict and any(trial.unexpected for trial in study.trials))
+    return code
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,14 +161,12 @@ def _run_seeds(
     out: Path,
     parts: _Parts,
     *,
+    strict: bool,
     as_json: bool,
     quiet: bool,
-) -> bool:
-    """Run a study for every seed, each into a folder of its own, and put all of them into one table.
-
-    Return whether a trial went otherwise than its scenario expects.
-    """
-    from gtmbench.report.tables.results import write_tables
+) -> int:
+    """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
+    from gtmbench.report.tables.results import unexpected, write_tables
     from gtmbench.report.tables.seeds import SeedTable
     from gtmbench.study.run import run_study
 
@@ -178,15 +180,19 @@ def _run_seeds(
             _write(study, own, parts, lambda _step: None)
             table.add(seed, study)
         write_tables(table.results(), folder)
+    told = unexpected(table.trials)
+    code = int(strict and bool(told))
     if as_json:
-        print_json(table.results() | {"out": str(out)})
+        whole = table.results() | {"out": str(out)}
+        print_json(envelope("run-seeds", table.verdict(), whole, exit_code=code, findings=told))
     elif not quiet:
+        echo(table.verdict())
         for line in table.summary_lines():
             echo(line)
         columns, rows, right = table.rows()
         print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
         echo(f"one folder a seed, all trials in trials.csv: {out}/")
-    return any(row["unexpected"] for row in table.trials)
+    return code
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
@@ -216,11 +222,14 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
     options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
+    verdict = f"Showing {recording} in the rerun viewer."
+    if not (as_json or quiet):
+        echo(verdict)
     ended = subprocess.run([*_RERUN, str(recording), *options], capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
-        print_json({"recording": str(recording)})
+        print_json(envelope("view", verdict, {"recording": str(recording)}))
 
 
 @click.command("new")
@@ -250,7 +259,9 @@ def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_js
     check_file(target, force=False)
     with atomic_write(target) as aside:
         aside.write_text(text, encoding="utf-8")
+    verdict = f"Wrote {target}; edit it, then run: {how}"
     if as_json:
-        print_json({"aircraft" if aircraft is not None else "scenario": str(target)})
+        what = "aircraft" if aircraft is not None else "scenario"
+        print_json(envelope("new", verdict, {"out": str(target), "what": what}))
     elif not quiet:
-        echo(f"{target}: edit it, then: {how}")
+        echo(verdict)

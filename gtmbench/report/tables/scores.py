@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.report.words.scores import (
     rate_words,
     seconds_words,
@@ -20,7 +21,6 @@ from gtmbench.study.scores.compare import Rank
 from gtmbench.study.scores.intervals import Estimate, Share
 from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
 
-SCHEMA = 1
 _MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
 
 
@@ -346,11 +346,18 @@ def confusions(scores: Scores) -> list[Table]:
     ]
 
 
+def first_and_rest(lines: Sequence[str]) -> tuple[str, list[dict[str, str]]]:
+    """Return what a campaign comes to as a verdict, and what else is said of it as findings."""
+    return lines[0], [{"text": line} for line in lines[1:]]
+
+
 def scores_results(scores: Scores, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return scores as one JSON-ready object, schema 1; a detector without a score has None for it, and says why."""
+    """Return scores as one JSON-ready object; a detector without a score has None for it, and says why."""
+    verdict, findings = first_and_rest(verdict_lines(scores))
     return {
-        "schema": SCHEMA,
-        "verdict": verdict_lines(scores),
+        "verdict": verdict,
+        "findings": findings,
+        "schema_version": SCHEMA_VERSION,
         "target_per_hour": scores.target_per_hour,
         "deadline_s": scores.deadline_s,
         "detectors": scores.detectors,
