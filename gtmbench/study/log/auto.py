@@ -51,7 +51,8 @@ def bank_for_logs(
         composed_bank(there)  # refused before samples are looked at
     known = origin_in_logs(reads, mapping) if origin is None else origin
     bank = composed_bank(there, attitude_from_gyros=known.is_driven)
-    return BankDetector(bank=bank), unwatched(bank, there)
+    lost = {channel.name: channel.why_not for content in contents for channel in content.channels if channel.why_not}
+    return BankDetector(bank=bank), unwatched(bank, there, lost)
 
 
 def recipe_for_logs(
