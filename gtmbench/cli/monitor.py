@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -277,16 +278,13 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
     if contents.no_time or not channels:
         why = contents.no_time or "; ".join(doubts) or "no column is known as a channel: --map CHANNEL=COLUMN:UNIT"
         return InputError(f"{name} can't be watched yet: {why}")
-    allowed, _ = banks_for(contents.usable)
-    named = f"--detector {' or '.join(allowed)}, " if allowed else ""
-    try:
+    ways = [f"--inputs ... --outputs ... of {', '.join(channels[:30])}"]
+    if allowed := banks_for(contents.usable)[0]:
+        ways.insert(0, f"--detector {' or '.join(allowed)}")
+    with suppress(InputError):
         composed_bank(contents.usable)
-        banks = f"give --identify T0:T1, what of it is healthy (bank {AUTO} watches the rest), {named}or"
-    except InputError:
-        banks = f"give {named}or" if allowed else "no bank's channels are there; give"
-    return InputError(
-        f"{name} can be watched; say by what: {banks} --inputs ... --outputs ... of {', '.join(channels[:30])}"
-    )
+        ways.insert(0, f"--identify T0:T1, what of it is healthy (bank {AUTO} watches the rest)")
+    return InputError(f"{name} can be watched; say by what: {', or '.join(ways)}")
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:

@@ -270,14 +270,18 @@ def _open(raw: RawLog, channel: str) -> str:
     """Return what is open about a channel that isn't there."""
     looks = [(series, told) for series in raw.series if (told := guess(series.name, series.unit)).channel == channel]
     known = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == channel]
-    words = [name for name in raw.ignored if guess(name).channel == channel]
     if channel not in CHANNELS:
         return f"no column has that name{meant(channel, [series.name for series in raw.series])}"
     if known or looks:
         return "; ".join(_doubt(raw, series, told) for series, told in (known or looks)[:3])
-    if words:
-        return f"column '{words[0]}' looks like {channel}, but holds text"
-    return f"nothing looks like it: {asked(channel, 'COLUMN')}"
+    words = [f"column '{name}' {why}" for name, why in of_words(raw).items() if guess(name).channel == channel]
+    return "; ".join(words) or f"nothing looks like {channel}: {asked(channel, 'COLUMN')}"
+
+
+def of_words(raw: RawLog) -> dict[str, str]:
+    """Return the columns that are named as channels and hold too much text to be one, and why not."""
+    channels = {name: guess(name).channel for name in raw.ignored}
+    return {name: f"looks like {channel}, but holds text" for name, channel in channels.items() if channel in CHANNELS}
 
 
 def open_questions(raw: RawLog) -> str:

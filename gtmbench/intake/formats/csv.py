@@ -122,7 +122,7 @@ def layout_of(path: Path) -> Layout:
 
 
 def _more_cells(names: Sequence[str], separator: str) -> str:
-    commas = "; if its decimals have commas, its cells need semicolons between them" if separator == "," else ""
+    commas = " If decimals have commas, cells need semicolons between them." if separator == "," else ""
     return f"rows have more cells than the {len(names)} that its first line names; is that the header?{commas}"
 
 
@@ -173,7 +173,7 @@ def _without_headers(frame: pd.DataFrame, first: str) -> tuple[pd.DataFrame, lis
     again = frame[0].astype(str).str.strip() == first
     if not again.any():
         return frame, []
-    return frame.mask(again), [f"its header stands between its rows, too, {again.sum()} times: files put together?"]
+    return frame.mask(again), [f"rows that repeat the header: {again.sum()}; were files put together?"]
 
 
 def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:

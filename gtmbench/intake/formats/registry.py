@@ -23,7 +23,7 @@ _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", 
 _OURS = {
     ".rrd": "a recording, which `gtmbench view` opens",
     ".toml": "a scenario, which `gtmbench run` flies",
-    ".json": "results, or a monitor; a log is watched with one by `gtmbench monitor LOG --detector FILE.json`",
+    ".json": "results, or a monitor; a log is watched with one by `gtmbench monitor LOG --detector {}`",
 }
 _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 _BOOK = re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04.{26}(\[Content_Types|_rels|docProps|xl/|mimetype)", re.DOTALL)
@@ -92,7 +92,7 @@ def _format(path: Path) -> Format:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")
     if path.suffix.lower() in _OURS:
-        raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()]}; {_READ}")
+        raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()].format(path)}; {_READ}")
     for form in FORMATS:
         if head.startswith(form.magic):
             return form

@@ -13,6 +13,7 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.names import guess
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
@@ -51,7 +52,9 @@ def bank_for_logs(
         composed_bank(there)  # refused before samples are looked at
     known = origin_in_logs(reads, mapping) if origin is None else origin
     bank = composed_bank(there, attitude_from_gyros=known.is_driven)
-    lost = {channel.name: channel.why_not for content in contents for channel in content.channels if channel.why_not}
+    doubts = [each for content in contents for each in content.columns if each.why_not]
+    lost = {guess(each.name).channel: f"column '{each.name}' {each.why_not}" for each in doubts}
+    lost |= {each.name: each.why_not for content in contents for each in content.channels if each.why_not}
     return BankDetector(bank=bank), unwatched(bank, there, lost)
 
 
