@@ -132,13 +132,14 @@ def listed(items: Iterable[str], word: str = "and") -> str:
 
 
 def meant(given: Any, known: Iterable[str]) -> str:
-    """Return how a message ends that lists what there is, where one of it is likely meant.
+    """Return how a message ends that lists what there is, where one of it is likely meant, in whatever case.
 
-    >>> meant("sed", ["seed", "aircraft"]), meant("x", ["seed"])
-    ("; did you mean 'seed'?", '')
+    >>> meant("sed", ["seed", "aircraft"]), meant("c", ["B", "C"]), meant("x", ["seed"])
+    ("; did you mean 'seed'?", "; did you mean 'C'?", '')
     """
-    close = get_close_matches(str(given)[:_LONGEST_TEXT], list(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    by_lower = {name.lower(): name for name in known}
+    close = get_close_matches(str(given)[:_LONGEST_TEXT].lower(), by_lower, n=1)
+    return f"; did you mean '{by_lower[close[0]]}'?" if close else ""
 
 
 def shown(value: Any) -> str:

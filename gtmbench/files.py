@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +44,20 @@ def is_folder(path: Path | str) -> bool:
         return Path(path).is_dir()
     except (OSError, ValueError):
         return False
+
+
+def no_such(path: Path, otherwise: str = "") -> str:
+    """Return what to say of a file that isn't there: where one of its name is, or what is called alike.
+
+    >>> no_such(Path("nowhere/monitor_of_nobody.json"), "`gtmbench calibrate` writes one")
+    'nowhere/monitor_of_nobody.json: no such file; `gtmbench calibrate` writes one'
+    """
+    folder, near = path.parent if is_folder(path.parent) else Path(), []
+    with suppress(OSError, ValueError):
+        near = [str(each) for pattern in ("*", "*/*") for each in islice(folder.glob(pattern), 1000) if is_file(each)]
+    here = [f"; did you mean '{name}'?" for name in near if Path(name).name == path.name]
+    likely = here[0] if here else meant(path, near)
+    return f"{path}: no such file{likely or (otherwise and f'; {otherwise}')}"
 
 
 def no_file(source: object, what: str, shipped: Iterable[str]) -> str:

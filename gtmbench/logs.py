@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from gtmbench.channels import channel_of, header_of
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_size, count_lines, is_file
+from gtmbench.files import atomic_write, check_size, count_lines, is_file, no_such
 from gtmbench.record import Record
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     path = Path(path)
     suffix = check_log_path(path)
     if not is_file(path):
-        raise InputError(f"{path}: no such file")
+        raise InputError(no_such(path))
     check_size(path, "log", LARGEST_LOG_BYTES)
     try:
         with warnings.catch_warnings():

@@ -136,10 +136,7 @@ def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
     code, out, err = cli("monitor", "healthy.csv")
     assert code == 2
     assert err.count("\n") == 1
-    assert (
-        "nothing was said about how to watch healthy.csv: give --identify T0:T1, what of it is healthy (bank auto"
-        in err
-    )
+    assert "healthy.csv can be watched; say by what: --identify T0:T1, what of it is healthy (bank auto watches" in err
     assert "--detector C-early or C-filtered or C or leave-one-out or paper, or --inputs" in err
     assert "bank auto: possible (p, q and r from phi, psi and theta, as bank C)" in out
     assert "with --detector: bank C-early, C-filtered, C, leave-one-out, paper" in out

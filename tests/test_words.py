@@ -60,7 +60,7 @@ def typed(tmp_path, cli):
         ("monitor book.xlsx", "is a spreadsheet's workbook; save its sheet as CSV"),
         ("monitor flight.csv --identify 0-25", "there is no such log; give a span in seconds, such as 0:30"),
         ("monitor flight.csv --identify 0-25", "did you mean 0:25?"),
-        ("monitor flight.csv --identify 0:5", "1 s apart; if its stamps are milliseconds, type --map time=COLUMN:ms"),
+        ("monitor flight.csv --identify 0:5", "flight.csv has 1 sample a second; at least 2.5 are needed"),
         ("monitor flght.csv", "flght.csv: no such file; did you mean 'flight.csv'?"),
         ("monitor seen/a.rrd", "is no log but, by its name, a recording, which `gtmbench view` opens"),
         ("monitor one.toml", "a scenario, which `gtmbench run` flies"),

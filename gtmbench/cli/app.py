@@ -8,11 +8,13 @@ foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a
 from __future__ import annotations
 
 import io
+import re
 import signal
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
@@ -32,6 +34,7 @@ from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
+from gtmbench.files import is_file
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
@@ -87,7 +90,7 @@ def _run(given: list[str], as_json: bool) -> int:
         click.echo(error.format_message())
         return 2
     except click.UsageError as error:
-        return _fail(_with_help(error), as_json)
+        return _fail(_with_help(error, given), as_json)
     except click.ClickException as error:
         return _fail(error.format_message(), as_json)
     except GtmbenchError as error:
@@ -102,11 +105,16 @@ def _run(given: list[str], as_json: bool) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _with_help(error: click.UsageError) -> str:
+def _with_help(error: click.UsageError, given: Sequence[str]) -> str:
     """Return what is wrong with a command line, and where it says how it should be."""
-    message = error.format_message().rstrip(".")
+    message = error.format_message().rstrip(".").replace("is not a valid float", "is no number")
     if error.ctx is None or "Did you mean" in message:
         return message
+    dashed = next((word for word in given if re.match(r"-[a-z]{2}", word)), None)
+    if isinstance(error, click.NoSuchOption) and dashed:
+        return f"{message}. Did you mean '-{dashed}'?"
+    if isinstance(error, click.NoSuchCommand) and is_file(Path(given[0])):
+        return f"{message}. Did you mean 'gtmbench monitor {given[0]}'?"
     return f"{message}; {error.ctx.command_path} --help says what there is"
 
 

@@ -153,7 +153,7 @@ def _update(
 def _check_target(path: Path) -> None:
     """Refuse, before the run, to write where that can't be meant."""
     if path.suffix != ".toml":
-        raise InputError(f"'{path}' should end in .toml")
+        raise InputError(f"'{path}' should end in .toml, as {path.stem}.toml")
     if is_installed() and path.resolve() in {shipped.resolve() for shipped in shipped_baselines().values()}:
         raise InputError(
             f"baseline {path.stem} is part of the installed package, which isn't written into; copy it ({path}), or "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from gtmbench.cli.output import (
     screen_width,
 )
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file, is_file
+from gtmbench.files import LOGS, atomic_write, check_file, is_file, no_such
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from gtmbench.study.log.watched import WatchedLog
 
 
-_DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # how else people write a span
+_DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 
 
 @click.command("monitor")
@@ -240,20 +241,22 @@ def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
     if is_file(Path(text)):
         return Path(text)
-    if ":" not in text:
-        dashed = _DASHED.fullmatch(text)
-        likely = f"; did you mean {dashed[1]}:{dashed[2]}?" if dashed else ""
-        raise InputError(
-            f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
-            f"{likely}"
-        )
-    start, end = (bound.strip() for bound in text.split(":", 1))
+    asked = f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
+    if Path(text).suffix.lower() in LOGS:
+        raise InputError(f"--identify: {no_such(Path(text))}")
+    dashed = _DASHED.fullmatch(text)
+    likely = ""
+    if dashed and dashed[1] != dashed[2]:
+        likely = "; did you mean {}:{}?".format(*sorted(dashed.groups(), key=float))
+    start, _, end = map(str.strip, text.partition(":"))
     try:
         start_s, end_s = float(start or "-inf"), float(end or "inf")
     except ValueError:
-        raise InputError(f"--identify is '{text}'; give a span in seconds, such as 0:30, or another log") from None
+        raise InputError(asked + likely) from None
+    if ":" not in text:
+        raise InputError(asked + (f"; did you mean 0:{start}?" if start_s > 0.0 else ""))
     if not start_s < end_s:  # so for NaN, too
-        raise InputError(f"--identify is '{text}'; the start must come before the end")
+        raise InputError(f"--identify is '{text}'; the start must come before the end{likely}")
     return start_s, end_s
 
 
@@ -276,21 +279,18 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
     from gtmbench.detectors.bank.composed import AUTO, composed_bank
     from gtmbench.report.words.listing import banks_for
 
-    channels = [*contents.usable, *contents.own_columns]
-    if not channels:
-        why = contents.no_time or f"no column becomes a channel of {contents.path.name}"
-        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {why}")
-    allowed, _ = banks_for(contents.usable)
-    named = f"--detector {' or '.join(allowed)}, " if allowed else ""
-    try:
+    channels, name = [*contents.usable, *contents.own_columns], contents.path.name
+    doubts = [f"column '{column.name}' {column.why_not}" for column in contents.columns if column.why_not]
+    if contents.no_time or not channels:
+        why = contents.no_time or "; ".join(doubts) or "no column is known as a channel: --map CHANNEL=COLUMN:UNIT"
+        return InputError(f"{name} can't be watched yet: {why}")
+    ways = [f"--inputs ... --outputs ... of {', '.join(channels[:30])}"]
+    if allowed := banks_for(contents.usable)[0]:
+        ways.insert(0, f"--detector {' or '.join(allowed)}")
+    with suppress(InputError):
         composed_bank(contents.usable)
-        banks = f"give --identify T0:T1, what of it is healthy (bank {AUTO} watches the rest), {named}or"
-    except InputError:
-        banks = f"give {named}or" if allowed else "no bank's channels are there; give"
-    return InputError(
-        f"nothing was said about how to watch {contents.path.name}: {banks} --inputs ... --outputs ... of "
-        f"{', '.join(channels[:30])}"
-    )
+        ways.insert(0, f"--identify T0:T1, what of it is healthy (bank {AUTO} watches the rest)")
+    return InputError(f"{name} can be watched; say by what: {', or '.join(ways)}")
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:

@@ -250,7 +250,7 @@ def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_js
     elif name is None:
         raise InputError("give the scenario's name, NAME.toml, or --aircraft")
     elif name.suffix != ".toml":
-        raise InputError(f"'{name}' should end in .toml")
+        raise InputError(f"'{name}' should end in .toml, as {name.stem}.toml")
     else:
         text = (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8")
         target, how = name, f"gtmbench run {name}"

@@ -22,7 +22,7 @@ from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_size, is_file
+from gtmbench.files import atomic_write, check_size, is_file, no_such
 from gtmbench.plain import dumps
 from gtmbench.version import __version__
 
@@ -114,9 +114,9 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     True
     """
     path = Path(path)
+    if not is_file(path):
+        raise InputError(no_such(path, "`gtmbench calibrate` writes one"))
     try:
-        if not is_file(path):
-            raise InputError("no such file; `gtmbench calibrate` writes one")
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
         kept = _kept(_parsed(path.read_text(encoding="utf-8")))
         return _restored(kept) if detector is None else _restored_by(detector, kept)

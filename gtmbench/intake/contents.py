@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.fresh import tracks_of
-from gtmbench.intake.mapping import Chosen, choose_of, judged, split_mapping
+from gtmbench.intake.mapping import Chosen, choose_of, judged, of_words, split_mapping
 from gtmbench.intake.names import guess, stated_unit
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import cleaned
@@ -189,7 +189,7 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
             kind=raw.kind,
             span_s=span_s,
             notes=timed.notes,
-            columns=tuple(_column(series, timed, by_column) for series in raw.series),
+            columns=_columns(timed, raw, by_column),
             channels=channels,
             imus=_imus(raw),
             attitude_from_gyros=raw.attitude_from_gyros and own_attitude,
@@ -273,7 +273,14 @@ def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
     with np.errstate(all="ignore"):
         with contextlib.suppress(InputError):  # no column tells the time: the list says what might
             timed = with_time(raw, None)
-        return tuple(_column(series, timed, {}) for series in raw.series)
+        return _columns(timed, raw, {})
+
+
+def _columns(timed: RawLog, raw: RawLog, by_column: Mapping[str, str]) -> tuple[LogColumn, ...]:
+    """Return the columns of numbers, and those of text that are named as channels."""
+    none = LogColumn(name="", unit="", channel="", why_not="", samples=0, rate_hz=np.nan, start_s=np.nan, end_s=np.nan)
+    words = (replace(none, name=name, why_not=why) for name, why in of_words(raw).items())
+    return (*(_column(series, timed, by_column) for series in raw.series), *words)
 
 
 def _column(series: RawSeries, raw: RawLog, by_column: Mapping[str, str]) -> LogColumn:

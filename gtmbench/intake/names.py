@@ -124,6 +124,15 @@ def guess(header: str, unit_beside: str = "") -> Guess:
     return Guess()
 
 
+def known_as(name: str) -> str:
+    """Return the channel that goes by a name, ``time`` for the time; "" for none.
+
+    >>> known_as("roll_rate"), known_as("P"), known_as("flaps")
+    ('p', 'p', '')
+    """
+    return _KNOWN.get(_key(name), ("", 0.0))[0]
+
+
 def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:
     known = unit(stated) if stated else None
     if known is not None and known.dimension == dimension_of(channel):

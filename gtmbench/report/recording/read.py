@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed, shown
 from gtmbench.errors import InputError
-from gtmbench.files import check_size, is_file
+from gtmbench.files import LOGS, check_size, is_file, no_such
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,7 +105,9 @@ def _application(table: pa.Table) -> str:
 def _read(path: Path, *what: str) -> pa.Table:
     """Return what `rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
-        raise InputError(f"{path}: no such file; `gtmbench run` writes one")
+        raise InputError(no_such(path, "`gtmbench run` writes one"))
+    if path.suffix.lower() in LOGS:
+        raise InputError(f"{path} is no recording but, by its name, a log; watch it: gtmbench monitor {path}")
     check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S
