@@ -99,3 +99,15 @@ class RankWarning(UserWarning):
     >>> told[0].category.__name__, operator.rank
     ('RankWarning', 1)
     """
+
+
+class NoteWarning(UserWarning):
+    """A kept file was used, and something about it should be known: it carries no digest, or is made anew.
+
+    Examples
+    --------
+    >>> import json, tempfile, warnings
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> monitor = gb.FunctionDetector
+    """

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import signal
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
 
 import click
 
@@ -32,11 +35,31 @@ from gtmbench.cli.report import report_command
 from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
-from gtmbench.errors import GtmbenchError, RankWarning
+from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.version import __version__
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _App(click.Group):
+    """Lets a closed pipe be told as whatever fails; click would end with 1, which says that a fault was found."""
+
+    def make_context(self, *arguments: Any, **extra: Any) -> click.Context:
+        with _pipes():
+            return super().make_context(*arguments, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with _pipes():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _pipes() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise GtmbenchError(_unforeseen(error)) from error
+
+
+@click.group(cls=_App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="gtmbench")
 def app() -> None:
     """Fly an aircraft, break a sensor, and find out from the sensors alone.
@@ -76,13 +99,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="replace")  # a terminal without ± or ² gets ?, not a traceback
     warnings.showwarning = lambda message, *_: None if as_json else _note(message)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what stands aside is cleared away
+    os.environ.setdefault("RUST_LOG", "off")  # what rerun says of a full disk, beside what we say
     sys.exit(_run(given, as_json))
 
 
 def _run(given: list[str], as_json: bool) -> int:
     try:
         code = app.main(given, prog_name="gtmbench", standalone_mode=False)
-        sys.stdout.flush()  # a full disk shows here, not after the last word
+        if sys.stdout is not None:
+            sys.stdout.flush()  # a full disk shows here, not after the last word
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2
@@ -94,12 +119,24 @@ def _run(given: list[str], as_json: bool) -> int:
         return _fail(str(error), as_json)
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted; nothing is half-written", as_json, code=130)
-    except (OSError, MemoryError) as error:
-        return _fail(f"{type(error).__name__}: {error}", as_json)
+    except MemoryError as error:
+        return _fail(f"there isn't memory enough: {error}", as_json)
+    except OSError as error:
+        return _fail(_unforeseen(error), as_json)
     except Exception as error:  # exit code 1 would say that a fault was found
         traceback.print_exc()
         return _fail(f"this shouldn't have happened ({type(error).__name__}: {error}); please report it", as_json)
     return code if isinstance(code, int) else 0
+
+
+def _unforeseen(error: OSError) -> str:
+    """Return what failed, of a file by its name; what has none is what is printed: to a pipe or a file."""
+    why = error.strerror or str(error) or type(error).__name__
+    if error.filename is not None:
+        return f"{error.filename}: {why}"
+    with suppress(OSError, ValueError):  # what couldn't be printed would be tried again when Python ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"can't print to standard output: {why}"
 
 
 def _with_help(error: click.UsageError) -> str:
@@ -111,14 +148,15 @@ def _with_help(error: click.UsageError) -> str:
 
 
 def _note(message: Warning | str) -> None:
-    if isinstance(message, RankWarning):  # a library's own warnings mean nothing to a user
+    if isinstance(message, RankWarning | NoteWarning):  # a library's own warnings mean nothing to a user
         echo(f"note: {one_line(str(message))}", err=True)
 
 
 def _fail(message: str, as_json: bool, code: int = 2) -> int:
     line = one_line(message)
-    if as_json:
-        click.echo(json.dumps({"error": line, "exit_code": code}))
-    else:
-        echo(f"gtmbench: {line}", err=True)
+    with suppress(OSError):  # nobody listens any more
+        if as_json:
+            click.echo(json.dumps({"error": line, "exit_code": code}))
+        else:
+            echo(f"gtmbench: {line}", err=True)
     return code

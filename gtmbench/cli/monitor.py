@@ -14,6 +14,7 @@ from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import (
     attitude_option,
+    claim_file,
     common_options,
     echo,
     map_option,
@@ -22,7 +23,7 @@ from gtmbench.cli.output import (
     screen_width,
 )
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file, is_file
+from gtmbench.files import atomic_write, is_file
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -194,7 +195,7 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
         raise InputError(f"{option} is '{path}'; its name ends in {ending}")
     if path.exists() and log.exists() and path.samefile(log):
         raise InputError(f"{option} is the log itself; give another name")
-    check_file(path, force=force, option=option)
+    claim_file(path, force=force, option=option)
 
 
 def _watcher(
