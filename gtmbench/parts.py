@@ -104,14 +104,21 @@ class Parts:
         """
         return tuple(number for number, _ in self._opened())
 
-    def drop_damaged(self) -> None:
-        """Remove parts that aren't what was written, saying which: their tasks are done anew."""
+    def damaged(self) -> dict[int, str]:
+        """Return the tasks whose parts aren't what was written, and what is wrong with each."""
+        found = {}
         for number in self._numbers():
             try:
                 self._open(number)
             except _DamagedError as damage:
-                self.path(number).unlink(missing_ok=True)
-                warnings.warn(NoteWarning(f"{self.path(number)}: {damage.why}; its task is done anew"), stacklevel=3)
+                found[number] = damage.why
+        return found
+
+    def drop_damaged(self) -> None:
+        """Remove parts that aren't what was written, saying which: their tasks are done anew."""
+        for number, why in self.damaged().items():
+            self.path(number).unlink(missing_ok=True)
+            warnings.warn(NoteWarning(f"{self.path(number)}: {why}; its task is done anew"), stacklevel=3)
 
     def todo(self, shard: Shard | None = None) -> tuple[int, ...]:
         """Return the tasks that aren't, in order; of a shard those that are its own."""

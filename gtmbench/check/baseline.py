@@ -69,6 +69,10 @@ class Reference:
         With which the figures were recorded; None where there are none yet.
     recorded : mapping
         The figures by kind, name and figure.
+    altered : bool
+        Whether these aren't those that were recorded, by their digest.
+    note : str
+        What else should be known before they are held against others: settings were edited, there is no digest.
     """
 
     path: Path
@@ -78,6 +82,8 @@ class Reference:
     tolerances: Mapping[str, Tolerance]
     recorded_seed: int | None = None
     recorded: Recorded = field(default_factory=dict, repr=False)
+    altered: bool = False
+    note: str = ""
 
     @property
     def trials(self) -> list[str]:
@@ -111,6 +117,11 @@ class Reference:
                 f"{self.path}: it holds figures of trial '{gone[0]}', which isn't in its scenarios; put it back, or "
                 "drop it by --update"
             )
+        if self.altered:
+            with naming(self.path):
+                raise altered("put its copy back, or record anew by --update")
+        if self.note:
+            warnings.warn(NoteWarning(f"{self.path} {self.note}"), stacklevel=2)
 
 
 def find_baseline(source: str) -> Path:
@@ -153,8 +164,6 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
         recorded = _known("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
-        if recorded:
-            _check_digests(path, table, recorded)
         return Reference(
             path=path,
             scenarios=scenarios,
@@ -163,20 +172,17 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             tolerances=_tolerances(table.get("tolerances", {})),
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
+            altered=KEY in recorded and recorded[KEY] != _figures_digest(table),
+            note=_note(table, recorded),
         )
 
 
-def _check_digests(path: Path, table: Mapping[str, Any], recorded: Mapping[str, Any]) -> None:
-    """Refuse figures that aren't those that were recorded; say what else is another."""
+def _note(table: Mapping[str, Any], recorded: Mapping[str, Any]) -> str:
     if KEY not in recorded:
-        old = f"{path} carries no digest, so whether its figures were altered can't be told; --update records them"
-        warnings.warn(NoteWarning(old), stacklevel=2)
-        return
-    if recorded[KEY] != _figures_digest(table):
-        raise altered(f"put its copy back, or {_REMEDY} and record anew by --update")
+        return "carries no digest, so whether its figures were altered can't be told; --update records them"
     if recorded.get(_SETTINGS_KEY) != _settings_digest(table):
-        edited = f"{path}: its settings aren't those that it was recorded with; if that is meant, --update says so"
-        warnings.warn(NoteWarning(edited), stacklevel=2)
+        return "has other settings than when it was recorded; if that is meant, --update says so"
+    return ""
 
 
 def _figures_digest(table: Mapping[str, Any]) -> str:

@@ -1,8 +1,9 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`, `score`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was
-foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign` failed; 130 Ctrl-C.
+(`monitor`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad
+input or a failure that was foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign`
+failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from gtmbench.cli.report import report_command
 from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
+from gtmbench.cli.verify import verify_command
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.version import __version__
 
@@ -56,7 +58,11 @@ def _pipes() -> Iterator[None]:
     try:
         yield
     except BrokenPipeError as error:
-        raise GtmbenchError(_unforeseen(error)) from error
+        raise _PrintError(_unforeseen(error)) from error
+
+
+class _PrintError(GtmbenchError):
+    """Nothing can be printed to standard output any more: its error is for the other stream."""
 
 
 @click.group(cls=_App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -84,6 +90,7 @@ for command in (
     autopilot_command,
     view_command,
     diff_command,
+    verify_command,
     list_command,
     new_command,
 ):
@@ -99,7 +106,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="replace")  # a terminal without ± or ² gets ?, not a traceback
     warnings.showwarning = lambda message, *_: None if as_json else _note(message)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what stands aside is cleared away
-    os.environ.setdefault("RUST_LOG", "off")  # what rerun says of a full disk, beside what we say
     sys.exit(_run(given, as_json))
 
 
@@ -116,12 +122,10 @@ def _run(given: list[str], as_json: bool) -> int:
     except click.ClickException as error:
         return _fail(error.format_message(), as_json)
     except GtmbenchError as error:
-        return _fail(str(error), as_json)
+        return _fail(str(error), as_json and not isinstance(error, _PrintError))
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted; nothing is half-written", as_json, code=130)
-    except MemoryError as error:
-        return _fail(f"there isn't memory enough: {error}", as_json)
-    except OSError as error:
+    except (OSError, MemoryError) as error:
         return _fail(_unforeseen(error), as_json)
     except Exception as error:  # exit code 1 would say that a fault was found
         traceback.print_exc()
@@ -129,8 +133,10 @@ def _run(given: list[str], as_json: bool) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _unforeseen(error: OSError) -> str:
+def _unforeseen(error: OSError | MemoryError) -> str:
     """Return what failed, of a file by its name; what has none is what is printed: to a pipe or a file."""
+    if isinstance(error, MemoryError):
+        return f"there isn't memory enough; {error or 'close others'}"
     why = error.strerror or str(error) or type(error).__name__
     if error.filename is not None:
         return f"{error.filename}: {why}"

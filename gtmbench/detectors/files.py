@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import shown, text
+from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
@@ -130,6 +130,20 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
         return _restored(kept) if detector is None else _restored_by(detector, kept)
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: {_short(error)}") from error
+
+
+def check_monitor(path: Path) -> None:
+    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures.
+
+    Raises
+    ------
+    InputError
+    """
+    with naming(path):
+        check_size(path, "monitor", _LARGEST_FILE_BYTES)
+        if KEY not in (document := _parsed(path.read_text(encoding="utf-8"))):
+            raise InputError("it carries no digest")
+        _kept(document)
 
 
 @dataclass(frozen=True, kw_only=True)

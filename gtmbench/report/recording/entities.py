@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,8 +25,6 @@ from gtmbench.study.trial import Injection
 
 Signal = tuple[FloatArray, FloatArray]  # times in s, values
 
-_FOOTER, _END_BYTES = b"RRF2FOOT", 12  # how a whole recording ends
-_TRIED_BYTES = 1 << 20
 TIMELINE = "time"  # seconds of the flight, to the nanosecond
 GROUPS = {
     "rates": ("p", "q", "r"),
@@ -55,48 +52,25 @@ _MARKS = {
 def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
     """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it.
 
+    Rerun encodes into memory, and the file is written here: on a full disk its own writer ends without a word, and who
+    asks it to flush may wait for ever.
+
     Raises
     ------
     GtmbenchError
-        Where the disk doesn't take all of it. Rerun's writer is a thread that ends at the first error and tells nobody
-        but who flushes; the end of the file it writes on its own, so that is looked for.
+        Where the disk doesn't take all of it.
     """
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
     with atomic_write(path) as aside:
-        recording.save(aside, default_blueprint=blueprint)
+        encoded = rr.binary_stream(recording)
+        recording.send_blueprint(blueprint, make_active=False, make_default=True)
         recording.send_recording_name(name)
         try:
             yield recording
-            whole = _flushed(recording)
+            aside.write_bytes(encoded.read() or b"")  # to its footer; it can be read once
         finally:
-            recording.disconnect()  # writes the footer
-        if not whole or not _has_footer(aside):
-            raise _reason(aside)
-
-
-def _flushed(recording: rr.RecordingStream) -> bool:
-    try:
-        recording.flush()
-    except RuntimeError:
-        return False
-    return True
-
-
-def _has_footer(path: Path) -> bool:
-    with path.open("rb") as file:
-        file.seek(-min(_END_BYTES, path.stat().st_size), os.SEEK_END)
-        return _FOOTER in file.read()
-
-
-def _reason(path: Path) -> OSError:
-    """Return why a file couldn't be written to its end: what the system says to who tries to go on."""
-    try:
-        with path.open("ab") as file:
-            file.write(bytes(_TRIED_BYTES))
-    except OSError as error:
-        return OSError(error.errno, os.strerror(error.errno or 0))
-    return OSError("the recording didn't reach its end (the disk was full?)")
+            recording.disconnect()
 
 
 def times(time_s: FloatArray) -> rr.TimeColumn:
