@@ -168,7 +168,7 @@ class Ordeals:
         self.folder, self.draw = folder, np.random.default_rng(seed)
         self.forks, self.failed = Forks(), 0
         prepare(folder / "given", self.forks)
-        self.left, self.took_s = {}, {}
+        self.left, self.took_s, self.size = {}, {}, {}
 
     def learn(self, name):
         """Return what an undisturbed run leaves."""
@@ -180,6 +180,7 @@ class Ordeals:
             self.took_s[name] = time.monotonic() - began
             assert code in (0, FOUND.get(name)), (name, code, err.read_text())
             self.left[name] = left_by(work)
+            self.size[name] = sum((work / each).stat().st_size for each in self.left[name])
         return self.left[name]
 
     def hold(self, what, *checks):
@@ -209,7 +210,8 @@ class Ordeals:
         for number in range(tries):
             self.count(number)
             name = list(COMMANDS)[number % len(COMMANDS)]
-            need = sum(len(content) if isinstance(content, bytes) else MB for content in self.learn(name).values())
+            self.learn(name)
+            need = self.size[name]
             size = int(MB * 2 ** self.draw.uniform(0, 6))
             work, err = self.folder / "disk", self.folder / "err"
             work.mkdir(exist_ok=True)
@@ -352,6 +354,66 @@ class Ordeals:
             self.failed += silent
             print(f"flips: {path.name}: {tries} bits, {refused} refused, {silent} read as another value", flush=True)
 
+    def cost(self, tries):
+        """Tell the share of a run's and a campaign's time that flushes, digests and locks take."""
+        names = ("run", "campaign")
+        for name in names:
+            shares = []
+            for number in range(tries):
+                work = self.folder / f"cost-{name}-{number}"
+                place(work, self.folder / "given")
+                command = [each for each in COMMANDS[name] if each not in ("--jobs", "2")]
+                jobs = ["--jobs", "1"] if name == "campaign" else []
+                timed = subprocess.run(
+                    [sys.executable, "-c", TIMED, *command, *jobs, "-q"],
+                    cwd=work,
+                    env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+                    capture_output=True,
+                    text=True,
+                    check=False,
+                )
+                of, whole = map(float, timed.stdout.split()[-2:])
+                shares.append(of / whole)
+                print(f"cost: {name}: {1e3 * of:.0f} ms of {whole:.2f} s, {of / whole:.2%}", flush=True)
+            print(f"cost: {name}: {np.median(shares):.2%} in the median", flush=True)
+            self.failed += bool(np.median(shares) > 0.02)
+
+
+TIMED = """
+import contextlib, sys, time
+import gtmbench.files, gtmbench.locks, gtmbench.seals, gtmbench.parts, gtmbench.cli.output, gtmbench.detectors.files
+spent, begun = [0.0], time.perf_counter()
+def timed(function):
+    def wrapped(*given, **named):
+        began = time.perf_counter()
+        try:
+            return function(*given, **named)
+        finally:
+            spent[0] += time.perf_counter() - began
+    return wrapped
+def alone(*given, **named):
+    inner, began = former(*given, **named), time.perf_counter()
+    @contextlib.contextmanager
+    def around():
+        began = time.perf_counter(); inner.__enter__(); spent[0] += time.perf_counter() - began
+        try:
+            yield
+        finally:
+            began = time.perf_counter(); inner.__exit__(None, None, None); spent[0] += time.perf_counter() - began
+    return around()
+former = gtmbench.locks.alone
+for module in (gtmbench.parts, gtmbench.cli.output):
+    module.alone = alone
+gtmbench.files.to_disk, gtmbench.files._sums = timed(gtmbench.files.to_disk), timed(gtmbench.files._sums)
+for module, name in ((gtmbench.parts, "fill_slot"), (gtmbench.parts, "is_intact"), (gtmbench.seals, "digest_of")):
+    setattr(module, name, timed(getattr(module, name)))
+from gtmbench.cli.app import main
+try:
+    main(sys.argv[1:])
+except SystemExit:
+    print(spent[0], time.perf_counter() - begun)
+"""
+
 
 @contextlib.contextmanager
 def gb_notes():
@@ -379,7 +441,7 @@ def gone(session):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("ordeal", choices=["flips", "disk", "writers", "kills"])
+    parser.add_argument("ordeal", choices=["flips", "disk", "writers", "kills", "cost"])
     parser.add_argument("--tries", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     kinds = ["run", "campaign", "dask", "fleet", "calibrate", "inject"]
