@@ -26,7 +26,15 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
-from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.errors import (
+    ConvergenceWarning,
+    EnvelopeError,
+    GtmbenchError,
+    InputError,
+    NoteWarning,
+    RankWarning,
+    TrimError,
+)
 from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
@@ -145,6 +153,7 @@ __all__ = [
     "NoiseModel",
     "NormMonitor",
     "NormStream",
+    "NoteWarning",
     "OrderChoice",
     "Oscillation",
     "Outcome",

@@ -99,3 +99,28 @@ class RankWarning(UserWarning):
     >>> told[0].category.__name__, operator.rank
     ('RankWarning', 1)
     """
+
+
+class NoteWarning(UserWarning):
+    """Something should be known that stops nothing: a kept file carries no digest, a damaged part is made anew.
+
+    Examples
+    --------
+    >>> import json, tempfile, warnings
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(2000)
+    >>> record = gb.Record(np.column_stack([u, np.roll(u, 9)]), channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as told:
+    ...     warnings.simplefilter("always")
+    ...     path = Path(folder, "old.json")
+    ...     gb.save_monitor(recipe.calibrate([record, record]), path)
+    ...     document = json.loads(path.read_text())
+    ...     old = {key: value for key, value in document.items() if key != "digest"}
+    ...     _ = path.write_text(json.dumps(old | {"version": 2}))
+    ...     monitor = gb.load_monitor(path)
+    >>> told[0].category.__name__
+    'NoteWarning'
+    """

@@ -1,10 +1,14 @@
 """Baselines as files: what is read is checked, what is written reads back, and what people wrote stays."""
 
+import contextlib
+import re
 import tomllib
+import warnings
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -106,7 +110,9 @@ def test_comments_tolerances_and_order_survive_new_figures():
     new = renewed(EDITED, figures_text(1, [HEALTHY, NORM, JAM]))
     lines = new.splitlines()
     gone, kept = EDITED.split("[residual.r]\nrms = 1.0\n"), "[healthy.flight]  # of the shop\n"
-    assert new.startswith(gone[0] + gone[1].split(kept)[0] + kept)
+    digests = re.compile(r'digest = "\w{64}"  # of the figures\nsettings = ""  # of what stands above\n')
+    assert len(digests.findall(new)) == 1
+    assert digests.sub("", new).startswith(gone[0] + gone[1].split(kept)[0] + kept)
     assert "false_alarms = 0  # see the ticket" in lines
     after = lines.index("# slow since the filter")
     assert lines[after + 1] == '"jam of p" = { detected = true, delay_s = 6.14, peak_ratio = 5.0 }  # known'
@@ -225,8 +231,44 @@ def test_figures_of_another_run_are_refused_before_the_run(tmp_path):
     assert "its figures are those of seed 2, and the seed is 1" in refusal(text(), 2, trials)
     assert "no figures of trial 'jam of r' yet" in refusal(text(), 1, trials[:2])
     assert "trial 'jam of x', which isn't in its" in refusal(text(), 1, [*trials, replace(JAM, name="jam of x")])
-    path.write_text(renewed(text(), figures_text(1, trials)))
+    write_figures(path, text(), seed=1, groups=trials)
     read_reference(path).check_recorded()
+
+
+def test_figures_that_were_altered_are_refused_and_settings_that_were_edited_are_told(tmp_path):
+    path = tmp_path / "mine.toml"
+    trials = [replace(JAM, name=f"jam of {channel}") for channel in "pqr"]
+    write_figures(path, text(), seed=1, groups=trials)
+    whole = path.read_text()
+    path.write_text(whole.replace("6.14", "6.15", 1))
+    with pytest.raises(gb.InputError, match=r"mine\.toml: what it holds isn't what was written, by its digest"):
+        read_reference(path).check_recorded()
+    path.write_text(whole.replace('rms = "2 %"', 'rms = "3 %"'))
+    with pytest.warns(gb.NoteWarning, match="has other settings than when it was recorded"):
+        read_reference(path).check_recorded()
+    path.write_text(re.sub(r"^(digest|settings) = .*\n", "", whole, flags=re.MULTILINE))
+    with pytest.warns(gb.NoteWarning, match="carries no digest, so whether its figures were altered can't be told"):
+        read_reference(path).check_recorded()
+
+
+def said(reference):
+    return repr(reference), repr(reference.recorded)
+
+
+def test_of_300_flipped_bits_none_is_read_as_another_value_without_a_word(tmp_path):
+    path = tmp_path / "mine.toml"
+    trials = [replace(JAM, name=f"jam of {channel}") for channel in "pqr"]
+    write_figures(path, text(), seed=1, groups=[HEALTHY, NORM, *trials])
+    whole, values = path.read_bytes(), said(read_reference(path))
+    for bit in np.random.default_rng(4).integers(0, 8 * len(whole), 300):
+        flipped = bytearray(whole)
+        flipped[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(bytes(flipped))
+        with contextlib.suppress(gb.InputError), warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            reference = read_reference(path)
+            reference.check_recorded()
+            assert told or said(reference) == values
 
 
 def test_a_baseline_that_couldnt_be_read_isnt_written(tmp_path):

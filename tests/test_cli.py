@@ -80,7 +80,15 @@ def test_run_writes_results_figures_and_a_recording(cli, scenario, tmp_path):
     assert code == 0
     assert "detected: 1 of 1" in out
     names = {path.name for path in (tmp_path / "here").iterdir()}
-    assert names == {"results.json", "trials.csv", "study.rrd", "markov.png", "prediction.png", "norm_short.png"}
+    assert names == {
+        "results.json",
+        "trials.csv",
+        "study.rrd",
+        "markov.png",
+        "prediction.png",
+        "norm_short.png",
+        "SHA256SUMS",
+    }
     assert json.loads((tmp_path / "here/results.json").read_text())["trials"][0]["detected"] is True
 
 

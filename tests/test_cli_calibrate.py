@@ -18,6 +18,7 @@ from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
+from tests.sealed import resealed
 
 SHORT = ("--flights", 2, "--duration", 40)
 
@@ -318,7 +319,7 @@ ODD = [
 def test_whatever_the_provenance_holds_a_monitor_is_shown(cli, tmp_path, provenance):
     gb.save_monitor(monitor("C"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
-    (tmp_path / "m.json").write_text(json.dumps(document | {"provenance": provenance}))
+    (tmp_path / "m.json").write_text(json.dumps(resealed(document | {"provenance": provenance})))
     code, out, err = cli("bank", "m.json")
     assert (code, err) == (0, "")
     assert "calibrated on: " in out

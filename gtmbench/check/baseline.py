@@ -1,7 +1,8 @@
 """Baselines of ``gtmbench check``: which scenarios, how much worse is still well, and the figures of a good run.
 
 They are read with every key checked, and written by ``--update``: a new file, or new figures in an old one, whose
-settings and comments stay as they are.
+settings and comments stay as they are. Figures that aren't those that were recorded are refused, by their digest;
+settings are yours to edit, and that they were is said.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import json
 import os
 import re
 import tomllib
+import warnings
 from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,14 +21,16 @@ from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
-from gtmbench.errors import InputError
+from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.seals import KEY, altered, digest_of
 from gtmbench.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
 TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
 _SETTINGS = ("scenarios", "seed", "detector", "tolerances")
+_SETTINGS_KEY = "settings"  # in [recorded]: the digest of these
 _A_LINE = 10  # numbers of a list
 _BARE = re.compile("[A-Za-z0-9_-]+")  # keys that TOML takes without quotes
 _REMEDY = "remove what stands from [recorded] on"
@@ -64,6 +68,10 @@ class Reference:
         With which the figures were recorded; None where there are none yet.
     recorded : mapping
         The figures by kind, name and figure.
+    altered : bool
+        Whether these aren't those that were recorded, by their digest.
+    note : str
+        What else should be known before they are held against others: settings were edited, there is no digest.
     """
 
     path: Path
@@ -73,6 +81,8 @@ class Reference:
     tolerances: Mapping[str, Tolerance]
     recorded_seed: int | None = None
     recorded: Recorded = field(default_factory=dict, repr=False)
+    altered: bool = False
+    note: str = ""
 
     @property
     def trials(self) -> list[str]:
@@ -106,6 +116,11 @@ class Reference:
                 f"{self.path}: it holds figures of trial '{gone[0]}', which isn't in its scenarios; put it back, or "
                 "drop it by --update"
             )
+        if self.altered:
+            with naming(self.path):
+                raise altered("put its copy back, or record anew by --update")
+        if self.note:
+            warnings.warn(NoteWarning(f"{self.path} {self.note}"), stacklevel=2)
 
 
 def find_baseline(source: str) -> Path:
@@ -147,7 +162,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         scenarios = _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
-        recorded = _known("recorded", table.get("recorded", {}), ("seed",))
+        recorded = _known("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
             scenarios=scenarios,
@@ -156,7 +171,25 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             tolerances=_tolerances(table.get("tolerances", {})),
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
+            altered=KEY in recorded and recorded[KEY] != _figures_digest(table),
+            note=_note(table, recorded),
         )
+
+
+def _note(table: Mapping[str, Any], recorded: Mapping[str, Any]) -> str:
+    if KEY not in recorded:
+        return "carries no digest, so whether its figures were altered can't be told; --update records them"
+    if recorded.get(_SETTINGS_KEY) != _settings_digest(table):
+        return "has other settings than when it was recorded; if that is meant, --update says so"
+    return ""
+
+
+def _figures_digest(table: Mapping[str, Any]) -> str:
+    return digest_of([table["recorded"].get("seed"), {kind: table[kind] for kind in KINDS if kind in table}])
+
+
+def _settings_digest(table: Mapping[str, Any]) -> str:
+    return digest_of({key: table[key] for key in _SETTINGS if key in table})
 
 
 def _scenarios(path: Path, given: Any) -> tuple[Scenario, ...]:
@@ -268,7 +301,8 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) 
     from tomlkit.exceptions import TOMLKitError
 
     try:
-        written = renewed(text, figures_text(seed, groups))
+        settings = _settings_digest(tomllib.loads(text))
+        written = renewed(text, figures_text(seed, groups, settings))
     except TOMLKitError as error:
         raise InputError(f"{path}: its layout doesn't take the figures ({error}); {_REMEDY}") from error
     size = len(written.encode())
@@ -317,12 +351,15 @@ def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
             old[key] = value
 
 
-def figures_text(seed: int, groups: Sequence[Group]) -> str:
-    """Return figures as a baseline has them: a table each, but one line a trial."""
-    blocks = [f"[recorded]  # from here on: written by --update\nseed = {seed}\n"]
-    blocks += [_block(group) for group in groups if group.kind != "trials"]
+def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
+    """Return figures as a baseline has them, with digests: a table each, but one line a trial."""
+    head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
+    blocks = [_block(group) for group in groups if group.kind != "trials"]
     trials = [group for group in groups if group.kind == "trials"]
-    return "\n".join([*blocks, "[trials]\n" + "".join(_line(trial) for trial in trials)])
+    blocks.append("[trials]\n" + "".join(_line(trial) for trial in trials))
+    digest = _figures_digest(tomllib.loads("\n".join([head, *blocks])))
+    digests = f'{KEY} = "{digest}"  # of the figures\n{_SETTINGS_KEY} = "{settings}"  # of what stands above\n'
+    return "\n".join([head + digests, *blocks])
 
 
 def _block(group: Group) -> str:

@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from gtmbench.cli.aircraft import aircraft_options, at_condition, told_aircraft
-from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.files import atomic_write, check_file
+from gtmbench.cli.output import claim_file, common_options, echo, print_json
+from gtmbench.files import atomic_write
 from gtmbench.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
@@ -38,7 +38,7 @@ def autopilot_command(
     from gtmbench.bench.tuning import find_autopilot
 
     if out is not None:
-        check_file(out, force=force)
+        claim_file(out, force=force)
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     with progress_bar(silent=as_json or quiet) as tell:
         tuned = find_autopilot(at_condition(aircraft, altitude_ft=altitude, tas_kt=tas), progress=tell)

@@ -11,9 +11,8 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
+from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import shipped_banks
@@ -88,7 +87,7 @@ def calibrate_command(
 
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
-    check_file(out, force=force)
+    claim_file(out, force=force)
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else CalibrationFlights().imperfections

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.shipped import MAIN_JOB, is_installed, shipped_baselines
 
@@ -84,7 +83,7 @@ def _check(
     if junit is not None:
         if junit.suffix.lower() != ".xml":
             raise InputError(f"--junit is '{junit}'; its name ends in .xml")
-        check_file(junit, force=True, option="--junit")
+        claim_file(junit, force=True, option="--junit")
     reference = read_reference(path)
     reference.check_recorded()
     watcher = _watcher(reference, detector, calibrated)
@@ -159,7 +158,7 @@ def _check_target(path: Path) -> None:
             f"baseline {path.stem} is part of the installed package, which isn't written into; copy it ({path}), or "
             "make your own: gtmbench check mine.toml --update"
         )
-    check_file(path, force=True)
+    claim_file(path, force=True)
 
 
 def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:

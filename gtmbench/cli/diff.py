@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
@@ -73,7 +72,7 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
         raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
     if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
         raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
-    check_file(overlay, force=force, option="--overlay")
+    claim_file(overlay, force=force, option="--overlay")
 
 
 def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:

@@ -11,9 +11,8 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ def fly_command(
     from gtmbench.report.words.judgement import loop_text
 
     check_log_path(out)
-    check_file(out, force=force)
+    claim_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     if scenario is not None and not closed_loop:

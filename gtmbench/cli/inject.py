@@ -11,9 +11,8 @@ import click
 
 from gtmbench.cli.detectors import import_option
 from gtmbench.cli.faults import numbered, trial_number, trial_option
-from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
+from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -108,7 +107,7 @@ def _check_out(out: Path, log: Path, *, force: bool) -> None:
         raise InputError("--out is the log itself; give another name")
     if out.suffix.lower() != log.suffix.lower():
         raise InputError(f"--out is '{out}'; a log keeps its format, so its name ends in '{log.suffix}'")
-    check_file(out, force=force)
+    claim_file(out, force=force)
 
 
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:

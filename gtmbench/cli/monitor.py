@@ -15,6 +15,7 @@ from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import (
     attitude_option,
+    claim_file,
     common_options,
     echo,
     map_option,
@@ -23,7 +24,7 @@ from gtmbench.cli.output import (
     screen_width,
 )
 from gtmbench.errors import InputError
-from gtmbench.files import LOGS, atomic_write, check_file, is_file, no_such
+from gtmbench.files import LOGS, atomic_write, is_file, no_such
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -203,7 +204,7 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
         raise InputError(f"{option} is '{path}'; its name ends in {ending}")
     if path.exists() and log.exists() and path.samefile(log):
         raise InputError(f"{option} is the log itself; give another name")
-    check_file(path, force=force, option=option)
+    claim_file(path, force=force, option=option)
 
 
 def _watcher(

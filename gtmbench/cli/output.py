@@ -6,7 +6,7 @@ import math
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -14,6 +14,8 @@ import click
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
+from gtmbench.files import check_file, check_folder
+from gtmbench.locks import alone, lock_beside
 from gtmbench.plain import dumps
 
 if TYPE_CHECKING:
@@ -41,6 +43,24 @@ def _as_typed(command: F) -> F:
             raise InputError(typed(str(error), click.get_current_context())) from error
 
     return cast(F, told)
+
+
+def claim_file(target: Path, *, force: bool, option: str = "--out") -> None:
+    """Refuse a result's file that can't be written, isn't to be replaced or is being written; keep others off it."""
+    _claim(target, partial(check_file, target, force=force, option=option))
+
+
+def claim_folder(target: Path, *, force: bool) -> None:
+    """Do the same for a folder of results."""
+    _claim(target, partial(check_folder, target, force=force))
+
+
+def _claim(target: Path, check: Callable[[], None]) -> None:
+    """Check a place, and hold it until the command ends; then again, for somebody may just have finished there."""
+    check()
+    lock = lock_beside(target.resolve())
+    click.get_current_context().with_resource(alone(lock, f"another command writes {target}"))
+    check()
 
 
 def typed(message: str, context: click.Context) -> str:

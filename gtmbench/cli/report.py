@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file
+from gtmbench.files import atomic_write
 from gtmbench.report.tables.envelope import envelope
 
 _FORMATS = {"html": "report.html", "md": "report.md", "json": "report.json", "table": "table.md"}  # default names
@@ -60,10 +60,10 @@ def report_command(
         raise InputError(f"--out is {out}, which says no format; end it in .html, .md or .json, or give --format")
     form = form or suffix or "html"
     path = _path(folder, out, form)
-    if out is not None:
-        check_file(path, force=force)
+    parts = read_parts(folder)
+    claim_file(path, force=force or out is None)
     contents = contents_of(
-        read_parts(folder),
+        parts,
         target_per_hour=None if target is None else number("--false-alarms-per-hour", target, 0.0, above=True),
         deadline_s=DEADLINE_S if deadline is None else number("--deadline", deadline, 0.0, above=True),
     )

@@ -10,9 +10,9 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
-from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file
+from gtmbench.files import atomic_write
 from gtmbench.progress import Progress, progress_bar
 from gtmbench.report.tables.envelope import envelope
 
@@ -117,7 +117,7 @@ def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
     for file in filter(None, (out, figure)):
-        check_file(file, force=force)
+        claim_file(file, force=force)
 
 
 def _print(rescue: Rescue) -> None:

@@ -15,9 +15,9 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
+from gtmbench.files import atomic_folder, atomic_write
 from gtmbench.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import MAIN_JOB
@@ -94,7 +94,7 @@ def run_command(
     from gtmbench.study.run import run_study
     from gtmbench.study.scenario import load_scenario
 
-    check_folder(out, force=force)
+    claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
@@ -256,7 +256,7 @@ def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_js
         target, how = name, f"gtmbench run {name}"
     if target.exists():
         raise InputError(f"{target} exists; give another name")
-    check_file(target, force=False)
+    claim_file(target, force=False)
     with atomic_write(target) as aside:
         aside.write_text(text, encoding="utf-8")
     verdict = f"Wrote {target}; edit it, then run: {how}"

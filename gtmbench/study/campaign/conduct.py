@@ -6,13 +6,15 @@ and it doesn't matter who ends when.
 
 from __future__ import annotations
 
+import os
 import pickle
+import platform
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gtmbench.cluster import check_cluster, completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster, difference
 from gtmbench.errors import InputError
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.parts import Parts, Shard, parts_in
@@ -132,7 +134,7 @@ def conduct(
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
     if scheduler is not None:
-        check_cluster(scheduler, tls)
+        check_cluster(scheduler, tls, versions)
     files = _files(campaign, detectors)
     facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
@@ -197,10 +199,9 @@ def done(work: Work) -> pa.Table:
     InputError
         If this isn't the gtmbench that the work comes from: its rows would be others.
     """
-    if dict(work.versions) != versions():
-        differs = {name: (was, versions().get(name)) for name, was in work.versions if versions().get(name) != was}
-        said = ", ".join(f"{name} {here} instead of {there}" for name, (there, here) in differs.items())
-        raise InputError(f"a worker has {said}; rows of both don't mix: install the same everywhere")
+    if differs := difference(dict(work.versions), versions()):
+        here = f"process {os.getpid()} on {platform.node()}"
+        raise InputError(f"a worker ({here}) has {differs}; rows of both don't mix: install the same everywhere")
     return table_of(rows_of(_task(work.files, work.task), _watchers(work.files, work.watchers)))
 
 
