@@ -32,13 +32,14 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, ESTIMATORS, GYROS
+from gtmbench.attitude import ESTIMATORS
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
-from gtmbench.channels import header_of
+from gtmbench.channels import ATTITUDE, GYROS, header_of
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.certificate import KINDS, certificate_of
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 SEED = 33_000  # of the report's cases; others were looked at while names were made
 ONSET_S, LASTS_S = 100.0, 200.0

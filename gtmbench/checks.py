@@ -40,6 +40,17 @@ def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
     raise InputError(f"{name} is {shown(value)}; it must be a whole number{_span(low, high, above=False)}")
 
 
+def boolean(name: str, value: Any) -> bool:
+    """Return true or false, as a file has them.
+
+    >>> boolean("isolate", True)
+    True
+    """
+    if isinstance(value, bool):
+        return value
+    raise InputError(f"{name} is {shown(value)}; it must be true or false")
+
+
 def names(what: str, given: Any) -> tuple[str, ...]:
     """Return a tuple of names, each given once; one name may come as a string.
 

@@ -18,7 +18,7 @@ class GtmbenchError(Exception):
 
 
 class InputError(GtmbenchError, ValueError):
-    """A record, a log, a scenario or an argument can't be used as it was given.
+    """A record, a log, a scenario or an argument can't be used as given.
 
     Examples
     --------
@@ -32,7 +32,7 @@ class InputError(GtmbenchError, ValueError):
 
 
 class TrimError(GtmbenchError):
-    """No steady flight exists, or was found, at the wanted condition.
+    """No steady flight exists, or was found, at the requested condition.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class TrimError(GtmbenchError):
 
 
 class EnvelopeError(GtmbenchError):
-    """The aircraft left the range in which its model means anything.
+    """The aircraft left the range in which its model is valid.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class ConvergenceWarning(UserWarning):
 
 
 class RankWarning(UserWarning):
-    """The data don't determine the Markov parameters; the predictions may be good all the same.
+    """The data don't determine the Markov parameters; the predictions may still be good.
 
     Examples
     --------

@@ -11,7 +11,8 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
-from gtmbench.report.words.log import log_report, outcome_text
+from gtmbench.report.words.log import log_report
+from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
@@ -120,7 +121,8 @@ def test_nothing_is_certified_where_no_alarm_was_possible_or_nothing_says_how_sc
         said = case().certificate
         assert (said.rows, certificate_lines(said)) == ((), [])
         assert why in said.missing
-    assert "what would have been seen can't be told: nothing is no bank" in outcome_text(silent())
+    told = certificate_text(silent().certificate)
+    assert told.startswith("Nobody can tell which faults would have been detected: nothing is no bank")
 
 
 def test_nothing_is_certified_of_a_log_that_was_watched_for_some_samples_only():
@@ -163,7 +165,7 @@ def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
 
 def test_the_report_holds_it_in_words_and_numbers():
     watched, said = short(), short().certificate
-    assert outcome_text(watched) == f"no fault found; {certificate_text(said)}"
+    assert f"Sensitivity  {certificate_text(said)}" in summary_lines(watched, 500)
     lines = log_report(watched)
     assert set(certificate_lines(said)) <= set(lines)
     results = log_results(watched)["certificate"]
@@ -189,16 +191,15 @@ def row(sensor, size, kind="bias", **more):
     [
         (
             [row("p", 0.532), row("r", 123.4)],
-            "a bias of p above 0.53 deg/s, of r above 120 deg/s would have been seen within 10 s in 90 % of the 60.0 s "
-            "watched",
+            "A bias above p 0.53, r 120 deg/s would have been detected within 10 s (at 90 % of start times).",
         ),
         (
             [row("p", 2.0), row("r", None)],
-            "a bias of p above 2 deg/s would have been seen within 10 s in 90 % of the 60.0 s watched; none of r",
+            "A bias above p 2 deg/s would have been detected within 10 s (at 90 % of start times); none of r.",
         ),
         (
             [row("p", None), row("r", None)],
-            "no bias of p or r, however large, would have been seen within 10 s in 90 % of the 60.0 s watched",
+            "No bias of p or r, however large, would have been detected within 10 s (at 90 % of start times).",
         ),
     ],
 )
@@ -209,15 +210,15 @@ def test_the_headline_says_which_sensors_are_blind(rows, said):
 def test_a_gyro_whose_end_would_go_unseen_is_told():
     rows = (row("p", None, "deadzone"), row("q", 0.5, "deadzone"), row("r", None, "deadzone"))
     told = certificate_lines(Certificate(rows=rows, watched_s=60.0))[-1]
-    assert told == "  p, r going dead would not have been seen in 90 % of it"
+    assert told == "  p, r going dead would not have been detected at 90 % of start times"
 
 
 def test_the_table_says_how_often_the_largest_would_have_been_seen_and_what_is_named():
     rows = (row("p", 0.532, named_from=1.6), row("p", None, "scale_factor"))
     assert certificate_lines(Certificate(rows=rows, watched_s=60.0, is_named=True)) == [
-        "seen within 10 s in 90 % of the 60.0 s watched, from this size on:",
+        "Smallest faults that would have been detected within 10 s, at 90 % of start times in the 60.0 s watched:",
         "           bias        scale error",
         "  p        0.53 deg/s  in 45 %",
         "    named  1.6 deg/s   -",
-        "  in ... %: not even the largest that was tried would have been seen more often",
+        "  in ... %: even the largest fault tried would have been detected this rarely",
     ]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, FASTEST_S, GYROS, SLOWEST_S
+from gtmbench.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
 from gtmbench.detectors.monitor.following import Following

@@ -17,9 +17,8 @@ from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
-from gtmbench.check.rules import FORMER, KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.checks import keys, meant, naming, number, printable, shown, table_of, whole
-from gtmbench.detectors.windowed_norm import SCORE
+from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
+from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
 from gtmbench.errors import InputError
 from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.shipped import shipped_baselines, shipped_scenarios
@@ -27,7 +26,7 @@ from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
 TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
-_SETTINGS = ("scenarios", "seed", "detector", "monitor", "tolerances")
+_SETTINGS = ("scenarios", "seed", "detector", "tolerances")
 _A_LINE = 10  # numbers of a list
 _BARE = re.compile("[A-Za-z0-9_-]+")  # keys that TOML takes without quotes
 _REMEDY = "remove what stands from [recorded] on"
@@ -144,7 +143,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         As `read_reference`.
     """
     with naming(path):
-        table = keys(_upgraded(table), (*_SETTINGS, "recorded", *KINDS))
+        table = keys(table, (*_SETTINGS, "recorded", *KINDS))
         scenarios = _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
@@ -158,23 +157,6 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
         )
-
-
-def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables as they are called now: ``monitor`` is ``detector``, norms and levels are scores."""
-    if not any(key in table for key in ("monitor", *FORMER)):
-        return table
-    if "monitor" in table and "detector" in table:
-        raise InputError("both detector and monitor are given; monitor is its former name, so keep detector")
-    kept = {("detector" if key == "monitor" else key): value for key, value in table.items() if key not in FORMER}
-    scores = dict(table_of("score", kept.get("score", {})))
-    for kind in FORMER:
-        for name, figures in table_of(kind, table.get(kind, {})).items():
-            now = SCORE if kind == "norm" else name
-            if now in scores:
-                raise InputError(f"both {kind}.{name} and score.{now} are given; the first is a former name, remove it")
-            scores[now] = figures
-    return {**kept, "score": scores} if scores else kept
 
 
 def _scenarios(path: Path, given: Any) -> tuple[Scenario, ...]:
@@ -222,9 +204,7 @@ def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
 
 def _value_of(where: str, form: str, given: Any) -> Value:
     if form == "flag":
-        if not isinstance(given, bool):
-            raise InputError(f"{where} is {shown(given)}; it must be true or false")
-        return given
+        return boolean(where, given)
     if form == "count":
         return whole(where, given)
     if form == "list":
@@ -311,10 +291,10 @@ def renewed(text: str, figures: str) -> str:
     """
     import tomlkit
 
-    document, fresh = tomlkit.parse(in_names_of_now(text)), tomlkit.parse(figures)
-    own = ("recorded", *KINDS, *FORMER)
+    document, fresh = tomlkit.parse(text), tomlkit.parse(figures)
+    own = ("recorded", *KINDS)
     if not any(name in document for name in own):
-        return f"{in_names_of_now(text).rstrip()}\n\n{figures}"
+        return f"{text.rstrip()}\n\n{figures}"
     for name in own:
         if name not in fresh:
             document.pop(name, None)
@@ -323,23 +303,6 @@ def renewed(text: str, figures: str) -> str:
         else:
             document[name] = fresh[name]
     return tomlkit.dumps(document)
-
-
-def in_names_of_now(text: str) -> str:
-    r"""Return a baseline's text with what has got another name under that: ``monitor``, norms and levels.
-
-    >>> in_names_of_now('monitor = "C"  # ours\n[norm.r]\n[level.p]  # rad\n').splitlines()
-    ['detector = "C"  # ours', '[score."E(k)"]', '[score.p]  # rad']
-    """
-    settings, table, figures = text.partition("\n[")
-    settings = re.sub(
-        r"^monitor(?= *=)|^# monitor(?= = \")",
-        lambda key: key[0].replace("monitor", "detector"),
-        settings,
-        flags=re.MULTILINE,
-    )
-    tables = re.sub(r"^\[norm\.[^\]\n]+\]", '[score."E(k)"]', table + figures, flags=re.MULTILINE)
-    return settings + re.sub(r"^\[level\.", "[score.", tables, flags=re.MULTILINE)
 
 
 def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:

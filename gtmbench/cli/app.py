@@ -8,7 +8,6 @@ foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a
 from __future__ import annotations
 
 import io
-import json
 import re
 import signal
 import sys
@@ -29,13 +28,14 @@ from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
 from gtmbench.cli.monitor import monitor_command
-from gtmbench.cli.output import echo
+from gtmbench.cli.output import echo, print_json
 from gtmbench.cli.report import report_command
 from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.errors import GtmbenchError, RankWarning
 from gtmbench.files import is_file
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
 
@@ -126,7 +126,7 @@ def _note(message: Warning | str) -> None:
 def _fail(message: str, as_json: bool, code: int = 2) -> int:
     line = one_line(message)
     if as_json:
-        click.echo(json.dumps({"error": line, "exit_code": code}))
+        print_json(envelope("error", line, {"error": line}, exit_code=code))
     else:
         echo(f"gtmbench: {line}", err=True)
     return code

@@ -40,8 +40,8 @@ def monitor_fleet(
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
     from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
-    from gtmbench.report.tables.fleet import exit_code, fleet_results
-    from gtmbench.report.words.fleet import MEANING, RIGHT, counts_text, fleet_table
+    from gtmbench.report.tables.fleet import fleet_results
+    from gtmbench.report.words.fleet import MEANING, RIGHT, fleet_table
 
     logs = watching.logs_of(sources)
     if out is None:
@@ -55,7 +55,7 @@ def monitor_fleet(
     if as_json:
         print_json(results | {"out": str(out)})
     elif not quiet:
-        echo(f"{counts_text(row['outcome'] for row in rows)}.")
+        echo(results["verdict"])
         names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
         print_table(f"{out}", names, cells, right=RIGHT)
         if len(rows) > _MOST_ROWS:
@@ -65,4 +65,4 @@ def monitor_fleet(
                 echo(MEANING[name])
         files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
         echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")
-    return exit_code(rows)
+    return int(results["exit_code"])

@@ -38,40 +38,46 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
 @click.command("monitor")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB...", type=click.Path(path_type=Path))
 @map_option
-@detector_option("A bank or a detector is calibrated on what is healthy first.")
+@detector_option("A bank or a detector is first calibrated on the healthy part.")
 @click.option(
     "--identify",
     "healthy",
     multiple=True,
     metavar="T0:T1|LOG",
-    help="What is healthy, to calibrate on: a span of this log in seconds, or another log. Without it a detector takes "
-    "this log's first 40 %, 300 s at most; without a detector it is of bank auto.",
+    help="The healthy part to calibrate on: a span of this log in seconds, or another log. With --detector it may be "
+    "left out: then it is this log's first 40 %, 300 s at most. Without --detector, bank auto is calibrated.",
 )
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
 )
 @click.option("--outputs", metavar="r", help="... predict these sensors.")
-@click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
-@click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@click.option(
+    "--look", default=0.5, show_default=True, help="With --inputs and --outputs: seconds to look back and ahead."
+)
+@click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @click.option(
     "--false-alarms-per-hour",
     "wanted",
     type=float,
-    help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
+    help="False alarm rate to calibrate for.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @attitude_option
-@click.option("--details", is_flag=True, help="Print everything that is known, behind the verdict.")
-@click.option("--named", is_flag=True, help="Say from which size on faults would have been named, too: seconds.")
+@click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
+@click.option(
+    "--named", is_flag=True, help="Also report the size above which faults would have been named; takes some seconds."
+)
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
-@click.option("--list", "listed", is_flag=True, help="Only say what the log holds, and what can be watched.")
+@click.option("--list", "listed", is_flag=True, help="Only list the log's sensors and what can be watched.")
 @click.option("--all", "every", is_flag=True, help="The same, with every column.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
-@click.option("--out", type=click.Path(path_type=Path), help="Of several logs: folder of table, figure, report, parts.")
-@click.option("--jobs", type=int, help="Of several logs: processes.  [default: 1]")
-@click.option("--resume", is_flag=True, help="Of several logs: go on with what stands in the folder.")
-@click.option("--time-limit", type=float, help="Of several logs: seconds that one may take.  [default: 900]")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="For several logs: folder for table, figure, report and parts."
+)
+@click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
+@click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
+@click.option("--time-limit", type=float, help="For several logs: seconds allowed for each.  [default: 900]")
 @common_options
 def monitor_command(
     logs: tuple[Path, ...],
@@ -102,14 +108,14 @@ def monitor_command(
 ) -> int:
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
-    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. With --identify alone
-    by bank auto, the relations that the log's channels allow. Without either, it lists what the log allows. First comes
-    a self-check: a log that isn't what the monitor expects isn't watched, and why, and what to type, is said. Exit
-    code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    Give a saved monitor, or a detector to calibrate on a healthy part; the rest is watched. With --identify alone, bank
+    auto uses the relations that the log's channels allow. Without either, it lists what can be watched. A self-check
+    comes first: a log that isn't what the monitor expects isn't watched, and the output says why and what to type.
+    Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
 
-    Several logs, a folder or a pattern are watched into a folder, --out: a row a log, worst first, without a word by
-    bank auto, each identified on its own first part. Exit code: 1 any failed, 3 some can't be told, 2 none could be
-    read (docs/how_to/fleet.md).
+    Several logs, a folder or a pattern need --out, a folder for the results: a row a log, worst first. By default bank
+    auto watches, identified on each log's own first part. Exit code: 1 any failed, 3 some can't tell, 0 nothing found,
+    2 none could be watched (docs/how_to/fleet.md).
     """
     from gtmbench.detectors.bank.composed import AUTO
 
@@ -262,10 +268,10 @@ def _list(contents: LogContents, *, every: bool, as_json: bool) -> None:
     if as_json:
         print_json(contents_results(contents))
         return
-    if every:
-        print_columns(contents.path, contents.columns)
     for line in listing_lines(contents, screen_width()):
         echo(line)
+    if every:
+        print_columns(contents.path, contents.columns)
 
 
 def _nothing_to_watch_with(contents: LogContents) -> InputError:

@@ -63,7 +63,7 @@ def map_option(command: F) -> F:
         "mapping",
         multiple=True,
         metavar="CHANNEL=COLUMN:UNIT",
-        help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
+        help="Map a column whose name doesn't identify it: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
         "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late).",
     )(command)
 
@@ -75,8 +75,8 @@ def attitude_option(command: F) -> F:
         type=click.Choice(["auto", "own", "driven"]),
         default="auto",
         show_default=True,
-        help="Whether the gyros drive the log's attitude, as an estimator's. auto: as its format documents, else as "
-        "its samples show.",
+        help="Whether an estimator computes the log's attitude from the gyros (driven) or it is independent (own). "
+        "auto: as the format documents, otherwise as the samples show.",
     )(command)
 
 

@@ -61,7 +61,7 @@ class BankWatch(Watch):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankMonitor(CalibratedBank):
-    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds.
+    """A calibrated bank; a residual's score is the greatest of its test statistics over their thresholds.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class BankMonitor(CalibratedBank):
 
     @property
     def look_ahead_s(self) -> float:
-        """How long after a sample the last of its residuals is judged."""
+        """The latency of its last residual, in seconds after a sample."""
         return max(map(self.look_ahead_of, self.operators))
 
     def _repr_html_(self) -> str:
@@ -117,16 +117,16 @@ class BankMonitor(CalibratedBank):
 
     @property
     def memory_s(self) -> float:
-        """Infinite: a fault that lasts is remembered for as long."""
+        """Infinite, because a lasting fault is remembered for as long as it lasts."""
         return float("inf")
 
     def stream(self) -> BankStream:
-        """Return a fresh stream: what `watch` says of a record, as its samples come in."""
+        """Return a fresh stream, which gives the results of `watch` as samples arrive."""
         regime = Regime.told(self.provenance)
         return MotionStream(self, regime) if self.bank.kinematic and regime.limits else BankStream(self)
 
     def trials(self, record: Record) -> BankTrials:
-        """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
+        """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return BankTrials(self, self, record)
 
     def watch(
@@ -138,27 +138,27 @@ class BankMonitor(CalibratedBank):
         before: Record | None = None,
         progress: Progress = silent,
     ) -> BankWatch:
-        """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
+        """Watch a record: every alarm is diagnosed, then watching goes on with the residuals that can still be trusted.
 
-        A stream does the same with rows as they come in; here they are all there.
+        A stream does the same with rows as they arrive.
 
         Parameters
         ----------
         record : Record
         without : iterable of str
-            Families of hypotheses that diagnoses don't try (`isolation.hypotheses.FAMILIES`): what is said of faults
-            that nobody wrote a hypothesis for.
+            Families of hypotheses that diagnoses leave out (`isolation.hypotheses.FAMILIES`), to test faults without a
+            hypothesis.
         outside : sequence of Excursion
-            Stretches that say nothing: an alarm in one can't be told.
+            Stretches without evidence: an alarm in one gives "can't tell".
         before : Record, optional
-            Healthy, of the same sensors: their noise is learnt on its last 20 s, so that watching begins at once.
+            A healthy record of the same sensors. Their noise is learnt on its last 20 s, so watching begins at once.
         progress : callable
-            Told ``watch``, how many rows are done, and of how many.
+            Called with ``watch``, the rows done and the total.
 
         Raises
         ------
         InputError
-            Where the record lacks a channel of the bank or has another sample period.
+            If the record lacks a channel of the bank or has another sample period.
         """
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
@@ -206,7 +206,7 @@ class BankMonitor(CalibratedBank):
         return residuals_of(self.bank, record, self.operators, [sensor]).raw[sensor]
 
     def superposition(self, watch: Watch, sensor: str) -> Superposition:
-        """Return what faults of a sensor would do to its own residual's score on a record that this bank watched."""
+        """Return the effect of a sensor's faults on its own residual's test statistic, on a watched record."""
         assert isinstance(watch, BankWatch)
         out = [each for each in blots(self, watch.record, watch.outside) if each[0] == sensor]
         raw = blotted({sensor: watch.residuals[sensor]}, out)[sensor]
@@ -219,7 +219,7 @@ class BankMonitor(CalibratedBank):
         )
 
     def figures(self) -> dict[str, Any]:
-        """Return what calibration found, the bank's tables among it, as plain JSON values."""
+        """Return the calibration's results, with the bank's tables, as plain JSON values."""
         return bank_figures(self)
 
 
@@ -312,7 +312,7 @@ class BankDetector:
         return _basis(self.bank)
 
     def for_attitude(self, *, is_driven: bool) -> BankDetector:
-        """Return the bank for an attitude that the gyros drive, or for one of its own."""
+        """Return the bank for an attitude that the gyros drive, or for an independent one."""
         if self.bank.attitude_from_gyros == is_driven:
             return self
         return replace(self, bank=self.bank.driven() if is_driven else replace(self.bank, attitude_from_gyros=False))
@@ -327,7 +327,7 @@ class BankDetector:
     ) -> BankMonitor:
         """Identify the bank on stretches of a flight, always with caution: one flight excites few directions.
 
-        Unless told, 0.002 false alarms an hour are wanted; 1 of a bank that judges energy.
+        The default is 0.002 false alarms an hour, or 1 for a bank that judges energy.
         """
         usual = _RATE_OF_ENERGY if self.bank.statistic.name == "energy" else RATE
         return calibrate(
@@ -342,7 +342,7 @@ class BankDetector:
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> BankMonitor:
-        """Identify the bank and set its thresholds for a false-alarm rate, 0.002 an hour unless told."""
+        """Identify the bank and set its thresholds for a false alarm rate, by default 0.002 an hour."""
         return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
@@ -383,21 +383,21 @@ def calibrate(
     records : Record or sequence of Record
         Healthy measurements with the bank's channels, all of one sample period.
     bank : Bank, str or Path
-        Or what `load_bank` takes: a name, such as ``C``, or a TOML file.
+        A bank, a name such as ``C``, or a TOML file.
     false_alarms_per_hour : float, optional
-        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
-        tails.
+        Rate to calibrate the whole monitor for (by default 0.002); far below 1 over the hours given, it rests on
+        extrapolated tails.
     estimator : Estimator, optional
-        `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
+        By default `LeastSquares` for five minutes in all and more, `Bayesian` for less.
     provenance : mapping, optional
-        Kept with the monitor: where the records come from.
+        The origin of the records, kept with the monitor.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where channels are missing or constant, or the records too short.
+        If channels are missing or constant, or the records too short.
 
     Examples
     --------

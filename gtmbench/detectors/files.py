@@ -43,9 +43,9 @@ _MOST_WORDS = 400  # characters of a message: a broken file may hold anything
 
 
 def save_monitor(monitor: Monitor, path: str | Path) -> None:
-    """Write a monitor; `load_monitor` returns one that judges alike, on any machine.
+    """Write a monitor; `load_monitor` returns one with the same judgements, on any machine.
 
-    Saving what was loaded gives the same bytes.
+    Saving a loaded monitor gives the same bytes.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Where the file can't be written there, or the monitor holds what couldn't be read back.
+        If the file can't be written there, or the monitor holds what couldn't be read back.
 
     Examples
     --------
@@ -91,12 +91,12 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     ----------
     path : str or Path
     detector : Detector, optional
-        The recipe whose figures the file holds; needed where it neither comes with gtmbench nor is installed.
+        The recipe of the figures in the file; needed if it neither comes with gtmbench nor is installed.
 
     Raises
     ------
     InputError
-        Naming the file, the key, what stands there and what should.
+        Naming the file, the key, its value and what is legal.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def kind_of(detector: Detector | Monitor) -> str:
     Raises
     ------
     InputError
-        Where somebody's own goes by a name that is gtmbench's.
+        If somebody's own goes by a name that is gtmbench's.
     """
     if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"

@@ -6,13 +6,12 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
-from gtmbench.channels import SENSORS
+from gtmbench.channels import GYROS, SENSORS
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, load_bank
 from gtmbench.errors import InputError
 
 AUTO = "auto"
-GYROS = ("p", "q", "r")
 _FROM = ("C", "B")  # the better relations first
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS

@@ -13,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from gtmbench.channels import unit_of
+from gtmbench.channels import GYROS, unit_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files import atomic_write
 from gtmbench.record import FloatArray, Record, Span
@@ -27,7 +27,7 @@ Signal = tuple[FloatArray, FloatArray]  # times in s, values
 
 TIMELINE = "time"  # seconds of the flight, to the nanosecond
 GROUPS = {
-    "rates": ("p", "q", "r"),
+    "rates": GYROS,
     "wind": ("alpha", "beta"),
     "attitude": ("phi", "theta"),
     "heading": ("psi",),  # goes round, and nz is 1 g and more: what moves less would lie flat beside them

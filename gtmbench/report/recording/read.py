@@ -22,7 +22,7 @@ _LONGEST_S, _BYTES_PER_S = 60.0, 1e6  # it takes a second for 70 MB
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
-    """Return everything a recording holds as one long table, a row a sample, values bit for bit those of the study.
+    """Return a recording as one long table, a row a sample, with the study's values bit for bit.
 
     ==========  ======================================================================================
     column      holds
@@ -46,7 +46,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        Where it isn't a whole recording, or another application's.
+        If it isn't a whole recording, or another application's.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def recording_in(given: Path) -> Path:
     Raises
     ------
     InputError
-        Where a folder holds none, or several.
+        If a folder holds none, or several.
     """
     if not given.is_dir():
         return given

@@ -71,7 +71,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from gtmbench.attitude import ATTITUDE
+from gtmbench.channels import ATTITUDE
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor

@@ -26,26 +26,19 @@ def title(baseline: Baseline) -> str:
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
     """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
 
-    Columns that say nothing are left out: the detector where there is one, the scenario where it is called like its
-    fault, isolation where no detector names a sensor. Where one does, time and sizes of alarms make room for it.
+    The columns are the same whatever the detector. What was flown may leave out three: the scenario where it is called
+    like its fault, further faults and departures where there are none.
     """
     rows = [_cells(trial) for trial in study.trials]
     left_out: set[str] = set()
-    if len(study.baselines) == 1:
-        left_out.add("detector")
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
         left_out.add("scenario")
     if not any(trial.also for trial in study.trials):
         left_out.add("also")
     if not any(trial.events for trial in study.trials):
-        left_out.add("departed after (s)")
-    if any(baseline.monitor.suspects for baseline in study.baselines):
-        left_out |= {"alarm (s)", "peak ratio", "altered"}
-    else:
-        left_out |= {"isolated after (s)", "kind"}
+        left_out.add("departed (s)")
     columns = [name for name in rows[0] if name not in left_out]
-    delays = ("alarm (s)", "delay (s)", "departed after (s)", "isolated after (s)")
-    numbers = ("severity", *delays, "peak ratio", "altered")
+    numbers = ("severity", "delay (s)", "departed (s)", "named (s)", "peak")
     return columns, [[row[name] for name in columns] for row in rows], [name for name in columns if name in numbers]
 
 
@@ -57,12 +50,10 @@ def _cells(trial: Trial) -> dict[str, str]:
         "channel": trial.channel,
         "severity": severity_text(trial),
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
-        "alarm (s)": or_dash(trial.alarm_time_s, ".2f"),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
-        "departed after (s)": or_dash(_departed_after_s(trial), ".2f"),
-        "isolated after (s)": or_dash(trial.isolation_delay_s, ".2f"),
-        "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
-        "altered": f"{100.0 * trial.altered_share:.1f} %",
+        "departed (s)": or_dash(_departed_after_s(trial), ".2f"),
+        "named (s)": or_dash(trial.isolation_delay_s, ".2f"),
+        "peak": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
@@ -113,7 +104,9 @@ def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
         right = f", {sum(bool(trial.isolated) for trial in trials)} sensors named rightly"
         named = f"{right}, {wrong} wrongly" if wrong else f"{right}, none wrongly"
     alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
-    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight"
+    differing = sum(bool(trial.unexpected) for trial in trials)
+    otherwise = f"; {differing} not as its scenario expects" if differing else ""
+    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
 
 
 def rescue_verdict(rescue: Rescue) -> str:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from gtmbench.attitude import ATTITUDE, DRIVEN, GYROS, OWN
+from gtmbench.attitude import DRIVEN, OWN
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
