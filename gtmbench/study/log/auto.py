@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from gtmbench.channels import GYROS
 from gtmbench.checks import naming
 from gtmbench.detectors.auto import AutoDetector
-from gtmbench.detectors.bank.composed import GYROS, composed_bank, unwatched
+from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
