@@ -13,6 +13,8 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
+from gtmbench.study.log import watched
+from tests.certificates import hardly_watched_by_biases, worked_out_when_read
 from tests.watching import written_once
 
 os.environ.setdefault("CI", "1")
@@ -32,6 +34,18 @@ def _flown_once():
     with pytest.MonkeyPatch.context() as patch:
         for module in (flights, healthy_records):
             patch.setattr(module, "fly", flown)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _certified_when_read():
+    """A log's certificate is most of the work of watching it: it is worked out as soon as anybody reads it.
+
+    `test_certificate` holds that it is then the one that there would have been.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(watched, "certificate_of", worked_out_when_read)
+        patch.setattr(watched, "hardly_watched", hardly_watched_by_biases)
         yield
 
 

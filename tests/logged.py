@@ -9,8 +9,8 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.study.log.certificate import certificate_of
 from gtmbench.study.log.watched import WatchedLog
+from tests.certificates import worked_out_when_read
 from tests.monitors import monitor, record
 
 ODD = ("Motor #2 (rpm)", "strain 1/left", "$x^2$")
@@ -27,7 +27,7 @@ def watched_log(segments, watched, by, *, remarks=(), identified=(), reasons=(),
         identified_s=tuple(identified),
         watches=watches,
         reasons=tuple(reasons),
-        certificate=certificate_of(by, watches),
+        certificate=worked_out_when_read(by, watches),
     )
 
 

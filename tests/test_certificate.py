@@ -1,6 +1,7 @@
 """The certificate of a watched log, held against faults that are really put on the record, and watched."""
 
-from dataclasses import replace
+import pickle
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,17 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report, outcome_text
-from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, superposition
+from gtmbench.study.log.certificate import (
+    KINDS,
+    SHARE,
+    Certificate,
+    Smallest,
+    certificate_of,
+    deviation,
+    hardly_watched,
+    superposition,
+)
+from tests.certificates import hardly_watched_by_biases, worked_out_when_read
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
 
@@ -85,6 +96,26 @@ def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is
     noise = {sensor: certificate().of(sensor, "noise").size for sensor in "pqr"}
     assert noise["r"] < 0.9 * min(noise["p"], noise["q"])
     assert certificate().watched_s == pytest.approx(3600.0 * flight().armed_hours)
+
+
+def test_what_tests_work_out_when_it_is_read_is_the_same(monkeypatch):
+    """All other tests of logs have theirs so: `conftest`."""
+    later = worked_out_when_read(monitor(), [flight()])
+    biases = [row for row in certificate().rows if row.kind == "bias"]
+    assert list(later.of_biases.rows) == biases
+    assert Certificate(**{item.name: getattr(later, item.name) for item in fields(Certificate)}) == certificate()
+    assert (pickle.loads(pickle.dumps(later)), later.of("q", "bias")) == (certificate(), certificate().of("q", "bias"))
+    monkeypatch.setattr("gtmbench.study.log.certificate._SMALL_DEG_S", 0.0)
+    monkeypatch.setattr("gtmbench.study.log.certificate._BEYOND_MOTION", 0.99 * motion_of_q(biases))
+    asked = worked_out_when_read(monitor(), [flight()])
+    assert hardly_watched_by_biases(asked, [flight()]) == hardly_watched(certificate(), [flight()])
+    assert hardly_watched(certificate(), [flight()])
+
+
+def motion_of_q(biases):
+    """Return how many times its own motion the smallest bias of q is."""
+    (row,) = (row for row in biases if row.sensor == "q")
+    return row.size / deviation([flight().record["q"]])
 
 
 def test_another_start_changes_nothing():
