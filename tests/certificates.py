@@ -1,16 +1,30 @@
-"""Certificates that are worked out when they are read: few tests of logs do, and they take most of a log's time."""
+"""Certificates that are worked out when they are read, at few onsets: they take most of the time of watching a log.
 
+Tests that hold a certificate's figures call `certificate_of`, or use the fixture `whole_certificates`.
+"""
+
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import cached_property
 from operator import attrgetter
+from unittest.mock import patch
 
 from gtmbench.faults.kinds import Bias
 from gtmbench.study.log import certificate
 from gtmbench.study.log.certificate import KINDS, Certificate, certificate_of, hardly_watched
 
+FEW = 5  # onsets, of 20
+
+
+@contextmanager
+def at_few_onsets(**more):
+    """Let certificates be worked out at few onsets."""
+    with patch.multiple(certificate, _ONSETS=FEW, **more):
+        yield
+
 
 class WhenRead(Certificate):
-    """A certificate that nobody knows before one of its fields is read; then it is as `certificate_of` has it."""
+    """A certificate that nobody knows before one of its fields is read."""
 
     def __init__(self, monitor, watches, **how):
         vars(self).update(asked=(monitor, watches), how=how)
@@ -18,18 +32,16 @@ class WhenRead(Certificate):
     @cached_property
     def whole(self):
         """Return it all."""
-        return certificate_of(*self.asked, **self.how)
+        with at_few_onsets():
+            return certificate_of(*self.asked, **self.how)
 
     @cached_property
     def of_biases(self):
         """Return its rows of biases, which are worked out for themselves: a fifth of the work."""
         if "whole" in vars(self):
             return self.whole
-        kinds, certificate.KINDS = certificate.KINDS, tuple(kind for kind in KINDS if kind.fault is Bias)
-        try:
+        with at_few_onsets(KINDS=tuple(kind for kind in KINDS if kind.fault is Bias)):
             return certificate_of(*self.asked)
-        finally:
-            certificate.KINDS = kinds
 
     def __reduce__(self):
         """Go to another process as the certificate that it is."""
@@ -38,11 +50,6 @@ class WhenRead(Certificate):
 
 for field in fields(Certificate):
     setattr(WhenRead, field.name, property(attrgetter(f"whole.{field.name}")))
-
-
-def worked_out_when_read(monitor, watches, **how):
-    """Stand in for `certificate_of`."""
-    return WhenRead(monitor, watches, **how)
 
 
 def hardly_watched_by_biases(said, watches):

@@ -14,7 +14,8 @@ from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
 from gtmbench.study.log import watched
-from tests.certificates import hardly_watched_by_biases, worked_out_when_read
+from gtmbench.study.log.certificate import certificate_of
+from tests.certificates import WhenRead, hardly_watched_by_biases
 from tests.watching import written_once
 
 os.environ.setdefault("CI", "1")
@@ -39,14 +40,20 @@ def _flown_once():
 
 @pytest.fixture(scope="session", autouse=True)
 def _certified_when_read():
-    """A log's certificate is most of the work of watching it: it is worked out as soon as anybody reads it.
+    """A log's certificate is most of the work of watching it: it is worked out when it is read, at few onsets.
 
-    `test_certificate` holds that it is then the one that there would have been.
+    `test_certificate` holds the certificates themselves, and that these are made as they are.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(watched, "certificate_of", worked_out_when_read)
+        patch.setattr(watched, "certificate_of", WhenRead)
         patch.setattr(watched, "hardly_watched", hardly_watched_by_biases)
         yield
+
+
+@pytest.fixture
+def whole_certificates(monkeypatch):
+    """Have logs certified as they are for users: at once, at as many onsets."""
+    monkeypatch.setattr(watched, "certificate_of", certificate_of)
 
 
 @pytest.fixture(scope="session")

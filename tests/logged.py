@@ -10,7 +10,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.study.log.watched import WatchedLog
-from tests.certificates import worked_out_when_read
+from tests.certificates import WhenRead
 from tests.monitors import monitor, record
 
 ODD = ("Motor #2 (rpm)", "strain 1/left", "$x^2$")
@@ -27,7 +27,7 @@ def watched_log(segments, watched, by, *, remarks=(), identified=(), reasons=(),
         identified_s=tuple(identified),
         watches=watches,
         reasons=tuple(reasons),
-        certificate=worked_out_when_read(by, watches),
+        certificate=WhenRead(by, watches),
     )
 
 

@@ -23,7 +23,7 @@ from gtmbench.study.log.certificate import (
     hardly_watched,
     superposition,
 )
-from tests.certificates import hardly_watched_by_biases, worked_out_when_read
+from tests.certificates import WhenRead, at_few_onsets, hardly_watched_by_biases
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
 
@@ -98,24 +98,23 @@ def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is
     assert certificate().watched_s == pytest.approx(3600.0 * flight().armed_hours)
 
 
-def test_what_tests_work_out_when_it_is_read_is_the_same(monkeypatch):
+def test_what_tests_work_out_when_it_is_read_is_the_same_at_few_onsets(monkeypatch):
     """All other tests of logs have theirs so: `conftest`."""
-    later = worked_out_when_read(monitor(), [flight()])
-    biases = [row for row in certificate().rows if row.kind == "bias"]
-    assert list(later.of_biases.rows) == biases
-    assert Certificate(**{item.name: getattr(later, item.name) for item in fields(Certificate)}) == certificate()
-    assert (pickle.loads(pickle.dumps(later)), later.of("q", "bias")) == (certificate(), certificate().of("q", "bias"))
+    later, asked = (WhenRead(monitor(), [flight()]) for _ in range(2))
+    with at_few_onsets():
+        there = certificate_of(monitor(), [flight()])
+    assert list(later.of_biases.rows) == [row for row in there.rows if row.kind == "bias"]
+    assert Certificate(**{item.name: getattr(later, item.name) for item in fields(Certificate)}) == there
+    assert (pickle.loads(pickle.dumps(later)), later.of("q", "bias")) == (there, there.of("q", "bias"))
     monkeypatch.setattr("gtmbench.study.log.certificate._SMALL_DEG_S", 0.0)
-    monkeypatch.setattr("gtmbench.study.log.certificate._BEYOND_MOTION", 0.99 * motion_of_q(biases))
-    asked = worked_out_when_read(monitor(), [flight()])
-    assert hardly_watched_by_biases(asked, [flight()]) == hardly_watched(certificate(), [flight()])
-    assert hardly_watched(certificate(), [flight()])
+    monkeypatch.setattr("gtmbench.study.log.certificate._BEYOND_MOTION", 0.99 * motion_of_q(there))
+    assert hardly_watched_by_biases(asked, [flight()]) == hardly_watched(there, [flight()])
+    assert "q" in hardly_watched(there, [flight()])
 
 
-def motion_of_q(biases):
+def motion_of_q(said):
     """Return how many times its own motion the smallest bias of q is."""
-    (row,) = (row for row in biases if row.sensor == "q")
-    return row.size / deviation([flight().record["q"]])
+    return said.of("q", "bias").size / deviation([flight().record["q"]])
 
 
 def test_another_start_changes_nothing():
