@@ -5,15 +5,18 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
+from types import ModuleType
 
 import pytest
 from pages import ROOT, blocks, commands, run_chain
 
 from gtmbench.cli.app import app
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.faults import registry as kinds_of_faults
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.intake.formats import registry as formats
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
@@ -21,21 +24,36 @@ from gtmbench.study.score import SAME_KINDS
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
-def test_its_python_runs(page, tmp_path):
-    """In a process of its own, for it registers a fault."""
-    script = "\n".join(blocks(page, "python"))
+TUTORIAL = ROOT / "docs/tutorial/in_python.md"
+SCRIPTS = [page for page in PAGES if blocks(page, "python") and page != TUTORIAL]
+
+
+@pytest.mark.parametrize("page", SCRIPTS, ids=lambda page: page.stem)
+def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
+    """As a module of its own, in this process, which has imported what takes long; what it registers is forgotten."""
+    module = ModuleType(f"page_{page.stem}")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(kinds_of_faults, "_registered", {})
+    monkeypatch.setattr(formats, "FORMATS", formats.FORMATS)
+    monkeypatch.chdir(tmp_path)
+    exec(compile("\n".join(blocks(page, "python")), page.name, "exec"), vars(module))
+    out, err = capsys.readouterr()
+    assert err == ""
+    if page.stem == "identify":
+        assert "[p q beta] -> r (101, 1, 3)" in out
+        alarms = re.findall(r"^(?:alarm at )?\[(\d+\.\d+)", out, flags=re.MULTILINE)
+        assert len(alarms) > 1
+        assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
+    if page.stem == "detectors":
+        assert re.search(r"^0 \d+\.\d+ q alarm$", out, flags=re.MULTILINE)
+
+
+def test_the_tutorials_python_runs_in_a_new_interpreter(tmp_path):
+    script = "\n".join(blocks(TUTORIAL, "python"))
     run = subprocess.run(
         [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
-    if page.stem == "identify":
-        assert "[p q beta] -> r (101, 1, 3)" in run.stdout
-        alarms = re.findall(r"^(?:alarm at )?\[(\d+\.\d+)", run.stdout, flags=re.MULTILINE)
-        assert len(alarms) > 1
-        assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
-    if page.stem == "detectors":
-        assert re.search(r"^0 \d+\.\d+ q alarm$", run.stdout, flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
