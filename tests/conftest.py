@@ -13,9 +13,10 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
-from gtmbench.study.log import watched
+from gtmbench.study.log import watch, watched
 from gtmbench.study.log.certificate import certificate_of
 from tests.certificates import WhenRead, hardly_watched_by_biases
+from tests.watched_once import remembered
 from tests.watching import written_once
 
 os.environ.setdefault("CI", "1")
@@ -54,6 +55,21 @@ def _certified_when_read():
 def whole_certificates(monkeypatch):
     """Have logs certified as they are for users: at once, at as many onsets."""
     monkeypatch.setattr(watched, "certificate_of", certificate_of)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _watched_once():
+    """Commands that watch a log in the same way again get the same one; `watched_anew` watches it again."""
+    patched, shelf = remembered(watch.watch_log)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(watch, "watch_log", patched)
+        yield shelf
+
+
+@pytest.fixture
+def watched_anew(_watched_once):
+    """Return a function that makes commands watch logs anew."""
+    return _watched_once.clear
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,7 @@ def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     assert (error[0], json.loads(error[1])["exit_code"], error[2]) == (2, 2, "")
 
 
-def test_recording_figure_and_monitor_are_written_and_kept_unless_forced(cli, tmp_path):
+def test_recording_figure_and_monitor_are_written_and_kept_unless_forced(cli, tmp_path, watched_anew):
     wanted = ("--record", "l.rrd", "--figure", "l.png", "--save", "l.json")
     code, out, err = cli("monitor", "broken.csv", "--monitor", "C", *HALF, *wanted)
     assert (code, err) == (1, "")
@@ -94,6 +94,7 @@ def test_recording_figure_and_monitor_are_written_and_kept_unless_forced(cli, tm
         assert (code, out) == (2, "")
         assert f"{name} exists; give another {option}, or --force to write over it" in err
     assert [(tmp_path / name).read_bytes() for name in names(tmp_path)] == before
+    watched_anew()
     assert cli("monitor", "broken.csv", "--monitor", "C", *HALF, "--save", "l.json", "--force", "-q")[0] == 1
     assert (tmp_path / "l.json").read_bytes() == before[0]
 
