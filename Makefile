@@ -17,7 +17,7 @@ lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports
+	PYTHONPATH=experiments $(BIN)/lint-imports
 
 docs: .venv/ready ## the documentation, into out/docs (open out/docs/index.html); no network, a warning is an error
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -a -W --keep-going -q -b html -d out/doctrees docs out/docs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))  # where `theory` is
 sys.path.insert(0, str(Path(__file__).parent))  # where `generated.py` and `mathml.py` are
 
 from gtmbench.version import __version__

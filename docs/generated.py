@@ -13,7 +13,7 @@ from typing import Any
 
 import gtmbench as gb
 import gtmbench.testing
-import gtmbench.theory
+import theory
 from gtmbench.api import __all__ as public
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +60,7 @@ def title(text: str, line: str = "=") -> Iterator[str]:
 def names_page() -> Iterator[str]:
     """Yield the page of everything public, by what one does with it."""
     yield from title("Every public name")
-    yield from ("What ``import gtmbench as gb`` gives, and what tests of a detector of one's own import.", "")
+    yield from ("Names of ``import gtmbench as gb``, and of ``gtmbench.testing`` for tests of your own detector.", "")
     for heading in dict.fromkeys(ROOMS.values()):
         yield from title(heading, "-")
         yield from summary("gtmbench", (name for name in public if room(name) == heading))
@@ -70,17 +70,20 @@ def names_page() -> Iterator[str]:
 
 def theory_page() -> Iterator[str]:
     """Yield the page of the theory's modules."""
-    yield from title("gtmbench.theory")
-    yield from ("What the scripts of ``experiments/`` share; ``pip install 'gtmbench[theory]'``.", "")
-    modules = sorted(found.name for found in pkgutil.iter_modules(gtmbench.theory.__path__))
-    yield from summary("gtmbench.theory", modules)
+    yield from title("Theory, beside the package")
+    yield from (
+        "``experiments/theory`` of a checkout, which the dissertation's scripts share; ``pip install -e '.[theory]'``.",
+        "",
+    )
+    modules = sorted(found.name for found in pkgutil.iter_modules(theory.__path__))
+    yield from summary("theory", modules)
 
 
 def channels_page() -> Iterator[str]:
     """Yield the channel table."""
     yield from title("Channels")
     yield from (*(gtmbench.channels.__doc__ or "").strip().splitlines(), "")
-    heads = ("name", "unit", "column of a log", "what it is", "noise of the T2's sensor", "JSBSim's property")
+    heads = ("name", "unit", "column of a log", "meaning", "noise of the T2's sensor", "JSBSim's property")
     yield from (".. list-table::", "   :header-rows: 1", "")
     rows = (
         (
@@ -97,7 +100,7 @@ def channels_page() -> Iterator[str]:
         yield from (f"   {'  ' if column else '* '}- {cell}".rstrip() for column, cell in enumerate(cells))
     yield from ("", "Pseudo inputs", "-------------", "")
     yield from (
-        "What a sensor should read by kinematics, from other channels; channels for any operator (`gtmbench.derive`).",
+        "A sensor's reading by kinematics, computed from other channels; any operator may take it (`gtmbench.derive`).",
         "",
     )
     yield from (".. list-table::", "   :header-rows: 1", "", "   * - name", "     - formula")
@@ -108,7 +111,7 @@ def channels_page() -> Iterator[str]:
 def reports_page() -> Iterator[str]:
     """Yield the page that leads to the reports."""
     yield from title("Reports")
-    yield from ("What the scripts of ``experiments/`` wrote when they were run last.", "")
+    yield from ("Reports from the last run of each script in ``experiments/``.", "")
     yield from (".. toctree::", "   :maxdepth: 1", "", *(f"   {name}" for name in REPORTS.values()))
 
 

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gtmbench.report.dissertation.reproduction import tally
+from dissertation.reproduction import tally
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs/reference/dissertation.md"

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.report.figures.study import write_figures
 
 # what is printed, with the tolerance at which the model is held to it: name -> (value, tolerance)

@@ -15,14 +15,14 @@ import scipy.linalg
 from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 
-from gtmbench.report.dissertation.reproduction import Reproduction, flat, reproduce
+from dissertation.reproduction import Reproduction, flat, reproduce
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
-from gtmbench.theory.exact import exact_operator
-from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
-from gtmbench.theory.numeric import NumericOperator
-from gtmbench.theory.rational import adjugate_times
-from gtmbench.theory.state_space import StateSpace
+from theory.exact import exact_operator
+from theory.motions import holds_for_free_responses, relative_residual, with_input
+from theory.numeric import NumericOperator
+from theory.rational import adjugate_times
+from theory.state_space import StateSpace
 
 # w1 a line in time, w3 and w4 a growing oscillation, w5 a decay
 GENERATOR = scipy.linalg.block_diag([[0.0, 1.0], [0.0, 0.0]], [[0.1, 2.0], [-2.0, 0.1]], [[-0.5]]).tolist()

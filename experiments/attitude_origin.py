@@ -25,15 +25,17 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, welch
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS, carried_on
+from gtmbench.attitude import carried_on
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.method.attitude_origin import origin_of
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.testing.flights import fly_once
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 SEED = 38_000  # of the report's cases; others were looked at while the rule was made
 OWN, DRIVEN = 120, 300  # cases

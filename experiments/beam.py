@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from gtmbench.report.dissertation.figures import draw_both_ways
-from gtmbench.report.dissertation.reproduction import Reproduction, claim_equal, listed, reproduce
+from dissertation.figures import draw_both_ways
+from dissertation.reproduction import Reproduction, claim_equal, listed, reproduce
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
-from gtmbench.theory.numeric import NumericOperator
-from gtmbench.theory.polynomials import read_polynomial, write_polynomial
-from gtmbench.theory.rational import Coefficients, RationalOperator, coefficients
-from gtmbench.theory.structures import Structure, displacement_driven, force_driven, unit_columns
+from theory.numeric import NumericOperator
+from theory.polynomials import read_polynomial, write_polynomial
+from theory.rational import Coefficients, RationalOperator, coefficients
+from theory.structures import Structure, displacement_driven, force_driven, unit_columns
 
 MODULUS, LENGTH, HEIGHT, WIDTH = 200e9, 0.100, 0.010, 0.001  # Pa, m
 DRIVEN, SENSED = 0.0833, 0.0211  # x_a, x_s, m

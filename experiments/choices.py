@@ -14,7 +14,7 @@ import numpy as np
 import scipy.signal
 
 import gtmbench as gb
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
+from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.report.figures.selection import excitation_figure, order_figure
 
 SENSORS, SAMPLES, SNR, ORDER = 6, 4000, 100, 20

@@ -20,16 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 
 import gtmbench as gb
+from dissertation.figures import blank, block, junction, wire
+from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.figures import blank, block, junction, wire
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.closed_loop import Noise, closed_loop, loop_records
-from gtmbench.theory.iir import IirModel, arx, iv4
-from gtmbench.theory.laurent import laurent
-from gtmbench.theory.pem import pem
-from gtmbench.theory.plants import example_3_2
+from theory.closed_loop import Noise, closed_loop, loop_records
+from theory.iir import IirModel, arx, iv4
+from theory.laurent import laurent
+from theory.pem import pem
+from theory.plants import example_3_2
 
 SNR, R, D = 10.0, 50, 50
 LENGTH, RUNS = 10_000, 50  # l of Fig. 3.13, and the experiments of (3.100)

@@ -32,13 +32,14 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, ESTIMATORS, GYROS
+from gtmbench.attitude import ESTIMATORS
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
-from gtmbench.channels import header_of
+from gtmbench.channels import ATTITUDE, GYROS, header_of
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown
-from gtmbench.study.log.certificate import KINDS, certificate_of, superposition
+from gtmbench.report.tables.markdown import markdown
+from gtmbench.study.log.certificate import KINDS, certificate_of
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 SEED = 33_000  # of the report's cases; others were looked at while names were made
 ONSET_S, LASTS_S = 100.0, 200.0
@@ -197,7 +198,7 @@ def certificate(task: Task) -> Iterator[Row]:
             continue
         kind = next(kind for kind in KINDS if kind.fault.kind == row.kind)
         last_s = watch.record.end_s - kind.within_s
-        able_s = watch.record.time_s[superposition(watch, row.sensor).armed]
+        able_s = watch.record.time_s[watch.monitor.superposition(watch, row.sensor).armed]
         for onset_s in draw.choice(able_s[able_s < last_s], 3):
             fault = kind.at(row.sensor, float(onset_s), row.size, is_turned=bool(draw.integers(2)))
             broken = gb.inject(watch.record, fault, attitude=ESTIMATORS[task.estimator])

@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import gtmbench as gb
+from dissertation.figures import norm_panel
+from dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.figures import norm_panel
-from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
-from gtmbench.theory.nested import count, nested_operators, norms
-from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, simulate
+from theory.nested import count, nested_operators, norms
+from theory.vibration import Held, Modes, Sinusoids, measured, simulate
 
 BOX_M, SOUND_M_S, BELOW_HZ, DAMPING = np.array([0.6, 0.58, 0.9]), 343.0, 480.0, 0.05
 SPEAKERS_M = np.array([[0.05, 0.3, 0.2], [0.55, 0.2, 0.6]])

@@ -22,23 +22,24 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
+from gtmbench.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
+from studies.targets import Target, held, is_missed
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1
 UNSEEN = ("doublets+turbulence", "dissertation+turbulence", "doublets")
 FAULT_SEED, HEALTHY_SEED = 80_001, 81_001  # of flights that nobody used while building
-BANKS, GYROS, ANGLES = ("C", "C-early"), ("p", "q", "r"), ("phi", "theta", "psi")
+BANKS = ("C", "C-early")
 LATE_S = {"as it is": 0.0, "30 ms late": 0.03}
 FAULTS: dict[str, tuple[dict[str, object], ...]] = {
     "drift": ({"slope": 0.01}, {"slope": 0.05}),
@@ -93,7 +94,7 @@ def reading(seed: int, excitation: str, duration_s: float) -> gb.Record:
 
 def late(record: gb.Record, late_s: float) -> gb.Record:
     """Return a record whose attitude comes late."""
-    for angle in ANGLES if late_s else ():
+    for angle in ATTITUDE if late_s else ():
         record = gb.inject(record, gb.Delay(channel=angle, onset_s=record.start_s, delay_s=late_s))
     return record
 

@@ -28,7 +28,7 @@ import pandas as pd
 import scipy.optimize  # noqa: F401  a diagnosis imports it when it first needs it, which isn't what is timed
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS, axis_of, unit_of
+from gtmbench.channels import ATTITUDE, GYROS, SENSORS, axis_of, unit_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation.diagnosis import SAME
@@ -38,18 +38,18 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
+from studies.targets import Target, held, is_missed
 
 CALIBRATION, CALIBRATION_SEED = "multisine+turbulence", 1
 UNSEEN = ("doublets+turbulence", "dissertation+turbulence", "doublets")
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
-NEXT = {name: group[(i + 1) % 3] for group in (GYROS, ANGLES) for i, name in enumerate(group)}
+NEXT = {name: group[(i + 1) % 3] for group in (GYROS, ATTITUDE) for i, name in enumerate(group)}
 JUDGED_S = 20.0  # after the alarm
 FOUND_S = 60.0  # after the onset, for a small fault to be found,
 FOUND = 5 / 6  # on this share of the flights
@@ -127,7 +127,7 @@ class Size:
     flights: int = 12
     small: int = 6  # flights, the first, on which the smallest faults are looked for
     steps: int = 10  # of the ladder of magnitudes, down from the strong ones
-    groups: Sequence[Sequence[str]] = (GYROS, ANGLES)
+    groups: Sequence[Sequence[str]] = (GYROS, ATTITUDE)
     kinds: Sequence[str] = tuple(KINDS)
 
 
@@ -565,7 +565,7 @@ def arranged(rows: Sequence[Row]) -> pd.DataFrame:
     frame["family"] = [KINDS[row["fault"]].family for row in rows]
     ranks = {
         "fault": list(KINDS),
-        "channel": [*GYROS, *ANGLES],
+        "channel": [*GYROS, *ATTITUDE],
         "severity": [MILD, STRONG, ONLY, "small"],
         "excitation": list(UNSEEN),
     }

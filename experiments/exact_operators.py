@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg
 import sympy
 
-from gtmbench.report.dissertation.figures import draw_structure
-from gtmbench.report.dissertation.reproduction import (
+from dissertation.figures import draw_structure
+from dissertation.reproduction import (
     Reproduction,
     claim_equal,
     claim_polynomials,
@@ -23,10 +23,10 @@ from gtmbench.report.dissertation.reproduction import (
     reproduce,
 )
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.exact import exact_operator
-from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
-from gtmbench.theory.rational import Coefficients, RationalOperator, coefficients
-from gtmbench.theory.structures import force_driven, mass_spring, unit_columns, unit_rows
+from theory.exact import exact_operator
+from theory.motions import holds_for_free_responses, relative_residual, with_input
+from theory.rational import Coefficients, RationalOperator, coefficients
+from theory.structures import force_driven, mass_spring, unit_columns, unit_rows
 
 p = sympy.Symbol("p")
 MODEL_2_4_2: dict[str, Any] = {

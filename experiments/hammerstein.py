@@ -22,12 +22,12 @@ from scipy.signal import lfilter
 from scipy.stats import norm, uniform
 
 import gtmbench as gb
+from dissertation.figures import blank, block, wire
+from dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.figures import blank, block, wire
-from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.hammerstein import Pair, centred, covariance, without_nonlinearities
-from gtmbench.theory.state_space import companion
+from theory.hammerstein import Pair, centred, covariance, without_nonlinearities
+from theory.state_space import companion
 
 B1, A1 = [0.0, 0.0, 4.0, 1.0], np.poly([0.6, -0.8, 0.9])  # (6.31), falling powers
 B2, A2 = [0.0, 0.0, 2.0, 5.0], np.poly([0.55, -0.6, 0.4])  # (6.32)

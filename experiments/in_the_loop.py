@@ -26,16 +26,17 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
+from gtmbench.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown
-from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
+from studies.targets import Target, held, is_missed
 
 CALIBRATION, FLOWN = "multisine+turbulence", "turbulence"
 CALIBRATION_SEED, PLACE_SEED, OPERATOR_SEED, RANDOM_SEED = (
@@ -44,7 +45,6 @@ CALIBRATION_SEED, PLACE_SEED, OPERATOR_SEED, RANDOM_SEED = (
     640_001,
     650_001,
 )  # of nobody else's flights
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 OPEN, CLOSED, LOOP = "open-loop record", "closed-loop record", "in the loop"
 NONE, NAMED, PLAIN, ZERO, SPARE = "nothing", "virtual rate (C-early)", "virtual rate (C)", "zero (C-early)", "spare"
 _TAKEN_OVER_S = 2.0  # after the onset: from where on rates are compared
@@ -267,7 +267,7 @@ class Rescue:
         if self.part == "gyros":
             yield drawn_fault(random, str(random.choice(GYROS)), onset_s)
         elif self.part == "angles":
-            yield drawn_fault(random, str(random.choice(ANGLES)), onset_s)
+            yield drawn_fault(random, str(random.choice(ATTITUDE)), onset_s)
         elif self.part == "pairs":
             first, second = random.permutation(GYROS)[:2]
             yield drawn_fault(random, str(first), onset_s)

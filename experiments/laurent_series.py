@@ -18,14 +18,14 @@ from matplotlib.patches import Wedge
 from numpy.typing import ArrayLike
 
 import gtmbench as gb
-from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory import plants
-from gtmbench.theory.annuli import annuli, inner_spectral_radius, spectral_radius
-from gtmbench.theory.closed_loop import loop_records
-from gtmbench.theory.laurent import LaurentSeries, laurent, reflected, scaled, split
-from gtmbench.theory.state_space import StateSpace
-from gtmbench.theory.transfer_matrix import transfer_matrix
+from theory import plants
+from theory.annuli import annuli, inner_spectral_radius, spectral_radius
+from theory.closed_loop import loop_records
+from theory.laurent import LaurentSeries, laurent, reflected, scaled, split
+from theory.state_space import StateSpace
+from theory.transfer_matrix import transfer_matrix
 
 EXACT: Final = 1e-12  # where the source prints fractions
 ORDERS: Final = {"causal_order": 25, "noncausal_order": 25}  # r and d of Fig. 3.12

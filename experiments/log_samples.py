@@ -22,12 +22,12 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.channels import ACCELEROMETERS, GYROS
 from gtmbench.errors import InputError
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import markdown
-from recorded.flights import CHANNELS, GYROS, LogFile, watched
+from recorded.flights import CHANNELS, LogFile, watched
+from studies.conduct import Campaign, Findings, conducted
 
 COLUMNS = ("log", "rate_hz", "gyros", "residual_p", "residual_q", "residual_r", "remarks", "open_s", "peak_mb")
 RESIDUALS = COLUMNS[3:6]

@@ -18,16 +18,16 @@ import numpy as np
 import scipy.signal
 
 import gtmbench as gb
+from dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.closed_loop import loop_records
-from gtmbench.theory.laurent import laurent, reflected, split
-from gtmbench.theory.nuclear_norm import nuclear_norm_path
-from gtmbench.theory.pem import pem
-from gtmbench.theory.plants import example_3_2, example_3_2_1, example_3_2_2
-from gtmbench.theory.realisation import hankel_singular_values, realise
-from gtmbench.theory.state_space import StateSpace, companion
+from theory.closed_loop import loop_records
+from theory.laurent import laurent, reflected, split
+from theory.nuclear_norm import nuclear_norm_path
+from theory.pem import pem
+from theory.plants import example_3_2, example_3_2_1, example_3_2_2
+from theory.realisation import hankel_singular_values, realise
+from theory.state_space import StateSpace, companion
 
 RUNS, SNR = 100, 10.0
 SAMPLES_3_2, SAMPLES_3_3 = 10_000, 5000  # of an experiment, in examples 3.2.1 and 3.2.2, and in 3.3

@@ -21,13 +21,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import gtmbench as gb
+from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.closed_loop import loop_records
-from gtmbench.theory.pem import pem
-from gtmbench.theory.plants import Example, example_3_2_1, example_3_2_2, example_3_2_2_as_printed
-from gtmbench.theory.state_space import StateSpace
+from theory.closed_loop import loop_records
+from theory.pem import pem
+from theory.plants import Example, example_3_2_1, example_3_2_2, example_3_2_2_as_printed
+from theory.state_space import StateSpace
 
 SAMPLES, SNR = 10_000, 10.0
 PRINTED_RUNS, RUNS = 100, 50  # realisations: of the print, of curves over every order here

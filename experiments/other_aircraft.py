@@ -25,15 +25,15 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import jsbsim_aircraft, load_aircraft
+from gtmbench.channels import GYROS
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.tables.targets import Target, held, is_missed
 from gtmbench.study.score import score
+from studies.conduct import Campaign, Findings, conducted
+from studies.targets import Target, held, is_missed
 
 USUAL, OTHER = "multisine+turbulence", "doublets+turbulence"
-GYROS = ("p", "q", "r")
 NOISE = "t2"
 WATCHED_FROM_S = 20.0
 CALM_S = 60.0

@@ -23,17 +23,19 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.processes import spread
 from gtmbench.progress import Progress
-from gtmbench.report.campaign import Campaign, Findings, conducted
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
+from studies.targets import Target, held, is_missed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +43,6 @@ if TYPE_CHECKING:
 CALIBRATION, UNSEEN = "multisine+turbulence", "doublets+turbulence"
 CALIBRATION_SEED, HEALTHY_SEED, FAULT_SEED = 1, 51_001, 72_001  # flights of one part are seen by no other
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 MILD, STRONG = "mild", "strong"
 Grid = dict[str, dict[str, dict[str, object]]]  # of a kind, the severities by name
 GYRO_FAULTS: Grid = {  # the milder severities are the targets' own
@@ -124,7 +125,7 @@ class Sensors(NamedTuple):
         """Return a record with the attitude its own gyros drive; the reference has 0.5 deg of noise."""
         if self.time_constant_s is None:
             return record
-        for angle in ANGLES:
+        for angle in ATTITUDE:
             record = record.replace(angle, flight[angle])
         return gb.filtered_attitude(record, time_constant_s=self.time_constant_s, reference_noise_deg=0.5, seed=seed)
 

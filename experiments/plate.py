@@ -14,14 +14,14 @@ from itertools import combinations
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.report.dissertation.figures import norm_panel
-from gtmbench.report.dissertation.reproduction import Reproduction, listed, reproduce
+from dissertation.figures import norm_panel
+from dissertation.reproduction import Reproduction, listed, reproduce
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
-from gtmbench.theory.exact_fit import exact_weights, left_over
-from gtmbench.theory.nested import count, nested_operators, norms
-from gtmbench.theory.plate import Plate
-from gtmbench.theory.vibration import Held, Sinusoids, measured, simulate, unforced
+from theory.exact_fit import exact_weights, left_over
+from theory.nested import count, nested_operators, norms
+from theory.plate import Plate
+from theory.vibration import Held, Sinusoids, measured, simulate, unforced
 
 FORCES = [(0.3, 0.3), (1.0, 1.0), (4.0, 0.25)]
 SENSORS = [(0.5, 0.1), (1.0, 0.5), (2.0, 0.8), (3.0, 0.6), (3.0, 0.75)]

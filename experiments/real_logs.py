@@ -5,7 +5,7 @@
 Opens every log below the folders that holds p, q, r, phi, theta and psi, and takes the flight: from where 3 % of the
 rows that move have gone by until 97 % have. It is written as a table, bank C is identified on its first half and
 watches the second: as it is; with faults of every gyro, of its certificate's size, three times that, and an everyday
-size, on the gyro alone and with the attitude that follows; misread in 23 ways (`gtmbench.testing.mutations`). With
+size, on the gyro alone and with the attitude that follows; misread in 23 ways (`recorded/mutations.py`). With
 --synthetic the same of the healthy logs of `gtmbench.testing.mechanisms`, whole. Prints tables; writes report.md,
 flights.csv, faults.csv and readings.csv into DIR. No log is kept. Ends with code 1 where a target is missed (never with
 --quick).
@@ -25,14 +25,15 @@ import pandas as pd
 
 from gtmbench.errors import InputError
 from gtmbench.processes import spread
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown, share_text
-from gtmbench.report.tables.targets import Target, held, is_missed
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 from recorded.faults import ALONE, CANT_TELL, CERTIFICATE, EITHER_OR, NAMED, NOTHING, TOO_STEEP, USUAL, WRONG
 from recorded.flights import LogFile, SyntheticLog
 from recorded.study import OF_FLIGHT, QUICK, REFUSED, Row, Size, Task, studied
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped, share_text
+from studies.targets import Target, held, is_missed
 
 SYNTHETIC = "synthetic"
 TIMES = 3  # the certificate's size: of the faults that are to be found, and named

@@ -22,17 +22,19 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.attitude_filter import ATTITUDE, GYROS, filtered_attitude
+from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.read import read_log
 from gtmbench.processes import spread
 from gtmbench.record import Span
-from gtmbench.report.campaign import Campaign, Findings, conducted
-from gtmbench.report.tables.markdown import grouped, markdown
+from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.imus import channels_of, compared, opened_with
 from gtmbench.testing.flights import fly_once
+from studies.conduct import Campaign, Findings, conducted
+from studies.tables import grouped
 
 RIGHT, WRONG, UNDECIDED, MISSED, FALSE = "right", "named wrong", "can't tell", "missed", "false alarm"
 FAULTS = {

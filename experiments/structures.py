@@ -15,24 +15,24 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.figures import draw_both_ways, draw_structure
-from gtmbench.report.dissertation.reproduction import (
+from dissertation.figures import draw_both_ways, draw_structure
+from dissertation.reproduction import (
     Reproduction,
     claim_equal,
     claim_polynomials,
     flat,
     reproduce,
 )
+from gtmbench.errors import InputError
+from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.motions import holds_for_free_responses
-from gtmbench.theory.numeric import NumericOperator
-from gtmbench.theory.polynomials import write_polynomial
-from gtmbench.theory.rational import RationalOperator, coefficients
-from gtmbench.theory.structures import Structure, displacement_driven, force_driven, mass_spring
-from gtmbench.theory.structures import unit_columns as columns
-from gtmbench.theory.structures import unit_rows as rows
+from theory.motions import holds_for_free_responses
+from theory.numeric import NumericOperator
+from theory.polynomials import write_polynomial
+from theory.rational import RationalOperator, coefficients
+from theory.structures import Structure, displacement_driven, force_driven, mass_spring
+from theory.structures import unit_columns as columns
+from theory.structures import unit_rows as rows
 
 SPRINGS = ((0, 1), (1, 2), (1, 4), (1, 5), (2, 3), (3, 6), (4, 5), (4, 6))
 FIG_5_1 = mass_spring([1] * 6, dict.fromkeys(SPRINGS, 1))

@@ -18,11 +18,11 @@ from scipy.fft import rfft
 from scipy.signal import stft
 
 import gtmbench as gb
+from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.record import FloatArray
-from gtmbench.report.dissertation.reproduction import Reproduction, reproduce
 from gtmbench.report.figures.panels import panels
-from gtmbench.theory.iir import arx
-from gtmbench.theory.state_space import StateSpace
+from theory.iir import arx
+from theory.state_space import StateSpace
 
 SYSTEM = StateSpace([[-0.5, 0.2], [0.0, 0.7]], [[4.0], [1.0]], [[1.25, -3.0]], [[0.0]])  # (1.1)
 STATES = StateSpace(SYSTEM.A, SYSTEM.B, np.eye(2), np.zeros((2, 1)))

@@ -26,15 +26,9 @@ else:
         if "__all__" not in globals():
             api = import_module("gtmbench.api")
             globals().update({public: getattr(api, public) for public in (*api.__all__, "__all__")})
-        if name in globals():
-            return globals()[name]
-        from gtmbench import api, deprecation
-
-        if name not in api.DEPRECATED:
+        if name not in globals():
             raise AttributeError(f"module 'gtmbench' has no attribute '{name}'")
-        new, stands_for = api.DEPRECATED[name]
-        deprecation.warn(f"gtmbench.{name}", f"gtmbench.{new}")
-        return stands_for
+        return globals()[name]
 
     def __dir__() -> list[str]:
         """Return the public names only."""

@@ -1,12 +1,9 @@
 """Everything public: what `import gtmbench as gb` gives. It is imported when the first of it is asked for."""
 
-from typing import Any
-
 from gtmbench.attitude import AttitudeEstimator
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
@@ -14,7 +11,8 @@ from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import trim
+from gtmbench.bench.trim import Trim
+from gtmbench.bench.trimming import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
 from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.accommodate import Accommodate
@@ -28,7 +26,15 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
-from gtmbench.errors import ConvergenceWarning, EnvelopeError, GtmbenchError, InputError, RankWarning, TrimError
+from gtmbench.errors import (
+    ConvergenceWarning,
+    EnvelopeError,
+    GtmbenchError,
+    InputError,
+    NoteWarning,
+    RankWarning,
+    TrimError,
+)
 from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
@@ -70,7 +76,6 @@ from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
 from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.progress import silent
 from gtmbench.record import Record
 from gtmbench.report.figures.plot import plot
 from gtmbench.report.fleet import watch_fleet
@@ -148,6 +153,7 @@ __all__ = [
     "NoiseModel",
     "NormMonitor",
     "NormStream",
+    "NoteWarning",
     "OrderChoice",
     "Oscillation",
     "Outcome",
@@ -240,17 +246,3 @@ __all__ = [
     "windowed_norm",
     "write_log",
 ]
-
-
-def _run_monitored(scenarios: Any, monitor: Any, *, seed: int | None = None, progress: Any = silent) -> Study:
-    return run_study(scenarios, detectors=[monitor], seed=seed, progress=progress)
-
-
-DEPRECATED = {  # the names of before: what they are called now, and what stands for them
-    "Finding": ("Alarm", Alarm),
-    "MonitorVerdict": ("Verdict", Verdict),
-    "MonitoredStudy": ("Study", Study),
-    "MonitoredTrial": ("Trial", Trial),
-    "run_monitored": ("run_study(scenarios, detectors=[monitor])", _run_monitored),
-    "score_watch": ("score", score),
-}

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-GYROS = ("p", "q", "r")
-ATTITUDE = ("phi", "theta", "psi")
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
 FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
@@ -33,14 +32,14 @@ class AttitudeEstimator:
 
         x'(t) = f(x(t), y(t) - b(t)) + (z(t) - x(t)) / tau,   b'(t) = -(z(t) - x(t)) / (tau tau_b),
 
-    axis by axis; b, in deg/s, is what it takes for the gyros' bias.
+    axis by axis; b, in deg/s, is its estimate of the gyros' bias.
 
     Attributes
     ----------
     time_constant_s : float
-        tau: how long it trusts the gyros.
+        tau, in seconds: how long it trusts the gyros.
     bias_time_constant_s : float
-        tau_b: in how long it learns a gyro's bias; inf where it learns none.
+        tau_b, in seconds: how long it takes to learn a gyro's bias; inf if it learns none.
 
     Examples
     --------
@@ -95,20 +94,20 @@ class AttitudeEstimator:
     def bent(self, healthy: Record, broken: Record) -> Record:
         """Return a broken record with the attitude that the estimator would have made of its gyros.
 
-        The references stay what they were, whatever they are: with d what a fault adds,
-        x_d(k) = x(k) + a (g(x_d(k-1), y_d - b_d) - g(x(k-1), y)), g the attitude carried on by the gyros over a
-        sample, a = tau / (tau + Ts), and b_d(k) = b_d(k-1) + Ts / (tau tau_b) (x_d(k) - x(k)).
+        The references are unchanged: with d what a fault adds, x_d(k) = x(k) + a (g(x_d(k-1), y_d - b_d) - g(x(k-1),
+        y)), g the attitude carried on by the gyros over a sample, a = tau / (tau + Ts), and b_d(k) = b_d(k-1) + Ts /
+        (tau tau_b) (x_d(k) - x(k)).
 
         Parameters
         ----------
         healthy, broken : Record
-            Row for row the same but for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped. A channel that
-            isn't there counts as zero.
+            The same rows, except for the gyros; p, q, r in deg/s, the attitude in deg, unwrapped. A channel that isn't
+            there counts as zero.
 
         Raises
         ------
         InputError
-            Where the bent attitude comes near a pitch of 90 deg, where Euler angles end.
+            If the bent attitude comes near a pitch of 90 deg, where Euler angles end.
         """
         period_s = healthy.sample_period_s
         steps = np.full(len(healthy) - 1, period_s)
@@ -124,8 +123,8 @@ class AttitudeEstimator:
     ) -> FloatArray:
         """Return the bent attitude, shape (rows, 3), for rows that are `steps_s` apart; see `bent`.
 
-        A missing gyro's sample is the last one told, before the first zero; where an angle is missing, so is the bent
-        one, and its bend goes on.
+        A missing gyro sample holds the last one, or zero before the first. A missing angle leaves the bent one missing,
+        and its bend goes on.
         """
         rates, told = held(gyros), held(attitude)
         broken_rates = held(broken)
@@ -174,7 +173,7 @@ def estimator_of(attitude: object) -> AttitudeEstimator | None:
     Raises
     ------
     InputError
-        Where it is neither.
+        If it is neither.
 
     Examples
     --------

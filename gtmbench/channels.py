@@ -33,13 +33,14 @@ class Channel:
     Attributes
     ----------
     name, unit, role, meaning
-        ``name`` and ``unit`` as they stand in records and messages.
+        ``name`` and ``unit`` as in records and messages.
     jsbsim : str
-        The property read (or, for commands, written) each step. Of positions it is the speed, which the flight sums.
+        The property read (or, for commands, written) at each step. For positions it is the speed, which the flight
+        sums.
     scale : float
         Channel value = property value * scale.
     noise : float
-        Standard deviation of the T2's sensor in ``unit``; 0 where there is no sensor.
+        Standard deviation of the T2's sensor in ``unit``; 0 if there is no sensor.
 
     Examples
     --------
@@ -107,7 +108,8 @@ CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
 SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
-_AXES = {name: axis for axis in (("p", "phi"), ("q", "theta"), ("r", "psi")) for name in axis}
+GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")  # about, along x, y, z
+_AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
 # how logs write units; "p_rad_s" is channel p in another unit, "p_2" is somebody's second gyro
@@ -143,7 +145,7 @@ def channel_of(header: str) -> str:
     Raises
     ------
     InputError
-        Where the column looks like a known channel in another unit, or without one: units are never guessed.
+        If the column looks like a known channel in another unit, or without one: units are never guessed.
     """
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]

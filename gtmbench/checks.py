@@ -40,6 +40,17 @@ def whole(name: str, value: Any, low: int = 0, high: int = 2**31 - 1) -> int:
     raise InputError(f"{name} is {shown(value)}; it must be a whole number{_span(low, high, above=False)}")
 
 
+def boolean(name: str, value: Any) -> bool:
+    """Return true or false, as a file has them.
+
+    >>> boolean("isolate", True)
+    True
+    """
+    if isinstance(value, bool):
+        return value
+    raise InputError(f"{name} is {shown(value)}; it must be true or false")
+
+
 def names(what: str, given: Any) -> tuple[str, ...]:
     """Return a tuple of names, each given once; one name may come as a string.
 
@@ -121,13 +132,14 @@ def listed(items: Iterable[str], word: str = "and") -> str:
 
 
 def meant(given: Any, known: Iterable[str]) -> str:
-    """Return how a message ends that lists what there is, where one of it is likely meant.
+    """Return how a message ends that lists what there is, where one of it is likely meant, in whatever case.
 
-    >>> meant("sed", ["seed", "aircraft"]), meant("x", ["seed"])
-    ("; did you mean 'seed'?", '')
+    >>> meant("sed", ["seed", "aircraft"]), meant("c", ["B", "C"]), meant("x", ["seed"])
+    ("; did you mean 'seed'?", "; did you mean 'C'?", '')
     """
-    close = get_close_matches(str(given)[:_LONGEST_TEXT], list(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    by_lower = {name.lower(): name for name in known}
+    close = get_close_matches(str(given)[:_LONGEST_TEXT].lower(), by_lower, n=1)
+    return f"; did you mean '{by_lower[close[0]]}'?" if close else ""
 
 
 def shown(value: Any) -> str:

@@ -18,7 +18,7 @@ class GtmbenchError(Exception):
 
 
 class InputError(GtmbenchError, ValueError):
-    """A record, a log, a scenario or an argument can't be used as it was given.
+    """A record, a log, a scenario or an argument can't be used as given.
 
     Examples
     --------
@@ -32,7 +32,7 @@ class InputError(GtmbenchError, ValueError):
 
 
 class TrimError(GtmbenchError):
-    """No steady flight exists, or was found, at the wanted condition.
+    """No steady flight exists, or was found, at the requested condition.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class TrimError(GtmbenchError):
 
 
 class EnvelopeError(GtmbenchError):
-    """The aircraft left the range in which its model means anything.
+    """The aircraft left the range in which its model is valid.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class ConvergenceWarning(UserWarning):
 
 
 class RankWarning(UserWarning):
-    """The data don't determine the Markov parameters; the predictions may be good all the same.
+    """The data don't determine the Markov parameters; the predictions may still be good.
 
     Examples
     --------
@@ -98,4 +98,29 @@ class RankWarning(UserWarning):
     ...     operator = gb.identify(twice, inputs=["u", "v"], outputs=["y"], causal_order=0, noncausal_order=0)
     >>> told[0].category.__name__, operator.rank
     ('RankWarning', 1)
+    """
+
+
+class NoteWarning(UserWarning):
+    """Something should be known that stops nothing: a kept file carries no digest, a damaged part is made anew.
+
+    Examples
+    --------
+    >>> import json, tempfile, warnings
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> u = np.random.default_rng(1).standard_normal(2000)
+    >>> record = gb.Record(np.column_stack([u, np.roll(u, 9)]), channels=["p", "r"], sample_period_s=0.01)
+    >>> recipe = gb.DissertationOperator(inputs=("p",), causal_order=2, noncausal_order=2, window=100)
+    >>> with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as told:
+    ...     warnings.simplefilter("always")
+    ...     path = Path(folder, "old.json")
+    ...     gb.save_monitor(recipe.calibrate([record, record]), path)
+    ...     document = json.loads(path.read_text())
+    ...     old = {key: value for key, value in document.items() if key != "digest"}
+    ...     _ = path.write_text(json.dumps(old | {"version": 2}))
+    ...     monitor = gb.load_monitor(path)
+    >>> told[0].category.__name__
+    'NoteWarning'
     """

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
 import signal
 import tempfile
 import threading
+import time
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gtmbench.checks import meant, one_line
-from gtmbench.errors import InputError
+from gtmbench.errors import GtmbenchError, InputError
 
 if TYPE_CHECKING:
-    from filelock import FileLock
+    from filelock import SoftFileLock
 
 LARGEST_TOML_BYTES = 100_000
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
+SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
+_SUM = re.compile(r"([0-9a-f]{64})  (.+)")
+_ENDING = (signal.SIGINT, signal.SIGTERM)
+_A_WEEK_S = 7 * 86400.0
 _HIDDEN, _LOCK, _NEW = ".gtmbench-", "lock", "new"  # a folder beside the target; in it its lock, and what is written
 
 
@@ -43,6 +50,20 @@ def is_folder(path: Path | str) -> bool:
         return Path(path).is_dir()
     except (OSError, ValueError):
         return False
+
+
+def no_such(path: Path, otherwise: str = "") -> str:
+    """Return what to say of a file that isn't there: where one of its name is, or what is called alike.
+
+    >>> no_such(Path("nowhere/monitor_of_nobody.json"), "`gtmbench calibrate` writes one")
+    'nowhere/monitor_of_nobody.json: no such file; `gtmbench calibrate` writes one'
+    """
+    folder, near = path.parent if is_folder(path.parent) else Path(), []
+    with suppress(OSError, ValueError):
+        near = [str(each) for pattern in ("*", "*/*") for each in islice(folder.glob(pattern), 1000) if is_file(each)]
+    here = [f"; did you mean '{name}'?" for name in near if Path(name).name == path.name]
+    likely = here[0] if here else meant(path, near)
+    return f"{path}: no such file{likely or (otherwise and f'; {otherwise}')}"
 
 
 def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
@@ -151,52 +172,126 @@ def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
 def atomic_write(target: Path) -> Iterator[Path]:
     """Give a path to write a file to; it becomes `target` when the block ends well and vanishes when it doesn't.
 
+    It is on the disk before it gets its name, and whatever fails, what stood there before still stands.
+
     Raises
     ------
     InputError
         Where the folder doesn't exist or can't be written.
+    GtmbenchError
+        Where writing fails: the disk is full, a quota is used up, the folder is removed meanwhile.
     """
-    target = _resolved(target)
-    with _folder_beside(target) as aside:
-        yield aside / target.name
-        (aside / target.name).replace(target)
+    meant = _resolved(target)
+    with _folder_beside(meant) as aside, _told(target, aside):
+        yield aside / meant.name
+        to_disk(aside / meant.name)
+        (aside / meant.name).replace(meant)
+        to_disk(meant.parent)
 
 
 @contextmanager
 def atomic_folder(target: Path) -> Iterator[Path]:
     """Give a folder to write files to; they are moved into `target` when the block ends well.
 
-    Files of other names that stand in `target` already stay as they are.
+    Files of other names that stand in `target` already stay as they are. Beside them stands `SUMS`, with a digest of
+    every file, as ``sha256sum -c`` reads it.
 
     Raises
     ------
     InputError
         Where a folder stands in a file's place.
+    GtmbenchError
+        Where writing fails, as of `atomic_write`.
     """
-    target = target.resolve()
-    with _folder_beside(target) as aside:
+    meant = target.resolve()
+    with _folder_beside(meant) as aside, _told(target, aside):
         yield aside
-        results = sorted(aside.iterdir())
-        for path in results:
-            if (target / path.name).is_dir():
-                raise InputError(f"{target / path.name} is a folder; a file of that name can't be written there")
+        (aside / SUMS).write_text(_sums(aside, meant / SUMS), encoding="utf-8")
+        for path in aside.rglob("*"):
+            to_disk(path)
         with _uninterrupted():
-            target.mkdir(exist_ok=True)
-            for path in results:
-                path.replace(target / path.name)
+            _move(aside, meant)
+        to_disk(meant)
+        to_disk(meant.parent)
+
+
+def _move(aside: Path, target: Path) -> None:
+    """Move a folder's files into another one, which may not exist yet; the list of digests last."""
+    results = sorted(aside.iterdir(), key=lambda path: (path.name == SUMS, path.name))
+    for path in results:
+        if (target / path.name).is_dir():
+            raise InputError(f"{target / path.name} is a folder; a file of that name can't be written there")
+    if not target.exists():
+        aside.replace(target)  # all of it at one instant
+        return
+    for path in results:
+        path.replace(target / path.name)
+
+
+def _sums(folder: Path, former: Path) -> str:
+    """Return a line with the digest of every file in a folder, and those of a former list that name others."""
+    sums = read_sums(former) if is_file(former) else {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            with path.open("rb") as file:
+                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
+    return "".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items()))
+
+
+def read_sums(path: Path) -> dict[str, str]:
+    """Return the digests of a folder's files by their names, as `atomic_folder` lists them."""
+    lines = (_SUM.fullmatch(line) for line in path.read_text(encoding="utf-8", errors="replace").splitlines())
+    return {line[2]: line[1] for line in lines if line}
+
+
+@contextmanager
+def _told(target: Path, aside: Path) -> Iterator[None]:
+    """Say in one line which file couldn't be written and why; what concerns another file stays what it is."""
+    try:
+        yield
+    except BrokenPipeError:  # of what is printed meanwhile
+        raise
+    except OSError as error:
+        if isinstance(error.filename, str | bytes) and not Path(os.fsdecode(error.filename)).is_relative_to(aside):
+            raise
+        raise unwritten(target, error) from error
+
+
+def unwritten(target: Path, error: OSError) -> GtmbenchError:
+    """Return the error that says which file couldn't be written, and why."""
+    why = os.strerror(error.errno) if error.errno else one_line(str(error))
+    return GtmbenchError(f"can't write {target}: {why}; what stood there before still stands")
+
+
+def to_disk(path: Path) -> None:
+    """Wait until a file, or a folder's list of names, is on the disk: a new name must not get there before its file."""
+    if path.is_dir():
+        with suppress(OSError):  # not every system can flush a folder
+            folder = os.open(path, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+        return
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
 
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait for the few milliseconds that must not be cut in two."""
+    """Let Ctrl-C and SIGTERM wait for the few milliseconds that must not be cut in two."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    came: list[int] = []
+    former = {each: signal.signal(each, lambda number, _: came.append(number)) for each in _ENDING}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, former)
+        for each, handler in former.items():
+            signal.signal(each, handler or signal.SIG_DFL)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def _resolved(target: Path) -> Path:
@@ -228,31 +323,37 @@ def _folder_beside(target: Path) -> Iterator[Path]:
     try:
         yield own / _NEW
     finally:
-        shutil.rmtree(own, ignore_errors=True)
         lock.release()
+        shutil.rmtree(own, ignore_errors=True)
 
 
-def _own_folder(parent: Path) -> tuple[Path, FileLock]:
+def _own_folder(parent: Path) -> tuple[Path, SoftFileLock]:
     """Make a hidden folder to write into; while this process lives, its lock tells others that it is in use."""
-    from filelock import FileLock, Timeout
+    from filelock import SoftFileLock, Timeout
 
     while True:
         own = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=parent))
-        lock = FileLock(own / _LOCK)
+        lock = SoftFileLock(own / _LOCK)
         try:
             lock.acquire(timeout=0)
             (own / _NEW).mkdir()
         except (Timeout, FileNotFoundError):  # somebody took it for one that was left behind
             lock.release()
             continue
+        except BaseException:
+            shutil.rmtree(own, ignore_errors=True)
+            raise
         return own, lock
 
 
 @cache
 def _clear_left_behind(parent: Path) -> None:
-    """Remove what killed processes left: hidden folders whose lock is free; once a process and folder."""
-    from filelock import FileLock, Timeout
+    """Remove what killed processes left, once a process and folder: of this machine at once, of others after a week."""
+    from filelock import SoftFileLock, Timeout
 
     for left in parent.glob(f"{_HIDDEN}????????"):
-        with suppress(OSError, Timeout), FileLock(left / _LOCK).acquire(timeout=0):
+        with suppress(OSError):
+            if time.time() - left.stat().st_mtime > _A_WEEK_S:
+                shutil.rmtree(left, ignore_errors=True)
+        with suppress(OSError, Timeout), SoftFileLock(left / _LOCK).acquire(timeout=0):
             shutil.rmtree(left, ignore_errors=True)

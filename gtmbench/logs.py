@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from gtmbench.channels import channel_of, header_of
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_size, count_lines, is_file
+from gtmbench.files import atomic_write, check_size, count_lines, is_file, no_such
 from gtmbench.record import Record
 
 if TYPE_CHECKING:
@@ -41,12 +41,12 @@ def write_log(record: Record, path: str | Path) -> None:
     ----------
     record : Record
     path : str or Path
-        Its ending says what is written: ``.csv`` or ``.parquet``.
+        The ending sets the format: ``.csv`` or ``.parquet``.
 
     Raises
     ------
     InputError
-        Where the ending isn't .csv or .parquet, the folder can't be written, or a channel's name would be read back
+        If the ending isn't .csv or .parquet, the folder can't be written, or a channel's name would be read back
         as something else.
 
     Examples
@@ -83,8 +83,8 @@ def _comes_back(name: str) -> bool:
 def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Record:
     """Read an evenly sampled log with a header row: ``time_s`` and columns with units (``p_deg_s``, ``beta_deg``).
 
-    Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, the stamps
-    are only asked for the start: for logs whose stamps are rounded.
+    Columns that the channel table doesn't know are kept by their own names. With `sample_period_s` given, only the
+    first stamp is used: for logs whose stamps are rounded.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     Raises
     ------
     InputError
-        Where the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
+        If the file is missing, isn't a table, has no time, is unevenly sampled, or a known channel's unit is
         missing or another one.
 
     Examples
@@ -114,7 +114,7 @@ def read_log(path: str | Path, *, sample_period_s: float | None = None) -> Recor
     path = Path(path)
     suffix = check_log_path(path)
     if not is_file(path):
-        raise InputError(f"{path}: no such file")
+        raise InputError(no_such(path))
     check_size(path, "log", LARGEST_LOG_BYTES)
     try:
         with warnings.catch_warnings():

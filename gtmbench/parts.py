@@ -1,8 +1,9 @@
 """Work that is kept part by part: what is finished stands in a folder however a run ends, and the next one goes on.
 
 The folder is flat: ``manifest.json`` says what the run is (its *facts*), and every finished task is a Parquet file,
-written aside and renamed, so that a part is there whole or not at all. The parts are the truth: what is made of them
-can be made anew. Facts that differ in anything don't mix, and a lock keeps two runs out of one folder.
+written aside and renamed, so that a part is there whole or not at all. It carries a digest of every byte, and one of
+the facts that it was made from, and is read only if both fit. The parts are the truth: what is made of them can be made
+anew. Facts that differ in anything don't mix, and a lock keeps two runs out of one folder.
 """
 
 from __future__ import annotations
@@ -11,26 +12,32 @@ import hashlib
 import json
 import os
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gtmbench.checks import listed, one_line, shown
-from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.checks import listed, naming, one_line, shown
+from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files import atomic_write, check_size, is_file
+from gtmbench.locks import FOR_EVER_S, alone
 from gtmbench.plain import dumps, plain
+from gtmbench.seals import SLOT, check_seal, fill_slot, is_intact, seal
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
-FORMAT, VERSION = "gtmbench parts", 1
+FORMAT, VERSION = "gtmbench parts", 2  # of version 1, neither manifest nor parts carry a digest
 _MANIFEST = "manifest.json"
 _RUN, _TASK = b"gtmbench.run", b"gtmbench.task"  # in a part's metadata: of which run it is, and which task's
+_DIGEST = b"gtmbench.digest"  # there, too
 _PART = re.compile(r"part-(\d{6,})\.parquet")
 _LOCK = ".lock"
-_PATIENCE_S = 3.0  # a lock that is only looked at is held for a millisecond
+_PATIENCE_S = 1.0  # a lock that is only looked at is held for a millisecond
+_REMEDY = "delete it, and --resume does its task anew"
 _LARGEST_MANIFEST_BYTES = 10_000_000
 
 
@@ -67,6 +74,8 @@ class Parts:
         What the run is, as plain values: whatever changes a row has to change a fact.
     items : tuple
         Of a run that may grow, what each task is of, as plain values; the tasks of others are told by their number.
+    version : int
+        Of the folder's format.
     """
 
     folder: Path
@@ -74,6 +83,7 @@ class Parts:
     tasks: int
     facts: dict[str, Any] = field(default_factory=dict, repr=False)
     items: tuple[Any, ...] = field(default=(), repr=False)
+    version: int = VERSION
 
     def digest(self, task: int) -> str:
         """Return a digest of all that a task's rows hang on, which its part holds: of items, its own."""
@@ -90,13 +100,25 @@ class Parts:
         Raises
         ------
         InputError
-            Where a part isn't whole, or is of another run.
+            Where a part isn't what was written, or is of another run.
         """
-        found = (_PART.fullmatch(path.name) for path in self.folder.iterdir())
-        numbers = sorted(int(match[1]) for match in found if match)
-        for number in numbers:
-            self._check(number)
-        return tuple(numbers)
+        return tuple(number for number, _ in self._opened())
+
+    def damaged(self) -> dict[int, str]:
+        """Return the tasks whose parts aren't what was written, and what is wrong with each."""
+        found = {}
+        for number in self._numbers():
+            try:
+                self._open(number)
+            except _DamagedError as damage:
+                found[number] = damage.why
+        return found
+
+    def drop_damaged(self) -> None:
+        """Remove parts that aren't what was written, saying which: their tasks are done anew."""
+        for number, why in self.damaged().items():
+            self.path(number).unlink(missing_ok=True)
+            warnings.warn(NoteWarning(f"{self.path(number)}: {why}; its task is done anew"), stacklevel=3)
 
     def todo(self, shard: Shard | None = None) -> tuple[int, ...]:
         """Return the tasks that aren't, in order; of a shard those that are its own."""
@@ -111,10 +133,8 @@ class Parts:
 
     def each(self, columns: list[str] | None = None) -> Iterator[pa.Table]:
         """Give the rows of every part, in the order of the tasks."""
-        import pyarrow.parquet as pq
-
-        for number in self.done():
-            yield pq.ParquetFile(self.path(number)).read(columns=columns).replace_schema_metadata(None)
+        for _, part in self._opened():
+            yield part.read(columns=columns).replace_schema_metadata(None)
 
     def write(self, task: int, rows: pa.Table) -> None:
         """Keep what a task gave: on the disk, and there whole, when this returns.
@@ -124,40 +144,57 @@ class Parts:
         GtmbenchError
             Where it can't be written; what is finished stays.
         """
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        marks = {_RUN: self.digest(task).encode(), _TASK: str(task).encode()}
+        marks = {_RUN: self.digest(task).encode(), _TASK: str(task).encode(), _DIGEST: SLOT}
         marked = rows.replace_schema_metadata({**(rows.schema.metadata or {}), **marks})
+        content = pa.BufferOutputStream()
+        pq.write_table(marked, content, row_group_size=max(len(rows), 1), compression="zstd")
         try:
             with atomic_write(self.path(task)) as aside:
-                pq.write_table(marked, aside, row_group_size=max(len(rows), 1), compression="zstd")
-                _to_disk(aside)
-        except OSError as error:
-            raise GtmbenchError(
-                f"can't write {self.path(task)}: {error.strerror or error}; what is finished stays, --resume goes on"
-            ) from error
+                aside.write_bytes(fill_slot(content.getvalue().to_pybytes()))
+        except GtmbenchError as error:
+            raise GtmbenchError(f"{error}; what is finished stays, --resume goes on") from error
 
-    def _check(self, task: int) -> None:
+    def _numbers(self) -> list[int]:
+        found = (_PART.fullmatch(path.name) for path in self.folder.iterdir())
+        return sorted(int(match[1]) for match in found if match)
+
+    def _opened(self) -> Iterator[tuple[int, pq.ParquetFile]]:
+        """Give every part, checked, with its task."""
+        for number in self._numbers():
+            yield number, self._open(number)
+
+    def _open(self, task: int) -> pq.ParquetFile:
+        """Open a part, if it is what was written, and of this run."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         path = self.path(task)
         try:
-            metadata = pq.read_schema(path).metadata or {}
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path} can't be read: {error.strerror or error}") from error
+        if self.version > 1 and not is_intact(content):
+            raise _DamagedError(path, "it isn't what was written, by its digest: altered, damaged or not whole")
+        try:
+            part = pq.ParquetFile(pa.BufferReader(content))
         except (OSError, pa.ArrowException) as error:
-            why = one_line(str(error))
-            raise InputError(f"{path} isn't whole ({why}); delete it, and --resume does its task anew") from error
+            raise _DamagedError(path, f"it isn't whole ({one_line(str(error))})") from error
+        metadata = part.metadata.metadata or {}
         known = task < self.tasks and metadata.get(_RUN) == self.digest(task).encode()
         if not known or metadata.get(_TASK) != str(task).encode():
             raise InputError(
                 f"{path} is of another {self.what}, or of this one before something of it changed; rows that aren't "
-                "alike don't mix: delete it, and --resume does its task anew, or give another --out"
+                f"alike don't mix: {_REMEDY}, or give another --out"
             )
+        return part
 
     def _manifest(self) -> dict[str, Any]:
         return {
             "format": FORMAT,
-            "version": VERSION,
+            "version": self.version,
             "what": self.what,
             "tasks": self.tasks,
             "facts": self.facts,
@@ -165,12 +202,16 @@ class Parts:
         }
 
     def _write_manifest(self) -> None:
-        try:
-            with atomic_write(self.folder / _MANIFEST) as aside:
-                aside.write_text(dumps(self._manifest(), indent=2) + "\n", encoding="utf-8")
-                _to_disk(aside)
-        except OSError as error:
-            raise InputError(f"can't write into {self.folder}: {error.strerror or error}") from error
+        with atomic_write(self.folder / _MANIFEST) as aside:
+            aside.write_text(dumps(seal(self._manifest()), indent=2) + "\n", encoding="utf-8")
+
+
+class _DamagedError(InputError):
+    """A part isn't what was written: its task can be done anew."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(f"{path}: {why}; --resume does its task anew")
+        self.why = why
 
 
 def read_parts(folder: Path) -> Parts:
@@ -191,16 +232,22 @@ def read_parts(folder: Path) -> Parts:
     check_size(path, "manifest", _LARGEST_MANIFEST_BYTES)
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        if found["format"] != FORMAT or found["version"] != VERSION:
-            raise InputError(
-                f"{path} is {shown(found['format'])}, version {shown(found['version'])}, no {FORMAT} {VERSION}"
-            )
+        version = found["version"]
+        if found["format"] != FORMAT or version not in (1, VERSION):
+            raise InputError(f"{path} is {shown(found['format'])}, version {shown(version)}, no {FORMAT} {VERSION}")
+        if version == VERSION:
+            with naming(path):
+                check_seal(found, "put a copy of it back, or run it anew into another --out")
+        else:
+            old = f"{folder} is of a gtmbench before digests, so whether its rows were altered can't be told"
+            warnings.warn(NoteWarning(old), stacklevel=2)
         return Parts(
             folder=folder,
             what=str(found["what"]),
             tasks=int(found["tasks"]),
             facts=dict(found["facts"]),
             items=tuple(found.get("items", ())),
+            version=int(version),
         )
     except InputError:
         raise
@@ -250,7 +297,7 @@ def parts_in(
     """
     _check_folder(folder, what)
     _make(folder)
-    with _locked(folder, what, shard):
+    with _locked(folder, shard):
         with waiting_alone(folder):
             meant = Parts(folder=folder, what=what, tasks=tasks, facts=dict(plain(facts)), items=tuple(plain(items)))
             parts = _begun(meant, resume=resume or shard is not None)
@@ -278,9 +325,7 @@ def hold(parts: Parts, **facts: Any) -> Parts:
 @contextmanager
 def waiting_alone(folder: Path) -> Iterator[None]:
     """Wait until no other run is in such a block about the folder: shards begin at the same time."""
-    from filelock import FileLock
-
-    with FileLock(folder / f"{_LOCK}-begin"):
+    with alone(folder / f"{_LOCK}-begin", f"another run begins in {folder}", patience_s=FOR_EVER_S):
         yield
 
 
@@ -301,6 +346,7 @@ def _begun(meant: Parts, *, resume: bool) -> Parts:
     known = _grown(known, meant.items)
     if known.tasks != tasks:
         raise InputError(f"{folder} holds another {what}: of {known.tasks} tasks, not {tasks}; give another --out")
+    known.drop_damaged()
     known.done()  # parts of another run are refused before the work, not after it
     return known
 
@@ -376,35 +422,18 @@ def _make(folder: Path) -> None:
 
 
 @contextmanager
-def _locked(folder: Path, what: str, shard: Shard | None) -> Iterator[None]:
-    """Keep others out while a run is at work: every other one, or of a shard's the same shard and whole runs.
-
-    The system gives a lock back when its process dies, however it dies; a lock's file stays.
-    """
-    from filelock import FileLock, Timeout
-
+def _locked(folder: Path, shard: Shard | None) -> Iterator[None]:
+    """Keep others out while a run is at work: every other one, or of a shard's the same shard and whole runs."""
     whole = folder / f"{_LOCK}-run"
     own = whole if shard is None else folder / f"{_LOCK}-{shard.number}-of-{shard.of}"
-    held = "another run" if shard is None else f"a whole run, or shard {shard},"
-    with ExitStack() as stack:
-        try:
-            stack.enter_context(FileLock(own).acquire(timeout=_PATIENCE_S))
-            if shard is None:
-                for other in sorted(folder.glob(f"{_LOCK}-*-of-*")):
-                    held = f"shard {other.name.removeprefix(f'{_LOCK}-').replace('-of-', '/')}"
-                    stack.enter_context(FileLock(other).acquire(timeout=_PATIENCE_S))
-            else:
-                FileLock(whole).acquire(timeout=_PATIENCE_S).lock.release()
-        except Timeout:
-            raise InputError(
-                f"{held} is at work in {folder}; wait for it (or end it: nothing is lost), or give another --out"
-            ) from None
-        except OSError as error:
-            raise InputError(f"can't lock {folder} for this {what}: {error.strerror or error}") from error
+    at_work = f"is at work in {folder}"
+    with alone(own, f"another run {at_work}" if shard is None else f"shard {shard} {at_work}", patience_s=_PATIENCE_S):
+        if shard is not None:
+            with alone(whole, f"a whole run {at_work}", patience_s=_PATIENCE_S):
+                pass
+        else:
+            for other in sorted(folder.glob(f"{_LOCK}-*-of-*")):
+                number, _, of = other.name.removeprefix(f"{_LOCK}-").partition("-of-")
+                with alone(other, f"shard {number}/{of} {at_work}", patience_s=_PATIENCE_S):
+                    pass
         yield
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until a file is on the disk: its new name must not get there before it."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())

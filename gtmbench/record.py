@@ -69,7 +69,7 @@ class Record:
     Parameters
     ----------
     values : array_like, shape (samples, channels)
-        Copied, then read-only. One channel may come as a vector.
+        Copied, then read-only. One channel may be a vector.
     channels : sequence of str
         One name a column. Names of the channel table carry its units; others are taken as they are.
     sample_period_s : float
@@ -77,13 +77,13 @@ class Record:
     start_s : float
         Time of sample 0, in seconds: sample k is at ``start_s + k Ts``.
     there : array_like, shape (samples, channels), optional
-        Where a sample is there, though its value isn't known: beside a pause a low-pass knows none, and a log may leave
-        single ones out. Without it only where values are finite, as they are anyway.
+        Where a sample exists although its value is unknown: beside a pause a low-pass gives none, and a log may leave
+        out single ones. By default samples exist where values are finite.
 
     Raises
     ------
     InputError
-        Where shapes, names or times can't be meant.
+        If shapes, names or times are invalid.
 
     Examples
     --------
@@ -157,12 +157,12 @@ class Record:
 
     @property
     def there(self) -> BoolArray:
-        """Where a sample is there, shape (samples, channels): where values are finite, or are only not known."""
+        """Where a sample exists, shape (samples, channels): its value is finite or unknown."""
         return np.isfinite(self.values) if self._there is None else self._there
 
     @property
     def is_in_part_unknown(self) -> bool:
-        """Whether samples may be there whose values aren't known."""
+        """Whether samples may exist whose values are unknown."""
         return self._there is not None
 
     @property
@@ -195,7 +195,7 @@ class Record:
         return columns
 
     def check_period(self, sample_period_s: float, other: str) -> None:
-        """Raise an InputError where this record has another sample period; `other` says what has the one given."""
+        """Raise an InputError if this record has another sample period; `other` names the owner of the given one."""
         if not same_period(self.sample_period_s, sample_period_s):
             raise InputError(
                 f"the record is sampled every {self.sample_period_s:g} s, {other} {sample_period_s:g} s; resample it "
@@ -230,7 +230,7 @@ class Record:
         Raises
         ------
         InputError
-            Where the span is empty or reaches outside the record.
+            If the span is empty or reaches outside the record.
         """
         tolerance = 1e-6  # of a sample: times are written as decimals
         first = np.ceil((start_s - self.start_s) / self.sample_period_s - tolerance)
@@ -254,7 +254,7 @@ class Record:
         return self.part(span)
 
     def part(self, rows: range) -> Record:
-        """Return some rows, one after the other; without copying them."""
+        """Return consecutive rows without copying them."""
         start = self.start_s + round(rows.start * self.sample_period_s, 9)
         there = None if self._there is None else self._there[rows.start : rows.stop]
         return self._with(self.values[rows.start : rows.stop], self.channels, start, there)
@@ -270,13 +270,13 @@ class Record:
     def from_frame(cls, frame: pd.DataFrame, *, sample_period_s: float | None = None) -> Record:
         """Wrap a DataFrame whose time is its index or a column ``time_s``.
 
-        Columns are channels, by name (``p``) or by log header (``p_deg_s``). With `sample_period_s` given, the frame's
-        own time is only asked for its start and its end: stamps may be rounded, but rows may not be missing.
+        Columns are channels, by name (``p``) or by log header (``p_deg_s``). With `sample_period_s` given, only the
+        start and the end of the frame's own time are used: stamps may be rounded, but rows may not be missing.
 
         Raises
         ------
         InputError
-            Where there is no time, or it isn't even.
+            If there is no time, or it isn't even.
 
         Examples
         --------

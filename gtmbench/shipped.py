@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+from gtmbench.errors import InputError
+from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.version import __version__
 
 _PACKAGE = Path(__file__).parent
@@ -44,6 +47,35 @@ def shipped_banks() -> dict[str, Path]:
 def shipped_baselines() -> dict[str, Path]:
     """Return the baselines of `gtmbench check` that come with the package, by name."""
     return {path.stem: path for path in sorted((_PACKAGE / "baselines").glob("*.toml"))}
+
+
+def read_shipped(source: str | Path, what: str, shipped: Mapping[str, Path]) -> tuple[Path, dict[str, Any]]:
+    """Return the path and the tables of a TOML file that ships under a name, or that stands where the source says.
+
+    Parameters
+    ----------
+    source : str or Path
+        A name among the shipped ones, or a file.
+    what : str
+        What it should be: a scenario, a bank.
+    shipped : mapping of str to Path
+        The files that ship, by name.
+
+    Raises
+    ------
+    InputError
+        Where there is neither, or the file is no such TOML file.
+
+    Examples
+    --------
+    >>> path, tables = read_shipped("jam", "scenario", shipped_scenarios())
+    >>> path.name, tables["title"]
+    ('jam.toml', 'Jam of a rate gyro')
+    """
+    path = shipped.get(str(source), Path(source))
+    if not is_file(path):
+        raise InputError(no_file(source, what, shipped))
+    return path, read_toml(path, what)
 
 
 def is_installed() -> bool:

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.testing.flights import fly_once
 from tests import intake_files as files
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import polynomial as poly
 
-from gtmbench.theory import closed_loop, plants, state_space
-from gtmbench.theory.state_space import StateSpace
+from theory import closed_loop, plants, state_space
+from theory.state_space import StateSpace
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 

@@ -9,7 +9,8 @@ from scipy.signal import butter, sosfilt
 from scripts import script
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS, carried_on
+from gtmbench.attitude import carried_on
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.method.attitude_origin import origin_of
 
 RATE_HZ = 200.0

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.channels import GYROS
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
-from gtmbench.detectors.bank.composed import GYROS, composed_bank, unwatched
+from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.intake.contents import log_contents
@@ -203,7 +204,7 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
 def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     write(tmp_path, channels=NO_HEADING)
     identified = ("monitor", "flight.csv", "--identify", "0:40", "--save", "m.json")
-    code, out, err = cli(*identified)
+    code, out, err = cli(*identified, "--details")
     assert (code, err) == (0, "")
     assert "bank auto: p and q from phi, r and theta, as bank B" in out
     assert "told apart by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
@@ -225,7 +226,7 @@ def test_identify_alone_is_auto_and_nothing_at_all_still_lists(tmp_path, cli):
     write(tmp_path, healthy=False)
     named = cli("monitor", "flight.csv", "--detector", "auto", "--identify", "0:40")
     assert named[0] == 1
-    assert "q failed at 6" in named[1]
+    assert named[1].startswith("The pitch gyro (q) failed at 6")
     assert cli("monitor", "flight.csv", "--identify", "0:40") == named
     code, out, err = cli("monitor", "flight.csv")
     assert (code, err.count("\n")) == (2, 1)

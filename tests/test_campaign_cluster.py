@@ -1,21 +1,24 @@
 """A campaign on a Dask cluster: a real scheduler and workers on loopback, of which some die on the way."""
 
 import contextlib
+import importlib.metadata
 import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 import gtmbench as gb
-from gtmbench.cluster import completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.parts import read_parts
-from gtmbench.study.campaign.conduct import conduct
+from gtmbench.study.campaign.conduct import conduct, versions
 from tests.campaigns import TINY, asserts, fails, loaded, results, written
 
 pytest.importorskip("distributed", reason="no extra [scale]")
@@ -27,7 +30,8 @@ MORE = TINY.replace("1:8", "1:12")
 class Cluster:
     """A scheduler and its workers, a process each."""
 
-    def __init__(self, folder, *options, workers=2):
+    def __init__(self, folder, *options, workers=2, path=ROOT):
+        self._path = path
         self._file = folder / "scheduler.json"
         self._options = options
         self._processes = []
@@ -46,7 +50,7 @@ class Cluster:
         return self._begin("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
 
     def _begin(self, what, *options):
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**os.environ, "PYTHONPATH": str(self._path), "OPENBLAS_NUM_THREADS": "1"}
         command = [sys.executable, "-m", "dask", what, "--scheduler-file", self._file, *options, *self._options]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self._processes.append(process)
@@ -120,6 +124,45 @@ def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkey
     assert not (tmp_path / "out").exists()
 
 
+def test_who_answers_nothing_or_something_else_is_told_in_time(monkeypatch):
+    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        began = time.monotonic()
+        with pytest.raises(gb.InputError, match=r"no scheduler answers at .*timed out"):
+            check_cluster(f"tcp://127.0.0.1:{silent.getsockname()[1]}")
+        assert time.monotonic() - began < 3.0
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def greet():
+            with other.accept()[0] as caller:
+                caller.sendall(b"220 mail here")
+
+        threading.Thread(target=greet, daemon=True).start()
+        with pytest.raises(gb.InputError, match="what answers isn't a scheduler of Dask"):
+            check_cluster(f"tcp://127.0.0.1:{other.getsockname()[1]}")
+
+
+def test_a_worker_with_another_version_is_refused_by_name(tmp_path):
+    other = tmp_path / "other/scipy-0.0.1.dist-info"
+    other.mkdir(parents=True)
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: scipy\nVersion: 0.0.1\n")
+    cluster = Cluster(tmp_path, workers=1, path=f"{tmp_path / 'other'}:{ROOT}")
+    try:
+        campaign, out = loaded(tmp_path, TINY), tmp_path / "out"
+        version = importlib.metadata.version("scipy")
+        for _ in range(200):  # a worker has to come first
+            with contextlib.suppress(gb.GtmbenchError):
+                check_cluster(cluster.address, None, versions)
+                time.sleep(0.1)
+                continue
+            break
+        with pytest.raises(gb.InputError, match=rf"worker tcp://\S+ has scipy 0\.0\.1 instead of {version}; rows of"):
+            conduct(campaign, out, scheduler=cluster.address)
+        assert not out.exists()
+    finally:
+        cluster.end()
+
+
 def test_certificates_that_arent_there_are_told(cli, tmp_path):
     code, _, err = cli(
         "campaign", written(tmp_path), "--scheduler", "tls://127.0.0.1:1", "--tls", tmp_path, "--out", "o"
@@ -160,19 +203,14 @@ def test_by_tls_only_who_has_the_authority_s_certificate_is_let_in(certificates,
         command = [sys.executable, "-m", "gtmbench", "campaign", path, *here, "--quiet"]
         subprocess.run(command, cwd=ROOT, check=True, timeout=120)
         assert read_parts(tmp_path / "out").todo() == ()
-        knock = (
-            "import pathlib, sys, gtmbench.cluster as c\n"
-            "c._PATIENCE_S = 2\n"
-            "c.check_cluster(sys.argv[1], pathlib.Path(sys.argv[2]))"
-        )
-        refused = subprocess.run(
-            [sys.executable, "-c", knock, cluster.address, other],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-        assert "no scheduler answers at tls://" in refused.stderr
+        with pytest.raises(gb.InputError, match=r"at tls://.* and --tls don't agree \(.*certificate"):
+            check_cluster(cluster.address, other)
+        with pytest.raises(gb.InputError, match=r"a scheduler at tls:// wants certificates; give --tls FOLDER"):
+            check_cluster(cluster.address)
+        plain = cluster.address.replace("tls://", "tcp://")
+        with pytest.raises(gb.InputError, match=r"at tcp://.* wants TLS; give tls://... and --tls FOLDER"):
+            check_cluster(plain)
+        with pytest.raises(gb.InputError, match=r"--tls is for a scheduler at tls://; this one is at tcp://"):
+            check_cluster(plain, own)
     finally:
         cluster.end()

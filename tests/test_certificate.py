@@ -10,19 +10,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.monitor.scores import bank_alarms
+from gtmbench.pieces import deviation
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
-from gtmbench.report.words.log import log_report, outcome_text
-from gtmbench.study.log.certificate import (
-    KINDS,
-    SHARE,
-    Certificate,
-    Smallest,
-    certificate_of,
-    deviation,
-    hardly_watched,
-    superposition,
-)
+from gtmbench.report.words.log import log_report
+from gtmbench.report.words.verdict import summary_lines
+from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, hardly_watched
 from tests.certificates import WhenRead, at_few_onsets, hardly_watched_by_biases
 from tests.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.monitors import monitor, record
@@ -53,7 +46,7 @@ def alarmed(watch, fault, within_s):
 def trials(kind, sensor, size, count, seed):
     """Return faults of a size at onsets drawn from when its residual is armed, which leaves time to alarm."""
     random, watch = np.random.default_rng(seed), flight()
-    able_s = watch.record.time_s[superposition(watch, sensor).armed]
+    able_s = watch.record.time_s[watch.monitor.superposition(watch, sensor).armed]
     able_s = able_s[able_s < watch.record.end_s - KIND[kind].within_s]
     return [
         KIND[kind].at(sensor, float(onset_s), size, is_turned=bool(random.integers(2)))
@@ -65,7 +58,7 @@ def trials(kind, sensor, size, count, seed):
 @pytest.mark.parametrize("sensor", ["p", "r"])
 def test_a_fault_alarms_by_superposition_where_it_does_when_it_is_put_on_the_record(sensor, kind):
     watch, row = flight(), certificate().of(sensor, kind)
-    on = superposition(watch, sensor)
+    on = watch.monitor.superposition(watch, sensor)
     several = [
         fault
         for times in (0.4, 0.7, 1.0, 2.0)
@@ -150,7 +143,8 @@ def test_nothing_is_certified_where_no_alarm_was_possible_or_nothing_says_how_sc
         said = case().certificate
         assert (said.rows, certificate_lines(said)) == ((), [])
         assert why in said.missing
-    assert "what would have been seen can't be told: nothing is no bank" in outcome_text(silent())
+    told = certificate_text(silent().certificate)
+    assert told.startswith("Nobody can tell which faults would have been detected: nothing is no bank")
 
 
 def test_nothing_is_certified_of_a_log_that_was_watched_for_some_samples_only():
@@ -172,7 +166,7 @@ def test_a_sensor_that_is_no_longer_watched_isnt_seen():
 
 
 def test_of_a_gyro_that_reads_nothing_no_scale_and_no_deadzone_is_seen_but_a_bias_is():
-    still = replace(superposition(flight(), "r"), record=flight().record.replace("r", np.zeros(6000)))
+    still = replace(flight().monitor.superposition(flight(), "r"), record=flight().record.replace("r", np.zeros(6000)))
     for kind, size, is_seen in (("scale_factor", 2.0, False), ("deadzone", 50.0, False), ("bias", 1.0, True)):
         fault = KIND[kind].at("r", 60.0, size, is_turned=True)
         assert (still.alarm_row(fault, 10.0) is not None) == is_seen
@@ -193,7 +187,7 @@ def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
 
 def test_the_report_holds_it_in_words_and_numbers():
     watched, said = short(), short().certificate
-    assert outcome_text(watched) == f"no fault found; {certificate_text(said)}"
+    assert f"Sensitivity  {certificate_text(said)}" in summary_lines(watched, 500)
     lines = log_report(watched)
     assert set(certificate_lines(said)) <= set(lines)
     results = log_results(watched)["certificate"]
@@ -219,16 +213,15 @@ def row(sensor, size, kind="bias", **more):
     [
         (
             [row("p", 0.532), row("r", 123.4)],
-            "a bias of p above 0.53 deg/s, of r above 120 deg/s would have been seen within 10 s in 90 % of the 60.0 s "
-            "watched",
+            "A bias above p 0.53, r 120 deg/s would have been detected within 10 s (at 90 % of start times).",
         ),
         (
             [row("p", 2.0), row("r", None)],
-            "a bias of p above 2 deg/s would have been seen within 10 s in 90 % of the 60.0 s watched; none of r",
+            "A bias above p 2 deg/s would have been detected within 10 s (at 90 % of start times); none of r.",
         ),
         (
             [row("p", None), row("r", None)],
-            "no bias of p or r, however large, would have been seen within 10 s in 90 % of the 60.0 s watched",
+            "No bias of p or r, however large, would have been detected within 10 s (at 90 % of start times).",
         ),
     ],
 )
@@ -239,15 +232,15 @@ def test_the_headline_says_which_sensors_are_blind(rows, said):
 def test_a_gyro_whose_end_would_go_unseen_is_told():
     rows = (row("p", None, "deadzone"), row("q", 0.5, "deadzone"), row("r", None, "deadzone"))
     told = certificate_lines(Certificate(rows=rows, watched_s=60.0))[-1]
-    assert told == "  p, r going dead would not have been seen in 90 % of it"
+    assert told == "  p, r going dead would not have been detected at 90 % of start times"
 
 
 def test_the_table_says_how_often_the_largest_would_have_been_seen_and_what_is_named():
     rows = (row("p", 0.532, named_from=1.6), row("p", None, "scale_factor"))
     assert certificate_lines(Certificate(rows=rows, watched_s=60.0, is_named=True)) == [
-        "seen within 10 s in 90 % of the 60.0 s watched, from this size on:",
+        "Smallest faults that would have been detected within 10 s, at 90 % of start times in the 60.0 s watched:",
         "           bias        scale error",
         "  p        0.53 deg/s  in 45 %",
         "    named  1.6 deg/s   -",
-        "  in ... %: not even the largest that was tried would have been seen more often",
+        "  in ... %: even the largest fault tried would have been detected this rarely",
     ]

@@ -80,7 +80,15 @@ def test_run_writes_results_figures_and_a_recording(cli, scenario, tmp_path):
     assert code == 0
     assert "detected: 1 of 1" in out
     names = {path.name for path in (tmp_path / "here").iterdir()}
-    assert names == {"results.json", "trials.csv", "study.rrd", "markov.png", "prediction.png", "norm_short.png"}
+    assert names == {
+        "results.json",
+        "trials.csv",
+        "study.rrd",
+        "markov.png",
+        "prediction.png",
+        "norm_short.png",
+        "SHA256SUMS",
+    }
     assert json.loads((tmp_path / "here/results.json").read_text())["trials"][0]["detected"] is True
 
 
@@ -89,7 +97,8 @@ def test_run_as_json_prints_the_results_and_nothing_else(cli, scenario, tmp_path
     printed = json.loads(out)
     assert (code, err) == (0, "")
     assert printed.pop("out") == "study"
-    assert printed == json.loads((tmp_path / "study/results.json").read_text())
+    written = json.loads((tmp_path / "study/results.json").read_text())
+    assert {key: printed[key] for key in written} == written
 
 
 def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli, tmp_path):
@@ -132,7 +141,7 @@ def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_pa
 def test_list_names_everything_there_is(cli):
     _, out, _ = cli("list", "--json")
     listed = json.loads(out)
-    assert set(listed) == {
+    assert set(listed) - {"verdict", "exit_code", "findings", "schema_version", "command"} == {
         "aircraft",
         "channels",
         "excitations",
@@ -141,12 +150,12 @@ def test_list_names_everything_there_is(cli):
         "detectors",
         "banks",
         "campaigns",
-        "pseudo inputs",
+        "pseudo_inputs",
     }
     assert set(listed["detectors"]) >= {"dissertation", "C", "B", "leave-one-out", "paper"}
     assert set(listed["scenarios"]) == {*FAULTS, "in_the_loop"}  # one for every kind
     _, text, _ = cli("list")
-    assert all(name in text for section in listed.values() for name in section)
+    assert all(name in text for section in listed.values() if isinstance(section, dict) for name in section)
 
 
 def test_version_and_help(cli):

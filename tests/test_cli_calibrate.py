@@ -18,6 +18,7 @@ from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 from tests.monitors import monitor, record
+from tests.sealed import resealed
 
 SHORT = ("--flights", 2, "--duration", 40)
 
@@ -101,7 +102,7 @@ def test_thresholds_that_are_luck_are_refused_and_leave_nothing(cli, logs, tmp_p
 
 
 def test_with_logs_it_reads_them_and_keeps_their_names_and_digests(cli, logs, tmp_path):
-    code, out, err = cli("calibrate", *logs, "--bank", "paper", "--out", "p.json")
+    code, out, err = cli("calibrate", *logs, "--detector", "paper", "--out", "p.json")
     assert (code, err) == (0, "")
     assert "calibrated on: log1.csv, log2.csv, log3.csv" in out
     assert "bank paper" in out
@@ -161,7 +162,7 @@ def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, l
 
 BAD = {
     "no log": (["nowhere.csv"], "nowhere.csv: no such file"),
-    "no bank": (["log1.csv", "--bank", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
+    "no bank": (["log1.csv", "--detector", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
     "no json": (["log1.csv", "--out", "m.pkl"], "a monitor's file ends in .json"),
     "no folder": (["log1.csv", "--out", "nowhere/m.json"], "doesn't exist; create it first"),
     "a folder": (["log1.csv", "--out", "folder.json"], "folder.json is a folder"),
@@ -318,7 +319,7 @@ ODD = [
 def test_whatever_the_provenance_holds_a_monitor_is_shown(cli, tmp_path, provenance):
     gb.save_monitor(monitor("C"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
-    (tmp_path / "m.json").write_text(json.dumps(document | {"provenance": provenance}))
+    (tmp_path / "m.json").write_text(json.dumps(resealed(document | {"provenance": provenance})))
     code, out, err = cli("bank", "m.json")
     assert (code, err) == (0, "")
     assert "calibrated on: " in out

@@ -30,7 +30,7 @@ SCRIPTS = [page for page in PAGES if blocks(page, "python") and page != TUTORIAL
 
 @pytest.mark.parametrize("page", SCRIPTS, ids=lambda page: page.stem)
 def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
-    """As a module of its own, in this process, which has imported what takes long; what it registers is forgotten."""
+    """As a module of its own, in this process, which has imported what takes long and finds `experiments/`."""
     module = ModuleType(f"page_{page.stem}")
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(kinds_of_faults, "_registered", {})
@@ -107,8 +107,8 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
         code, out, err = cli(command, *arguments, *cheap)
         assert (code, err) == (int(command == "monitor"), ""), line
         if command == "monitor":
-            assert "q failed at 4" in out
-            assert "r failed at 5" in out
+            assert "pitch gyro (q) failed at 4" in out
+            assert "yaw gyro (r) failed at 5" in out
         if "--strict" in line:
             assert "as the scenarios expect: 5 of 5" in out
 

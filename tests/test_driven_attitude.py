@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, FASTEST_S, GYROS, SLOWEST_S
+from gtmbench.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
 from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.study.log.certificate import KINDS, certificate_of, superposition
+from gtmbench.study.log.certificate import KINDS, certificate_of
 from tests import monitors
 
 PERIOD_S, ONSET_S, REFERENCE_DEG = 0.02, 60.0, 0.3
@@ -136,7 +137,7 @@ def test_a_certificate_puts_its_faults_through_the_estimator_and_tells_the_worse
 @pytest.mark.parametrize("sensor", GYROS)
 def test_a_fault_that_the_attitude_follows_alarms_by_superposition_where_the_bent_record_does(sensor):
     draw, said, alarmed = np.random.default_rng(3), [], []
-    on = superposition(watched(), sensor)
+    on = watched().monitor.superposition(watched(), sensor)
     for estimator in (replace(SLOW, time_constant_s=tau) for tau in (FASTEST_S, SLOWEST_S)):
         for kind in KINDS:
             size = certificate().of(sensor, kind.fault.kind).size

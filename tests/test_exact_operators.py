@@ -10,14 +10,14 @@ import sympy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dissertation.reproduction import Reproduction, claim_polynomials
 from gtmbench.errors import InputError
-from gtmbench.report.dissertation.reproduction import Reproduction, claim_polynomials
-from gtmbench.theory.exact import exact_operator
-from gtmbench.theory.motions import holds_for_free_responses, relative_residual, with_input
-from gtmbench.theory.numeric import NumericOperator, invariant_zeros
-from gtmbench.theory.polynomials import read_polynomial, write_polynomial
-from gtmbench.theory.rational import adjugate_times, coefficients, entries, roots
-from gtmbench.theory.state_space import StateSpace
+from theory.exact import exact_operator
+from theory.motions import holds_for_free_responses, relative_residual, with_input
+from theory.numeric import NumericOperator, invariant_zeros
+from theory.polynomials import read_polynomial, write_polynomial
+from theory.rational import adjugate_times, coefficients, entries, roots
+from theory.state_space import StateSpace
 
 p = sympy.Symbol("p")
 TENTHS = st.integers(-20, 20).map(lambda k: Fraction(k, 10))

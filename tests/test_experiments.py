@@ -15,17 +15,17 @@ from scripts import EXPERIMENTS
 from scripts import script as defined_in
 
 import gtmbench as gb
+from dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.report.campaign import Findings, conducted
-from gtmbench.report.dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import share_text
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
+from studies.conduct import Findings, conducted
+from studies.tables import share_text
 
 PAGE = EXPERIMENTS.parent / "docs/reference/dissertation.md"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]

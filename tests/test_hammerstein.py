@@ -13,8 +13,8 @@ from scipy.stats import chi2, expon, norm, uniform
 from scripts import script
 
 from gtmbench.record import Record
-from gtmbench.theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
-from gtmbench.theory.state_space import StateSpace, companion
+from theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
+from theory.state_space import StateSpace, companion
 
 WIDE, NORMAL = uniform(-5.0, 10.0), norm()
 PAIRS = {f"6.5.{i}": pair for i, pair in enumerate(script("hammerstein")["EXAMPLES"].values(), 1)}

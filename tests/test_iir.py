@@ -9,10 +9,10 @@ from oracles import is_chi_square, sampled
 from scipy import signal
 
 from gtmbench.errors import InputError
-from gtmbench.theory.closed_loop import loop_records
-from gtmbench.theory.iir import arx, iv4
-from gtmbench.theory.pem import pem
-from gtmbench.theory.plants import example_3_2
+from theory.closed_loop import loop_records
+from theory.iir import arx, iv4
+from theory.pem import pem
+from theory.plants import example_3_2
 
 A, B, C = [1.0, -1.1, 0.3], [0.0, 1.0, 0.5], [1.0, 0.4, 0.2]
 ESTIMATORS = {

@@ -448,7 +448,7 @@ def test_what_inject_breaks_monitor_finds(cli):
     watched = ("--detector", "C", "--identify", "0:40", "--attitude", "own")  # as it was broken
     code, out, _ = cli("monitor", "broken.csv", *watched, "--json")
     assert code == 1
-    found = [(each["verdict"], each["kind"]) for each in json.loads(out)["findings"]]
+    found = [(each["text"], each["kind"]) for each in json.loads(out)["findings"]]
     assert found == [("q failed", "drift"), ("r failed", "jam")]
     assert cli("monitor", "log.csv", *watched, "-q")[0] == 0
 

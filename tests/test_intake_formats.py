@@ -171,7 +171,7 @@ def test_a_second_instance_and_undocumented_topics_are_there_by_their_names(flig
     turned = np.column_stack([us, *[2 * rate for rate in rates]])
     topics = {f"sensor_gyro{n}": (["float x", "float y", "float z"], turned) for n in ("", "#1")}
     (tmp_path / "log.ulg").write_bytes(files.ulog(topics))
-    with pytest.raises(gb.InputError, match="no channel 'p': nothing looks like it: --map p=COLUMN:rad/s"):
+    with pytest.raises(gb.InputError, match="no channel 'p': nothing looks like p: --map p=COLUMN:rad/s"):
         gb.open_log(tmp_path / "log.ulg", needs=["p"])
     log = gb.open_log(tmp_path / "log.ulg", mapping=["p=-sensor_gyro#1.x:rad/s"], needs=["p", "sensor_gyro.y"])
     np.testing.assert_allclose(log.segments[0]["p"], -2 * flight["p"], rtol=1e-6)

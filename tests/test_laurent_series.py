@@ -12,11 +12,11 @@ from plants import example_3_1, example_3_2
 from scipy.special import comb
 
 from gtmbench.errors import InputError
-from gtmbench.theory.annuli import Annulus, annuli, inner_spectral_radius, on_circle, spectral_radius
-from gtmbench.theory.laurent import laurent, reflected, scaled, split
-from gtmbench.theory.plants import example_3_2_2
-from gtmbench.theory.state_space import StateSpace
-from gtmbench.theory.transfer_matrix import transfer_matrix
+from theory.annuli import Annulus, annuli, inner_spectral_radius, on_circle, spectral_radius
+from theory.laurent import laurent, reflected, scaled, split
+from theory.plants import example_3_2_2
+from theory.state_space import StateSpace
+from theory.transfer_matrix import transfer_matrix
 
 SHARP = 1e-12  # of the largest coefficient
 

@@ -1,5 +1,6 @@
 """The architecture holds: the method never sees the simulator, data flows one way, no machine leaks into a file."""
 
+import os
 import re
 import subprocess
 import sys
@@ -10,7 +11,8 @@ ROOT = Path(__file__).parent.parent
 
 def test_import_contracts_are_kept():
     linter = Path(sys.executable).parent / "lint-imports"
-    run = subprocess.run([linter, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    searched = {**os.environ, "PYTHONPATH": str(ROOT / "experiments")}
+    run = subprocess.run([linter, "--no-cache"], cwd=ROOT, env=searched, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout
 
 

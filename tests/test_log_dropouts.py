@@ -74,12 +74,16 @@ def test_a_message_that_pauses_while_another_lives_is_a_dropout_of_its_channels(
 def test_the_command_tells_it_in_words(cli, tmp_path):
     path, _ = written("log.bin", without(messages(), "gyro", PAUSE), tmp_path)
     gb.save_monitor(monitor(), tmp_path / "C.json")
-    code, out, err = cli("monitor", str(path), "--detector", str(tmp_path / "C.json"))
+    code, out, err = cli("monitor", str(path), "--detector", str(tmp_path / "C.json"), "--details")
     assert (code, err) == (1, "")
     assert "19.99 to 22.00 s  missing, p: nothing for 2.01 s while others live on; one sample every 0.01 s else" in out
     assert "20.50 s  p failed; dropout\n" in out
     assert "since about 20.00 s; named at 20.50 s; gone since 22.00 s" in out
-    assert "p failed at 20.50 s; q failed at 20.50 s; r failed at 20.50 s\n" in out
+    verdict = " ".join(out.split("\nWhy", 1)[0].split())
+    assert verdict == (
+        "The roll gyro (p) failed at 20.0 s: dropout; the pitch gyro (q) failed at 20.0 s: dropout; "
+        "the yaw gyro (r) failed at 20.0 s: dropout."
+    )
 
 
 @pytest.mark.parametrize("name", logs.FORMATS)

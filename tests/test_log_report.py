@@ -17,8 +17,9 @@ from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.figures.panels import thinned
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.watched import State, stretches
-from gtmbench.report.words.log import log_report, outcome_text
+from gtmbench.report.watched import State, began_s, stretches
+from gtmbench.report.words.log import log_report
+from gtmbench.report.words.verdict import summary_lines, verdict_text
 from tests.logged import (
     CASES,
     ODD,
@@ -72,8 +73,8 @@ def test_the_report_tells_a_fault_from_beginning_to_end():
     assert re.search(r"since about (59|60)\.\d\d s; named at 6[01]\.\d\d s; gone since (89\.9|90\.0)\d s", text)
     assert "psi failed; jam at " in text
     assert "not seen to end; no longer watched: p, q, r" in text
-    assert outcome_text(passing()).startswith("p failed at 60.")
-    assert "; reference attitude failed (psi) at 170." in outcome_text(passing())
+    assert re.match(r"The roll gyro \(p\) failed at (59|60)\.\d s: saturation ", verdict_text(passing()))
+    assert re.search(r"; the heading \(psi\) failed at 1(69|70)\.\d s: jam at ", verdict_text(passing()))
 
 
 def test_an_alarm_that_may_be_no_faults_is_said_to_be_so():
@@ -81,8 +82,10 @@ def test_an_alarm_that_may_be_no_faults_is_said_to_be_so():
     assert all(other.sensor is None for other in odd().alarms)
     assert set(alarm.last.candidates) == set(ODD)  # which of them nothing tells
     assert alarm.last.reason
-    why = f"could not tell: motion or model (alarm of {ODD[0]} at {alarm.time_s:.2f} s"
-    assert outcome_text(odd()).startswith(why)
+    said = verdict_text(odd())
+    assert said.startswith("Cannot tell: ")
+    assert f"({ODD[0]} at {alarm.time_s:.1f} s" in said
+    assert "may be no fault: motion or model" in said
     assert int(odd().outcome) == 3
 
 
@@ -90,9 +93,9 @@ def test_a_fault_that_is_found_again_and_again_is_one_fault():
     gappy, broken = jammed().watches
     later = replace(broken.alarms[0], number=1, fault=1, time_s=200.0)
     again = replace(jammed(), watches=(gappy, replace(broken, alarms=(broken.alarms[0], later))))
-    missing_s, first_s = gappy.alarms[0].time_s, broken.alarms[0].time_s
-    twice = f"q failed at {first_s:.2f} s (found 2 times, last at 200.00 s)"
-    assert outcome_text(again) == f"p failed at {missing_s:.2f} s; {twice}"
+    missing_s, first_s = began_s(gappy.alarms[0]), began_s(broken.alarms[0])
+    twice = f"the pitch gyro (q) failed at {first_s:.1f} s (found 2 times, last at 200.0 s): jam at "
+    assert verdict_text(again).startswith(f"The roll gyro (p) failed at {missing_s:.1f} s: dropout; {twice}")
 
 
 def test_a_long_list_of_remarks_is_shortened_and_counted():
@@ -103,7 +106,7 @@ def test_a_long_list_of_remarks_is_shortened_and_counted():
     assert rest == f"{31 - len(told)} remarks more, up to 95.00 s: duplicate ({30 - len(told)}), gap (1)"
 
 
-WORDS = {0: "no fault found", 1: "failed at", 3: "could not tell"}
+WORDS = {0: "No fault found", 1: " failed at ", 3: "Cannot tell: "}
 
 
 @cases
@@ -111,7 +114,15 @@ def test_the_words_match_the_exit_code(case):
     results = log_results(case())
     assert results["exit_code"] == case().outcome
     assert [code for code, words in WORDS.items() if words in results["verdict"]] == [results["exit_code"]]
-    assert results["verdict"] in log_report(case())
+    assert log_report(case(), 10_000)[0] == results["verdict"]
+
+
+@cases
+def test_the_summary_fits_a_narrow_screen(case):
+    lines = summary_lines(case())
+    assert " ".join(lines).startswith(verdict_text(case()).split(";")[0][:40])
+    assert len(lines) <= 12
+    assert max(map(len, lines)) <= 80
 
 
 @cases
@@ -130,7 +141,8 @@ def test_the_bound_is_that_of_the_length_watched(case):
 
 def test_twenty_seconds_without_an_alarm_bound_little():
     assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
-    assert outcome_text(unexplained()).startswith("no fault found (1 alarm that nothing explains); ")
+    assert verdict_text(unexplained()).startswith("No fault found in 22.7 s of ")
+    assert verdict_text(unexplained()).endswith(" 1 alarm had nothing left to explain.")
     assert any("; 1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
     told = " ".join(log_report(short()))
     assert "one that was there from the first sample on is learnt as healthy" in told
@@ -176,9 +188,9 @@ def test_stretches_say_why_nothing_was_watched():
 def test_results_are_plain_data_and_say_what_the_watch_says(case):
     watched, results = case(), log_results(case())
     assert json.loads(json.dumps(results, allow_nan=False)) == results
-    assert (results["schema"], results["study"], results["outcome"]) == (2, "log", watched.outcome.name.lower())
+    assert (results["command"], results["outcome"]) == ("monitor", watched.outcome.name.lower())
     for row, alarm in zip(results["findings"], watched.alarms, strict=True):
-        assert (row["alarm_s"], row["sensor"], row["verdict"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
+        assert (row["alarm_s"], row["sensor"], row["text"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
         assert [judgement["time_s"] for judgement in row["judgements"]] == [
             judgement.time_s for judgement in alarm.judgements
         ]
@@ -327,12 +339,12 @@ def test_the_recording_tells_what_happened_when(recorded, read):
         any(told.text in text and f"{told.start_s:.2f} s  remark" in text for text in texts)
         for told in watched.log.remarks
     )
-    assert f"{alarm.time_s:.2f} s  alarm: residual of q, {alarm.test}" in texts
+    assert f"{alarm.time_s:.2f} s  alarm: residual of q ({alarm.test})" in texts
     assert any("q failed; jam" in text for text in texts)
     assert f"{missing.time_s:.2f} s  alarm: missing samples of p" in texts
     assert f"{missing.time_s:.2f} s  p failed; dropout" in texts
     assert f"{missing.end_known_s:.2f} s  the fault has gone, since {missing.ended_s:.2f} s" in texts
-    assert told[239.0] == f"239.00 s  outcome: {outcome_text(watched)}"
+    assert told[239.0] == f"239.00 s  outcome: {verdict_text(watched)}"
     states = words_of(path, "/state", "StateChange:state")
     assert states[:-1] == [(pytest.approx(stretch.start_s), str(stretch.state)) for stretch in stretches(watched)]
     assert states[-1][1] == ""

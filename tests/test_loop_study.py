@@ -65,8 +65,8 @@ def test_a_departure_stands_in_row_words_and_log_of_events(study):
     from gtmbench.report.words.study import summary_lines, trial_rows
 
     columns, rows, _ = trial_rows(study)
-    assert rows[0][columns.index("departed after (s)")] == f"{flip.departure_time_s - 20.0:.2f}"
-    assert rows[1][columns.index("departed after (s)")] == "-"
+    assert rows[0][columns.index("departed (s)")] == f"{flip.departure_time_s - 20.0:.2f}"
+    assert rows[1][columns.index("departed (s)")] == "-"
     lines = summary_lines(study)
     assert any(line.startswith("departed: 1 of 3") for line in lines)
     assert "not in the loop: the autopilot doesn't read beta" in lines
@@ -164,7 +164,7 @@ def test_the_command_line_flies_in_the_loop(cli, tmp_path):
     expected = gb.fly_in_loop(duration_s=30.0, faults=gb.SignFlip(channel="q", onset_s=20.0))
     assert record.values.tobytes() == expected.readings(commands=True).values.tobytes()
     code, out, _ = cli(*command, *fault, "3", "--out", str(tmp_path / "beta.csv"), "--json")
-    assert [event["kind"] for event in json.loads(out)["events"]] == ["out of loop"]
+    assert [event["kind"] for event in json.loads(out)["findings"]] == ["out of loop"]
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE, GYROS
-from gtmbench.testing.mechanisms import ACCELERATIONS, CHANNELS, MECHANISMS, late_s
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.testing.mechanisms import CHANNELS, MECHANISMS, late_s
 
 SEEDS = (0, 1)
 
@@ -40,7 +40,7 @@ def rows(record, start_s, end_s):
 
 
 def felt(record):
-    return np.linalg.norm(record.matrix(ACCELERATIONS), axis=1)
+    return np.linalg.norm(record.matrix(ACCELEROMETERS), axis=1)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

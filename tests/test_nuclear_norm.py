@@ -8,8 +8,8 @@ from plants import example_3_2
 from scipy.optimize import brentq
 
 from gtmbench.errors import InputError
-from gtmbench.theory.nuclear_norm import nuclear_norm_path
-from gtmbench.theory.realisation import block_hankel, hankel_singular_values
+from theory.nuclear_norm import nuclear_norm_path
+from theory.realisation import block_hankel, hankel_singular_values
 
 
 def noisy(seed=0, count=12, error=0.02):

@@ -157,7 +157,7 @@ def test_jsbsims_own_fly_without_their_sockets_and_that_is_said(cli):
 
 def test_facts_are_written_to_be_edited(cli, tmp_path):
     code, out, _ = cli("new", "--aircraft", "c172p")
-    assert (code, out) == (0, "my-c172p/aircraft.toml: edit it, then: gtmbench trim --aircraft my-c172p\n")
+    assert (code, out) == (0, "Wrote my-c172p/aircraft.toml; edit it, then run: gtmbench trim --aircraft my-c172p\n")
     mine, theirs = load_aircraft("my-c172p"), load_aircraft("c172p")
     assert replace(mine, without_io=True) == theirs
     path = tmp_path / "my-c172p/aircraft.toml"

@@ -1,13 +1,16 @@
 """Parts: whole or not there, of one run or refused, one run at a time; and what killed runs leave is cleared away."""
 
 import errno
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -117,8 +120,53 @@ def test_a_part_of_another_run_is_refused(half, tmp_path):
 def test_a_part_that_isnt_whole_is_told_by_name(half):
     part = half / "part-000001.parquet"
     part.write_bytes(part.read_bytes()[:-20])
-    with pytest.raises(gb.InputError, match=r"part-000001.parquet isn't whole"), begun(half, resume=True):
-        pass
+    with pytest.raises(gb.InputError, match=r"part-000001.parquet: it isn't what was written, .*; --resume does its"):
+        read_parts(half).done()
+    with (
+        pytest.warns(gb.NoteWarning, match=r"part-000001.parquet: .*; its task is done anew"),
+        begun(half, resume=True) as parts,
+    ):
+        assert parts.todo() == (1, 2, 4)
+
+
+def test_well_formed_parts_whose_figures_were_altered_are_told(half):
+    part = half / "part-000001.parquet"
+    table = pq.read_table(part)
+    delays = pa.array([0.1 * value for value in table["value"].to_pylist()])
+    pq.write_table(table.set_column(1, "value", delays), part, compression="zstd")
+    with pytest.raises(gb.InputError, match=r"part-000001.parquet: it isn't what was written, by its digest"):
+        read_parts(half).read()
+    assert list(read_parts(half).damaged()) == [1]
+
+
+def test_of_300_flipped_bits_of_a_part_none_is_read(half):
+    part = half / "part-000001.parquet"
+    whole = part.read_bytes()
+    for bit in np.random.default_rng(5).integers(0, 8 * len(whole), 300):
+        flipped = bytearray(whole)
+        flipped[bit // 8] ^= 1 << bit % 8
+        part.write_bytes(bytes(flipped))
+        assert list(read_parts(half).damaged()) == [1]
+
+
+def test_an_altered_manifest_is_told(half):
+    manifest = half / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"tasks": 5', '"tasks": 4'))
+    with pytest.raises(gb.InputError, match=r"manifest.json: what it holds isn't what was written"):
+        read_parts(half)
+
+
+def test_a_folder_from_before_digests_is_read_with_a_note(tmp_path):
+    with begun(tmp_path / "a") as parts:
+        old = replace(parts, version=1)
+        old._write_manifest()
+        table = rows(0).replace_schema_metadata({"gtmbench.run": old.digest(0), "gtmbench.task": "0"})
+        pq.write_table(table, old.path(0))
+        manifest = json.loads((tmp_path / "a/manifest.json").read_text())
+        del manifest["digest"]
+        (tmp_path / "a/manifest.json").write_text(json.dumps(manifest))
+    with pytest.warns(gb.NoteWarning, match="is of a gtmbench before digests, so whether its rows were altered can't"):
+        assert read_parts(tmp_path / "a").read().equals(rows(0))
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "gtmbench parts", "version": 9}', "\x00", "[" * 5000])
@@ -160,7 +208,7 @@ def test_a_full_disk_loses_nothing(half, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with begun(half, resume=True) as parts:
-        monkeypatch.setattr(pq, "write_table", full)
+        monkeypatch.setattr(Path, "write_bytes", full)
         with pytest.raises(
             gb.GtmbenchError, match=r"part-000002.parquet: No space left on device; .* --resume goes on"
         ):

@@ -7,8 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench import pieces as by_piece
-from gtmbench.channels import header_of
-from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.channels import ACCELEROMETERS, header_of
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.live import LiveClock, live_chunks

@@ -5,9 +5,9 @@ import pytest
 from scripts import script
 
 from gtmbench.record import Record
-from gtmbench.theory import plants
-from gtmbench.theory.plate import Plate
-from gtmbench.theory.realisation import block_hankel
+from theory import plants
+from theory.plate import Plate
+from theory.realisation import block_hankel
 
 PRINTED = {  # script: constant: what is printed, and where
     "why_time_domain": {

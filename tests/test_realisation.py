@@ -8,8 +8,8 @@ from plants import example_3_1, example_3_2
 from scipy.linalg import block_diag
 
 from gtmbench.errors import InputError
-from gtmbench.theory.realisation import block_hankel, era, hankel_singular_values, realise
-from gtmbench.theory.state_space import StateSpace, companion
+from theory.realisation import block_hankel, era, hankel_singular_values, realise
+from theory.state_space import StateSpace, companion
 
 CIRCLE = np.exp(1j * np.linspace(0.1, 3.0, 7))
 

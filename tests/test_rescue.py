@@ -40,9 +40,8 @@ def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
     given = ("rescue", "--calibrated", "monitor.json", "--figure", "rescue.png", "--json")
     code, out, _ = cli(*given)
     assert code == 0
-    events = json.loads(out)["events"]
-    assert "departure" in {event["kind"] for event in events["unaided"]}
-    assert "departure" not in {event["kind"] for event in events["rescued"]}
+    told = json.loads(out)["findings"]
+    assert {event["flight"] for event in told if event["kind"] == "departure"} == {"unaided"}
     assert (tmp_path / "rescue.png").read_bytes().startswith(b"\x89PNG")
     table = gb.read_recording(tmp_path / "rescue.rrd")
     entities = set(table["entity"])

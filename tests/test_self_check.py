@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of, causes_among, guesses, holds, undone
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
-from gtmbench.testing.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
+from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.airliner import airliner
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")
@@ -278,13 +278,12 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     gb.write_log(ALL["-q"].mutate(flight()), tmp_path / "log.csv")
     options = ("monitor", "log.csv", "--detector", "C", "--identify", "0:40")
-    code, out, err = cli(*options)
+    code, out, err = cli(*options, "--details")
     assert (code, err) == (3, "")
     assert "bank C: not calibrated, nothing is watched" in out
     assert "not watched, left out: 0.00 to 80.04 s" in out
-    assert (
-        "could not tell: log.csv, where identified: the sign of q is turned (then type --map q=-q_deg_s:deg/s)" in out
-    )
+    assert out.startswith("Cannot tell: the sign of q is turned.\n")
+    assert "Next         Add --map q=-q_deg_s:deg/s" in out
     assert cli(*options, "--map", "q=-q_deg_s:deg/s", "-q") == (0, "", "")
     code, out, err = cli(*options, "--json")
     told = json.loads(out)

@@ -58,7 +58,7 @@ def first_lines(objects):
         ("excitations", first_lines(EXCITATIONS)),
         ("faults", first_lines(FAULTS)),
         ("detectors", detector_names()),
-        ("pseudo inputs", {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()}),
+        ("pseudo_inputs", {item.name: f"{item.unit}, {item.formula}" for item in PSEUDO_INPUTS.values()}),
     ],
 )
 def test_the_list_says_what_python_says(section, meant):

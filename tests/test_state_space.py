@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.theory import plants
-from gtmbench.theory.closed_loop import closed_loop, loop_records
-from gtmbench.theory.state_space import StateSpace, companion, lqr
+from theory import plants
+from theory.closed_loop import closed_loop, loop_records
+from theory.state_space import StateSpace, companion, lqr
 
 
 def drawn(seed, order=4, outputs=2, inputs=3, radius=0.9):

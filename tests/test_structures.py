@@ -9,10 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.theory.exact import exact_operator
-from gtmbench.theory.motions import holds_for_free_responses
-from gtmbench.theory.numeric import NumericOperator
-from gtmbench.theory.structures import (
+from theory.exact import exact_operator
+from theory.motions import holds_for_free_responses
+from theory.numeric import NumericOperator
+from theory.structures import (
     Structure,
     displacement_driven,
     force_driven,

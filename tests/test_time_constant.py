@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.attitude import ATTITUDE
+from gtmbench.channels import ATTITUDE
 from gtmbench.method.time_constant import accelerometers_tilt, time_constant_of
 from gtmbench.study.log.bending import following_in_log
 from gtmbench.testing.flights import fly_once

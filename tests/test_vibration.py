@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.theory.exact_fit import exact_weights, left_over
-from gtmbench.theory.nested import count, nested_operators, norms
-from gtmbench.theory.plate import Plate
-from gtmbench.theory.state_space import StateSpace
-from gtmbench.theory.vibration import Held, Modes, Sinusoids, measured, modes_of, simulate, unforced
+from theory.exact_fit import exact_weights, left_over
+from theory.nested import count, nested_operators, norms
+from theory.plate import Plate
+from theory.state_space import StateSpace
+from theory.vibration import Held, Modes, Sinusoids, measured, modes_of, simulate, unforced
 
 FORCES = [(0.3, 0.3), (1.0, 1.0), (4.0, 0.25)]
 SENSORS = [(0.5, 0.1), (1.0, 0.5), (3.0, 0.75)]

@@ -60,7 +60,7 @@ def typed(tmp_path, cli):
         ("monitor book.xlsx", "is a spreadsheet's workbook; save its sheet as CSV"),
         ("monitor flight.csv --identify 0-25", "there is no such log; give a span in seconds, such as 0:30"),
         ("monitor flight.csv --identify 0-25", "did you mean 0:25?"),
-        ("monitor flight.csv --identify 0:5", "1 s apart; if its stamps are milliseconds, type --map time=COLUMN:ms"),
+        ("monitor flight.csv --identify 0:5", "flight.csv has 1 sample a second; at least 2.5 are needed"),
         ("monitor flght.csv", "flght.csv: no such file; did you mean 'flight.csv'?"),
         ("monitor seen/a.rrd", "is no log but, by its name, a recording, which `gtmbench view` opens"),
         ("monitor one.toml", "a scenario, which `gtmbench run` flies"),
@@ -68,7 +68,7 @@ def typed(tmp_path, cli):
         ("view empty", "empty is a folder without a recording (.rrd); `gtmbench run` writes one"),
         ("view seen", "seen is a folder of 2 recordings; give one: seen/a.rrd or seen/b.rrd"),
         ("diff empty seen", "empty is a folder without a recording (.rrd)"),
-        ("run --monitor flight.csv", "is no detector but, by its name, a log; watch it: gtmbench monitor flight.csv"),
+        ("run --detector flight.csv", "is no detector but, by its name, a log; watch it: gtmbench monitor flight.csv"),
         ("run --detector empty", "empty is a folder; give a bank's .toml or a monitor's .json in it"),
         ("run flight.csv", "is no scenario but, by its name, a log; watch it: gtmbench monitor flight.csv"),
         ("run results.json", "results.json is no scenario: that is a TOML file, and its name ends in .toml"),
@@ -124,7 +124,7 @@ def test_what_nobody_foresaw_is_no_fault_found(cli, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr("gtmbench.bench.trim.trim", broken)
+    monkeypatch.setattr("gtmbench.bench.trimming.trim", broken)
     code, out, err = cli("trim")
     assert (code, out) == (2, "")
     assert err.endswith("gtmbench: this shouldn't have happened (ZeroDivisionError: two lines); please report it\n")

@@ -11,17 +11,16 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.attitude import DRIVEN
-from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.intake.contents import log_contents
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.testing.mechanisms import MECHANISMS
-from gtmbench.testing.mutations import Mutation
+from recorded.mutations import Mutation
 
 BANK = "C"
-GYROS = ("p", "q", "r")
-CHANNELS = (*GYROS, "phi", "theta", "psi")
+CHANNELS = (*GYROS, *ATTITUDE)
 WITH_CAUSE = ("late attitude",)  # mechanisms that a self-check should name
 FASTEST_HZ = 100.0
 AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual

@@ -14,9 +14,9 @@ from gtmbench.detectors.bank_detector import BankWatch
 from gtmbench.errors import InputError
 from gtmbench.study.log.self_check.explained import ENOUGH
 from gtmbench.study.log.watched import Outcome, WatchedLog
-from gtmbench.testing.mutations import MUTATIONS, Mutation, is_cause
 from recorded.faults import Tried, tried
 from recorded.flights import Log, Parts, watched
+from recorded.mutations import MUTATIONS, Mutation, is_cause
 
 READINGS = {name: mutation for name, mutation in MUTATIONS.items() if name != "none"}
 REFUSED = "refused"

@@ -13,8 +13,9 @@ import numpy as np
 from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.engine import writers
-from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import number, whole
 from gtmbench.clock import even_times_s

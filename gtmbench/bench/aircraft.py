@@ -9,7 +9,7 @@ from typing import Any
 
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
-from gtmbench.checks import keys, meant, number, shown, text
+from gtmbench.checks import boolean, keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
 from gtmbench.record import Span
 
@@ -40,22 +40,22 @@ class Aircraft:
     Attributes
     ----------
     altitude_ft, tas_kt, psi_deg, latitude_deg, guess
-        Where it is trimmed, and where the search begins.
+        The trim condition, and the start of its search.
     limits, envelope : dict
-        What commands and flights are bounded by, by channel, in the channel's unit.
+        The bounds of commands and flights, by channel, in the channel's unit.
     commands : dict
-        By channel, how each reaches the model.
+        By channel, how the command reaches the model.
     excitation : dict
-        By surface, how many times what an excitation moves on the GTM it moves here.
+        By surface, the factor on the deflection that an excitation has on the GTM.
     properties : dict
-        What is set when the model has been loaded.
+        JSBSim properties that are set after loading the model.
     departure : dict
-        By channel, the span beyond which the aircraft isn't flown any more but falls; alpha's is the envelope's, bank's
-        60 deg and pitch's 45 deg unless told.
+        By channel, the span beyond which the aircraft is out of control. By default alpha's is the envelope's, bank's
+        60 deg and pitch's 45 deg.
     autopilot : Autopilot or None
-        Its gains, where they are known.
+        Its gains, if they are known.
     without_io : bool
-        Whether the model's input and output sections are left out; else a model that has some is refused.
+        Whether the model's input and output sections are left out. Otherwise a model that has some is refused.
 
     Examples
     --------
@@ -101,8 +101,8 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
     InputError
         Naming what is missing, or can't be meant.
     """
-    trim, limits, envelope = (_table(facts, key) for key in ("trim", "limits", "envelope"))
-    guess = _table(trim, "guess")
+    trim, limits, envelope = (table_of(key, facts.get(key)) for key in ("trim", "limits", "envelope"))
+    guess = table_of("trim.guess", trim.get("guess"))
     for table, wanted, given in (
         ("trim", ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg"), trim),
         ("trim.guess", UNKNOWNS, guess),
@@ -111,14 +111,14 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
     ):
         if missing := sorted(set(wanted) - given.keys()):
             raise InputError(f"[{table}] lacks {', '.join(missing)}")
-    departure = _table(facts, "departure", {})
+    departure = table_of("departure", facts.get("departure", {}))
     for table, spans in (("envelope", envelope), ("departure", departure)):
         if unknown := spans.keys() - CHANNELS.keys():
             likely = meant(min(unknown), CHANNELS)
             raise InputError(f"[{table}] names no channel: {', '.join(sorted(unknown))}{likely}")
-    commands = keys(_table(facts, "commands", {}), COMMANDS, section="commands")
-    excitation = keys(_table(facts, "excitation", {}), SURFACES, section="excitation")
-    properties = _table(facts, "properties", {})
+    commands = keys(table_of("commands", facts.get("commands", {})), COMMANDS, section="commands")
+    excitation = keys(table_of("excitation", facts.get("excitation", {})), SURFACES, section="excitation")
+    properties = table_of("properties", facts.get("properties", {}))
     within = {key: _span(f"envelope.{key}", value) for key, value in envelope.items()}
     aircraft = Aircraft(
         name=text("the folder's name", folder.name),
@@ -140,8 +140,8 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         departure=_UPSET
         | {"alpha": within["alpha"]}
         | {key: _span(f"departure.{key}", value) for key, value in departure.items()},
-        autopilot=autopilot_of(_table(facts, "autopilot")) if "autopilot" in facts else None,
-        without_io=_flag("without_io", facts.get("without_io", False)),
+        autopilot=autopilot_of(table_of("autopilot", facts["autopilot"])) if "autopilot" in facts else None,
+        without_io=boolean("without_io", facts.get("without_io", False)),
     )
     for key, (low, high) in aircraft.searched.items():
         if not low <= aircraft.guess[key] <= high:
@@ -168,15 +168,8 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
     }
 
 
-def _table(facts: dict[str, Any], key: str, otherwise: dict[str, Any] | None = None) -> dict[str, Any]:
-    value = facts.get(key, otherwise)
-    if not isinstance(value, dict):
-        raise InputError(f"{key} is {shown(value)}; it must be a table")
-    return dict(value)
-
-
 def _command(name: str, commands: dict[str, Any], key: str) -> Command:
-    given = keys(_table(commands, key), ("property", "unit"), section=name)
+    given = keys(table_of(name, commands[key]), ("property", "unit"), section=name)
     unit = number(f"{name}.unit", given.get("unit", 1.0), -1e6, 1e6)
     if abs(unit) < 1e-6:
         raise InputError(f"{name}.unit is {unit:g}; it must be what 1 of the property is in {CHANNELS[key].unit}")
@@ -186,12 +179,6 @@ def _command(name: str, commands: dict[str, Any], key: str) -> Command:
 def _property(name: str, value: Any) -> str:
     if not isinstance(value, str) or not _PROPERTY.fullmatch(value):
         raise InputError(f"{name} is {shown(value)}; it must be the name of a property, such as fcs/flap-cmd-norm")
-    return value
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise InputError(f"{name} is {shown(value)}; it must be true or false")
     return value
 
 

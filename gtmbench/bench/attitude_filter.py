@@ -7,17 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from gtmbench.attitude import (
-    ATTITUDE,
-    GYROS,
-    STEEPEST_DEG,
-    AttitudeEstimator,
-    carried_on,
-    estimator_of,
-    less,
-    too_steep,
-)
+from gtmbench.attitude import STEEPEST_DEG, AttitudeEstimator, carried_on, estimator_of, less, too_steep
 from gtmbench.bench.sensors import stream
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record, check_record
@@ -75,7 +67,7 @@ def filtered_attitude(
     Raises
     ------
     InputError
-        Where the record lacks a channel or its first attitude, an argument can't be meant, or theta comes near
+        If the record lacks a channel or its first attitude, an argument is invalid, or theta comes near
         +-90 deg, where Euler angles end.
 
     Examples

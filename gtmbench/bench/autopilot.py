@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.bench.trim import Trim
+from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import keys, number
 from gtmbench.record import Span
 
-if TYPE_CHECKING:
-    from gtmbench.bench.equilibrium import Trim
-
 Commands = tuple[float, float, float, float]  # in the order of `COMMANDS`, in their units
-_READ = ("p", "q", "r", "phi", "theta", "psi", "tas", "altitude")
+_READ = (*GYROS, *ATTITUDE, "tas", "altitude")
 _MOST = 1e4  # a gain beyond is none that anybody means
 
 
@@ -22,7 +20,7 @@ _MOST = 1e4  # a gain beyond is none that anybody means
 class Autopilot:
     """Gains and limits of a simple autopilot, which holds the altitude, speed and heading of the trim.
 
-    With e what is held less what is read, and everything about the trim::
+    With e the held value less the reading, and all values relative to the trim::
 
         elevator = q_to_elevator_s q + theta_to_elevator (theta - theta_c),
         theta_c  = altitude_to_theta_deg_ft e_altitude + altitude_integral_deg_ft_s int e_altitude,
@@ -32,13 +30,13 @@ class Autopilot:
         rudder   = r_to_rudder_s (r - r averaged over washout_s);
         throttle = tas_to_throttle_percent_kt e_tas + tas_integral_percent_kt_s int e_tas.
 
-    Integrals stand still while what they add to is at its limit. A missing reading holds the last one. A gain that is
-    left out is 0; without any the commands stay at trim. On another aircraft signs may be others.
+    An integral stands still while its output is at its limit. A missing reading holds the last one. A gain that is left
+    out is 0; without any the commands stay at trim. On another aircraft signs may be others.
 
     Raises
     ------
     InputError
-        Where a figure can't be meant.
+        If a value is invalid.
 
     Examples
     --------
@@ -93,9 +91,9 @@ class Autopilot:
         Parameters
         ----------
         trim : Trim
-            What is held, and what gains are about.
+            The state to hold, to which gains refer.
         limits : mapping
-            Of the commands, by channel.
+            Limits of the commands, by channel.
         sample_period_s : float
             Ts, in seconds: every call is one sample later.
         """

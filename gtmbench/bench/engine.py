@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
-from gtmbench.channels import CHANNELS, COMMANDS, Role
+from gtmbench.channels import CHANNELS, COMMANDS, GYROS, Role
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 
@@ -116,7 +116,7 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
     fdm["ic/psi-true-deg"] = wanted["psi"]
     fdm["ic/phi-deg"] = wanted["phi"]
     fdm["ic/theta-deg"] = wanted["theta"]
-    for rate in ("p", "q", "r"):
+    for rate in GYROS:
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
     for column, factor, write in writers(fdm, aircraft):
         write(wanted[COMMANDS[column]] * factor)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 
 import jsbsim
@@ -13,6 +12,7 @@ import numpy as np
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import CHANNELS
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
@@ -28,44 +28,6 @@ _FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trim:
-    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names.
-
-    Examples
-    --------
-    >>> import gtmbench as gb
-    >>> level = gb.trim("gtm")
-    >>> round(level.tas_kt, 2), round(level.alpha_deg, 1), round(level.commands["throttle"])
-    (100.58, 3.0, 21)
-    """
-
-    altitude_ft: float
-    eas_kt: float
-    tas_kt: float
-    alpha_deg: float
-    beta_deg: float
-    gamma_deg: float
-    roll_deg: float
-    pitch_deg: float
-    yaw_deg: float
-    ground_track_deg: float
-    elevator_deg: float
-    aileron_deg: float
-    rudder_deg: float
-    throttle_percent: float
-
-    @property
-    def commands(self) -> dict[str, float]:
-        """The trimmed commands by channel, in the channel's unit."""
-        return {
-            "elevator": self.elevator_deg,
-            "aileron": self.aileron_deg,
-            "rudder": self.rudder_deg,
-            "throttle": self.throttle_percent,
-        }
 
 
 def trimmed_engine(
@@ -99,7 +61,7 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
     Raises
     ------
     TrimError
-        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+        Naming the acceleration that can't be zeroed, and the command at its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 

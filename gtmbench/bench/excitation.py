@@ -36,7 +36,7 @@ class Excitation:
     turbulence: bool = False
 
     def scaled(self, factors: Mapping[str, float]) -> Excitation:
-        """Return it with every surface moved so many times as much; the air stays as it is."""
+        """Return the excitation with every deflection multiplied by a factor; turbulence is unchanged."""
         moved = {surface: values * factors[surface] for surface, values in self.surfaces.items()}
         return Excitation(surfaces=moved, turbulence=self.turbulence)
 
@@ -47,7 +47,7 @@ def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     Raises
     ------
     InputError
-        Where a part of the name is unknown.
+        If a part of the name is unknown.
 
     Examples
     --------

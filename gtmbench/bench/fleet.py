@@ -25,21 +25,21 @@ _JSBSIMS = "jsbsim.toml"
 def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> Aircraft:
     """Return an aircraft by name (ours, or one that comes with JSBSim) or by the path of its folder.
 
-    A folder holds ``NAME.xml`` or, in its ``aircraft.toml``, says of which ``model`` it tells. Where there is no
-    ``aircraft.toml``, what it would say is found by trying, which takes a second or a few.
+    A folder holds ``NAME.xml``, or its ``aircraft.toml`` states the ``model``. Without an ``aircraft.toml`` its
+    contents are found by trying, which takes a second or a few.
 
     Parameters
     ----------
     name : str, Path or Aircraft
         An aircraft is returned as it is.
     without_io : bool
-        Whether to leave out the model's input and output sections, which would open files and ports, and which are
-        refused otherwise; of JSBSim's own aircraft they are always left out.
+        Whether to leave out the model's input and output sections, which would open files and ports. Otherwise a model
+        with them is refused. For JSBSim's own aircraft they are always left out.
 
     Raises
     ------
     InputError
-        Where there is no such aircraft, or its facts are incomplete.
+        If there is no such aircraft, or its facts are incomplete.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
     Raises
     ------
     InputError
-        Where there is none.
+        If there is none.
     """
     if str(name) in shipped_aircraft():
         return share() / "aircraft" / str(name)

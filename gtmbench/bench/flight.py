@@ -43,19 +43,19 @@ def fly(
     duration_s : float
         Seconds; the record has 100 samples a second and one more.
     seed : int
-        Of multisine phases and turbulence. The same arguments give the same bits, in any process; on a CPU without
-        fused multiply-add, where sines end in other bits, the same flight to 1e-9.
+        Seed of multisine phases and turbulence. The same arguments give the same bits in any process; on a CPU without
+        fused multiply-add the flight is the same to 1e-9.
     altitude_ft, tas_kt : float, optional
-        Another condition than the aircraft's own.
+        Another trim condition than the aircraft's own.
 
     Raises
     ------
     InputError
-        Where a name, the duration or the seed can't be meant.
+        If a name, the duration or the seed is invalid.
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     EnvelopeError
-        Where the flight leaves the range of the aircraft's model.
+        If the flight leaves the range of the aircraft's model.
 
     Examples
     --------

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from gtmbench.bench.sensors import stream
+from gtmbench.channels import GYROS
 from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
@@ -20,15 +21,15 @@ _UNITS = {"bias": "deg/s", "wander": "deg/s per sqrt(s)", "lag": "s", "quantum":
 
 @dataclass(frozen=True, kw_only=True)
 class Imperfections:
-    """How imperfect a healthy sensor is, in its channel's unit; 0 is perfect.
+    """The imperfections of a healthy sensor, in its channel's unit; 0 is perfect.
 
     Parameters
     ----------
     bias : float
         Standard deviation of the turn-on bias, which stays the same over a record.
     wander : float
-        Standard deviation of what a wandering bias (a random walk) gains in 1 s, in unit per sqrt(s): after T seconds
-        it has a standard deviation of wander sqrt(T). It starts at zero.
+        Standard deviation that a wandering bias (a random walk) gains in 1 s, in unit per sqrt(s). After T seconds it
+        is wander sqrt(T). The walk starts at zero.
     lag_s : float
         Time constant of a first-order lag, tau y' + y = u, in seconds; the bandwidth is 1/(2 pi lag_s) Hz.
     quantum : float
@@ -37,7 +38,7 @@ class Imperfections:
     Raises
     ------
     InputError
-        Where a figure is negative or no number, or too large or fine to be meant.
+        If a figure is negative or no number, or implausibly large or fine.
 
     Examples
     --------
@@ -67,9 +68,9 @@ class Imperfections:
 
 
 def imperfect(
-    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = ("p", "q", "r"), seed: int = 1
+    record: Record, imperfections: Imperfections, *, channels: Sequence[str] = GYROS, seed: int = 1
 ) -> Record:
-    """Return what imperfect sensors read: the named channels with lag, bias, wander and rounding, in that order.
+    """Return the readings of imperfect sensors: the named channels with lag, bias, wander and rounding, in that order.
 
     The lag acts on the record as it is given. Where noise was added before, it passes the lag, too: at 100 Hz, a lag of
     5 ms leaves 0.68 of white noise's standard deviation. Faults come afterwards: inject them into what this returns.
@@ -81,18 +82,18 @@ def imperfect(
     Parameters
     ----------
     record : Record
-        What perfect sensors would read, with or without noise.
+        Readings of perfect sensors, with or without noise.
     imperfections : Imperfections
-        How imperfect all of the named channels are, each in its own unit.
+        The imperfections of all named channels, each in its own unit.
     channels : sequence of str
         Which channels; the others stay as they are.
     seed : int
-        Of bias and wander.
+        Seed of bias and wander.
 
     Raises
     ------
     InputError
-        Where the record lacks a channel, or an argument can't be meant.
+        If the record lacks a channel, or an argument is invalid.
 
     Examples
     --------

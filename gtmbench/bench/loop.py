@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
+from gtmbench.attitude import OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
 from gtmbench.bench.airborne import FLOWN, Airborne, Outside, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
@@ -23,7 +23,7 @@ from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.sensors import noise_blocks
-from gtmbench.channels import COMMANDS, SENSORS
+from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import meant, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_onset
@@ -44,7 +44,7 @@ Tell = Callable[[float, str, str, float], None]  # a time, a kind, a channel and
 
 @dataclass(frozen=True, kw_only=True)
 class LoopEvent:
-    """Something that happened in a loop.
+    """An event in a closed-loop flight.
 
     Attributes
     ----------
@@ -52,10 +52,10 @@ class LoopEvent:
     kind : str
         "departure": the aircraft is first beyond a limit of its ``[departure]``; "envelope": it left the range of its
         model, or its estimator's theta that of Euler angles, where the flight ends; "out of loop": a fault began on a
-        channel that the autopilot doesn't read; and what an `Accommodation` tells.
+        channel that the autopilot doesn't read; and the events of an `Accommodation`.
     channel : str
     value : float or None
-        Of the channel, in its unit, where it matters.
+        The channel's value in its unit, if it matters.
 
     Examples
     --------
@@ -79,9 +79,9 @@ class LoopFlight:
     Attributes
     ----------
     truth : Record
-        Every channel, as `fly` gives it; it ends early where the aircraft left its envelope.
+        Every channel, as `fly` gives it; it ends early if the aircraft left its envelope.
     sensed : Record
-        What the sensors read, noise and faults included, before any accommodation.
+        The sensor readings, noise and faults included, before any accommodation.
     events : tuple of LoopEvent
         In the order of their times.
 
@@ -101,11 +101,11 @@ class LoopFlight:
 
     @property
     def departed_s(self) -> float | None:
-        """When the aircraft departed, or left its envelope; None: it didn't."""
+        """When the aircraft departed or left its envelope; None if it didn't."""
         return departed_s(self.events)
 
     def readings(self, *, commands: bool = False) -> Record:
-        """Return `sensed`, with the surface commands as they were given where wanted."""
+        """Return `sensed`, optionally with the surface commands."""
         if not commands:
             return self.sensed
         values = np.column_stack([self.sensed.values, self.truth.matrix(COMMANDS)])
@@ -118,7 +118,7 @@ def departed_s(events: Sequence[LoopEvent]) -> float | None:
 
 
 class Accommodation(Protocol):
-    """What stands between the sensors and the autopilot, and may put other readings in the place of bad ones.
+    """The protocol of an object between the sensors and the autopilot that may replace bad readings.
 
     Examples
     --------
@@ -135,8 +135,8 @@ class Accommodation(Protocol):
         """Begin a flight anew.
 
         Return a function that is called once a sample, with the time in seconds and the readings of all sensors in the
-        order of `SENSORS` (not to be changed), and returns the readings that the autopilot gets. `tell` takes what it
-        did, a time, a kind, a channel and its value, to stand among the flight's events.
+        order of `SENSORS` (not to be changed), and returns the readings that the autopilot gets. `tell` takes a time, a
+        kind, a channel and its value, and adds them to the flight's events.
         """
 
 
@@ -155,13 +155,13 @@ def fly_in_loop(
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> LoopFlight:
-    """Trim and fly with an autopilot that flies on what the sensors read: noisy, and broken by faults.
+    """Trim and fly with an autopilot that flies on the sensor readings, with noise and faults.
 
-    Each step the sensors are read; faults distort that, one after the other as `inject` has them; an estimator makes
-    an attitude of the broken gyros, which faults of the attitude distort; `accommodate` may put other readings in their
-    place; the autopilot makes commands of it, and the excitation is added to those. They hold until the next step. A
+    At each step the sensors are read, and faults distort the readings, one after the other as in `inject`. An estimator
+    may compute the attitude from the broken gyros, and faults of the attitude distort that. `accommodate` may replace
+    readings. The autopilot computes commands, and the excitation is added to them. They hold until the next step. A
     flight that leaves the aircraft's envelope after a fault began ends there, and so does one whose estimator's theta
-    passes 85 deg, beyond which its Euler angles mean nothing.
+    passes 85 deg, beyond which its Euler angles aren't valid.
 
     Parameters
     ----------
@@ -171,24 +171,24 @@ def fly_in_loop(
         Instead of the aircraft's own.
     faults : Fault or sequence of Fault
     noise : "t2" or None
-        What sensors have; the same numbers as `measure` adds. None: perfect sensors.
+        The sensor noise, the same numbers as in `measure`. None: perfect sensors.
     noise_seed : int, optional
-        Of the noise, where it is another than the flight's.
+        Seed of the noise, if it differs from the flight's.
     accommodate : Accommodation, optional
     attitude : str or AttitudeEstimator
-        Whose phi, theta and psi are. "own": a vertical gyro's, into which p, q and r don't enter; or an estimator, or
-        the name of one (`gtmbench.attitude.ESTIMATORS`), that makes them of p, q and r as they are read and of
+        The source of phi, theta and psi. "own": a vertical gyro, which doesn't use p, q and r. Or an estimator, or the
+        name of one (`gtmbench.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
         references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`.
 
     Raises
     ------
     InputError
-        Where an argument can't be meant, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
+        If an argument is invalid, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
         any fault began.
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     EnvelopeError
-        Where the flight leaves the range of the aircraft's model before any fault began.
+        If the flight leaves the range of the aircraft's model before any fault began.
 
     Examples
     --------

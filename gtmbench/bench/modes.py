@@ -9,8 +9,9 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import set_condition
-from gtmbench.bench.equilibrium import Trim, trimmed_engine
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import CHANNELS, COMMANDS
 from gtmbench.record import FloatArray
 
@@ -31,7 +32,7 @@ _LATERAL = np.array([False, True, False, True, False, True, True, False])
 class Mode:
     """One mode: an eigenvalue (the upper one of a pair) with its natural frequency and damping ratio.
 
-    ``time_constant_s`` is -1/Re of the eigenvalue: negative where the mode grows.
+    ``time_constant_s`` is -1/Re of the eigenvalue: negative if the mode grows.
 
     Examples
     --------
@@ -62,12 +63,12 @@ def modes(
     aircraft : str, Path or Aircraft
         As `trim` takes it.
     altitude_ft, tas_kt : float, optional
-        Another condition than the aircraft's own.
+        Another trim condition than the aircraft's own.
 
     Raises
     ------
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
 
     Examples
     --------

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gtmbench.channels import CHANNELS, COMMANDS, SENSORS
+from gtmbench.channels import CHANNELS, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import meant, number, whole
 from gtmbench.errors import InputError
 from gtmbench.record import FloatArray, Record
 
-SNR_CHANNELS = ("p", "q", "r", "beta")  # those of section 4.4; the other sensors have the T2's noise
+SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)
 SNR_SPAN = (1e-3, 1e9)
 
@@ -24,7 +24,7 @@ def measure(
     seed: int = 1,
     commands: bool = False,
 ) -> Record:
-    """Return what the sensors read: the flight's sensor channels with white Gaussian noise.
+    """Return the sensor readings: the flight's sensor channels with white Gaussian noise.
 
     Every channel draws from a random stream of its own, named after it: adding a channel changes no other.
 
@@ -40,12 +40,12 @@ def measure(
     seed : int
         Of the noise.
     commands : bool
-        Whether the surface commands come along, as they were given.
+        Whether to include the surface commands, without noise.
 
     Raises
     ------
     InputError
-        Where neither or both of `snr` and `noise` are given, or can't be meant.
+        If neither or both of `snr` and `noise` are given, or they are invalid.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iter
     Raises
     ------
     InputError
-        Where there is no such noise.
+        If there is no such noise.
 
     Examples
     --------

@@ -14,9 +14,10 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, aircraft_of
 from gtmbench.bench.engine import engine, set_condition, silenced, simulating, stand, writers
-from gtmbench.bench.equilibrium import Trim, searched_engine, trimmed_engine
+from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError

@@ -1,41 +1,43 @@
-"""Trim: an aircraft's steady level flight, at its own condition or another."""
+"""What trim finds: the condition, attitude and commands of steady level flight, from which every flight starts."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from gtmbench.bench.aircraft import Aircraft
-from gtmbench.bench.equilibrium import Trim, trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
+from dataclasses import dataclass
 
 
-def trim(
-    aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
-) -> Trim:
-    """Trim an aircraft for level flight without sideslip.
-
-    Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by
-    least squares; pitch equals alpha up to the bank's second order, so that the flight path stays level. What is found
-    is rounded to 1e-8 deg (and percent of throttle), so that every kind of CPU starts from the same trim.
-
-    Parameters
-    ----------
-    aircraft : str, Path or Aircraft
-        A name that ``gtmbench list --all`` shows, or the path of an aircraft's folder.
-    altitude_ft, tas_kt : float, optional
-        Another condition than the aircraft's own.
-
-    Raises
-    ------
-    TrimError
-        Naming the acceleration that couldn't be brought to zero, with the command that ran into its limit.
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """Steady level flight: condition, attitude and commands. Angles in degrees, units in the names.
 
     Examples
     --------
     >>> import gtmbench as gb
     >>> level = gb.trim("gtm")
-    >>> round(level.alpha_deg, 1), round(level.elevator_deg, 1)
-    (3.0, 2.7)
+    >>> round(level.tas_kt, 2), round(level.alpha_deg, 1), round(level.commands["throttle"])
+    (100.58, 3.0, 21)
     """
-    craft = load_aircraft(aircraft)
-    return trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+
+    altitude_ft: float
+    eas_kt: float
+    tas_kt: float
+    alpha_deg: float
+    beta_deg: float
+    gamma_deg: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    ground_track_deg: float
+    elevator_deg: float
+    aileron_deg: float
+    rudder_deg: float
+    throttle_percent: float
+
+    @property
+    def commands(self) -> dict[str, float]:
+        """The trimmed commands by channel, in the channel's unit."""
+        return {
+            "elevator": self.elevator_deg,
+            "aileron": self.aileron_deg,
+            "rudder": self.rudder_deg,
+            "throttle": self.throttle_percent,
+        }

@@ -36,13 +36,13 @@ _GRAVITY_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 
 @dataclass(frozen=True, kw_only=True)
 class Tuned:
-    """Gains that were found, and how they held the aircraft for ten minutes of moderate turbulence.
+    """Gains that were found, and how well they held the aircraft in ten minutes of moderate turbulence.
 
     Attributes
     ----------
     autopilot : Autopilot
     altitude_off_ft, tas_off_kt, bank_deg : float
-        The most that altitude and speed were off the trim, and the most bank, either way.
+        The greatest deviations of altitude and speed from the trim, and the greatest bank, in either direction.
 
     Examples
     --------
@@ -71,14 +71,14 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
     aircraft : str, Path or Aircraft
         As `fly` takes it.
     progress : callable
-        Told the axis, how many are done, and of how many.
+        Called with the axis, the number done and the total.
 
     Raises
     ------
     TrimError
-        Where the aircraft can't be trimmed.
+        If the aircraft can't be trimmed.
     GtmbenchError
-        Where no gains are found that hold it.
+        If no gains are found that hold it.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """Baselines of ``gtmbench check``: which scenarios, how much worse is still well, and the figures of a good run.
 
 They are read with every key checked, and written by ``--update``: a new file, or new figures in an old one, whose
-settings and comments stay as they are.
+settings and comments stay as they are. Figures that aren't those that were recorded are refused, by their digest;
+settings are yours to edit, and that they were is said.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import json
 import os
 import re
 import tomllib
+import warnings
 from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,17 +19,18 @@ from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
-from gtmbench.check.rules import FORMER, KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.checks import keys, meant, naming, number, printable, shown, table_of, whole
-from gtmbench.detectors.windowed_norm import SCORE
-from gtmbench.errors import InputError
+from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
+from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
+from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.seals import KEY, altered, digest_of
 from gtmbench.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
 TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
-_SETTINGS = ("scenarios", "seed", "detector", "monitor", "tolerances")
+_SETTINGS = ("scenarios", "seed", "detector", "tolerances")
+_SETTINGS_KEY = "settings"  # in [recorded]: the digest of these
 _A_LINE = 10  # numbers of a list
 _BARE = re.compile("[A-Za-z0-9_-]+")  # keys that TOML takes without quotes
 _REMEDY = "remove what stands from [recorded] on"
@@ -65,6 +68,10 @@ class Reference:
         With which the figures were recorded; None where there are none yet.
     recorded : mapping
         The figures by kind, name and figure.
+    altered : bool
+        Whether these aren't those that were recorded, by their digest.
+    note : str
+        What else should be known before they are held against others: settings were edited, there is no digest.
     """
 
     path: Path
@@ -74,6 +81,8 @@ class Reference:
     tolerances: Mapping[str, Tolerance]
     recorded_seed: int | None = None
     recorded: Recorded = field(default_factory=dict, repr=False)
+    altered: bool = False
+    note: str = ""
 
     @property
     def trials(self) -> list[str]:
@@ -107,6 +116,11 @@ class Reference:
                 f"{self.path}: it holds figures of trial '{gone[0]}', which isn't in its scenarios; put it back, or "
                 "drop it by --update"
             )
+        if self.altered:
+            with naming(self.path):
+                raise altered("put its copy back, or record anew by --update")
+        if self.note:
+            warnings.warn(NoteWarning(f"{self.path} {self.note}"), stacklevel=2)
 
 
 def find_baseline(source: str) -> Path:
@@ -144,11 +158,11 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         As `read_reference`.
     """
     with naming(path):
-        table = keys(_upgraded(table), (*_SETTINGS, "recorded", *KINDS))
+        table = keys(table, (*_SETTINGS, "recorded", *KINDS))
         scenarios = _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
-        recorded = _known("recorded", table.get("recorded", {}), ("seed",))
+        recorded = _known("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
             scenarios=scenarios,
@@ -157,24 +171,25 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             tolerances=_tolerances(table.get("tolerances", {})),
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
+            altered=KEY in recorded and recorded[KEY] != _figures_digest(table),
+            note=_note(table, recorded),
         )
 
 
-def _upgraded(table: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables as they are called now: ``monitor`` is ``detector``, norms and levels are scores."""
-    if not any(key in table for key in ("monitor", *FORMER)):
-        return table
-    if "monitor" in table and "detector" in table:
-        raise InputError("both detector and monitor are given; monitor is its former name, so keep detector")
-    kept = {("detector" if key == "monitor" else key): value for key, value in table.items() if key not in FORMER}
-    scores = dict(table_of("score", kept.get("score", {})))
-    for kind in FORMER:
-        for name, figures in table_of(kind, table.get(kind, {})).items():
-            now = SCORE if kind == "norm" else name
-            if now in scores:
-                raise InputError(f"both {kind}.{name} and score.{now} are given; the first is a former name, remove it")
-            scores[now] = figures
-    return {**kept, "score": scores} if scores else kept
+def _note(table: Mapping[str, Any], recorded: Mapping[str, Any]) -> str:
+    if KEY not in recorded:
+        return "carries no digest, so whether its figures were altered can't be told; --update records them"
+    if recorded.get(_SETTINGS_KEY) != _settings_digest(table):
+        return "has other settings than when it was recorded; if that is meant, --update says so"
+    return ""
+
+
+def _figures_digest(table: Mapping[str, Any]) -> str:
+    return digest_of([table["recorded"].get("seed"), {kind: table[kind] for kind in KINDS if kind in table}])
+
+
+def _settings_digest(table: Mapping[str, Any]) -> str:
+    return digest_of({key: table[key] for key in _SETTINGS if key in table})
 
 
 def _scenarios(path: Path, given: Any) -> tuple[Scenario, ...]:
@@ -222,9 +237,7 @@ def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
 
 def _value_of(where: str, form: str, given: Any) -> Value:
     if form == "flag":
-        if not isinstance(given, bool):
-            raise InputError(f"{where} is {shown(given)}; it must be true or false")
-        return given
+        return boolean(where, given)
     if form == "count":
         return whole(where, given)
     if form == "list":
@@ -288,7 +301,8 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) 
     from tomlkit.exceptions import TOMLKitError
 
     try:
-        written = renewed(text, figures_text(seed, groups))
+        settings = _settings_digest(tomllib.loads(text))
+        written = renewed(text, figures_text(seed, groups, settings))
     except TOMLKitError as error:
         raise InputError(f"{path}: its layout doesn't take the figures ({error}); {_REMEDY}") from error
     size = len(written.encode())
@@ -311,10 +325,10 @@ def renewed(text: str, figures: str) -> str:
     """
     import tomlkit
 
-    document, fresh = tomlkit.parse(in_names_of_now(text)), tomlkit.parse(figures)
-    own = ("recorded", *KINDS, *FORMER)
+    document, fresh = tomlkit.parse(text), tomlkit.parse(figures)
+    own = ("recorded", *KINDS)
     if not any(name in document for name in own):
-        return f"{in_names_of_now(text).rstrip()}\n\n{figures}"
+        return f"{text.rstrip()}\n\n{figures}"
     for name in own:
         if name not in fresh:
             document.pop(name, None)
@@ -323,23 +337,6 @@ def renewed(text: str, figures: str) -> str:
         else:
             document[name] = fresh[name]
     return tomlkit.dumps(document)
-
-
-def in_names_of_now(text: str) -> str:
-    r"""Return a baseline's text with what has got another name under that: ``monitor``, norms and levels.
-
-    >>> in_names_of_now('monitor = "C"  # ours\n[norm.r]\n[level.p]  # rad\n').splitlines()
-    ['detector = "C"  # ours', '[score."E(k)"]', '[score.p]  # rad']
-    """
-    settings, table, figures = text.partition("\n[")
-    settings = re.sub(
-        r"^monitor(?= *=)|^# monitor(?= = \")",
-        lambda key: key[0].replace("monitor", "detector"),
-        settings,
-        flags=re.MULTILINE,
-    )
-    tables = re.sub(r"^\[norm\.[^\]\n]+\]", '[score."E(k)"]', table + figures, flags=re.MULTILINE)
-    return settings + re.sub(r"^\[level\.", "[score.", tables, flags=re.MULTILINE)
 
 
 def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
@@ -354,12 +351,15 @@ def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
             old[key] = value
 
 
-def figures_text(seed: int, groups: Sequence[Group]) -> str:
-    """Return figures as a baseline has them: a table each, but one line a trial."""
-    blocks = [f"[recorded]  # from here on: written by --update\nseed = {seed}\n"]
-    blocks += [_block(group) for group in groups if group.kind != "trials"]
+def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
+    """Return figures as a baseline has them, with digests: a table each, but one line a trial."""
+    head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
+    blocks = [_block(group) for group in groups if group.kind != "trials"]
     trials = [group for group in groups if group.kind == "trials"]
-    return "\n".join([*blocks, "[trials]\n" + "".join(_line(trial) for trial in trials)])
+    blocks.append("[trials]\n" + "".join(_line(trial) for trial in trials))
+    digest = _figures_digest(tomllib.loads("\n".join([head, *blocks])))
+    digests = f'{KEY} = "{digest}"  # of the figures\n{_SETTINGS_KEY} = "{settings}"  # of what stands above\n'
+    return "\n".join([head + digests, *blocks])
 
 
 def _block(group: Group) -> str:

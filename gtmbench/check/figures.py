@@ -11,7 +11,6 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.check.rules import KINDS, WINDOW_S
-from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.errors import InputError
@@ -119,10 +118,9 @@ def _score(base: Baseline, score: Score) -> Group:
     windows, labels = _windows(score.values, time_s, base.setup.alarm.watch_from_s)
     values: dict[str, Value] = {"windows": windows}
     named = {"windows": labels}
-    if isinstance(monitor, BankMonitor):
-        tests = monitor.thresholds[score.name]
-        values["thresholds"] = rounded(tuple(tests.values()))
-        named["thresholds"] = tuple(f"test {test}" for test in tests)
+    if score.tests:
+        values["thresholds"] = rounded(tuple(score.tests.values()))
+        named["thresholds"] = tuple(f"test {test}" for test in score.tests)
     else:
         values["threshold"] = rounded(score.threshold)
     start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from gtmbench.check.run import Check
 from gtmbench.checks import printable
 from gtmbench.files import atomic_write
 from gtmbench.plain import finite_or_none
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
 
 
@@ -32,16 +33,21 @@ def regression_line(figure: Compared) -> str:
     return f"{figure.text}: was {shown(figure.was)}, is {shown(figure.now)}, allowed {_allowed(figure)}{said}"
 
 
+def check_verdict(check: Check) -> str:
+    """Say in a sentence whether a figure is worse than its baseline allows."""
+    regressions, better, total = len(check.regressions), len(check.better), len(check.compared)
+    worse = f"{regressions} of {total} figures are worse than" if regressions else "No figure is worse than"
+    same = total - regressions - better
+    return f"{worse} {check.reference.path} allows; {better} better, {same} within their tolerances."
+
+
 def check_lines(check: Check) -> list[str]:
-    """Return what a check says, regressions first, the worst of them on top."""
-    regressions, better, total = check.regressions, check.better, len(check.compared)
-    same = total - len(regressions) - len(better)
-    verdict = f"{len(regressions)} of {total} figures worse than allowed" if regressions else "no figure is worse"
+    """Return what a check says: the verdict, then the regressions, the worst of them on top."""
     return [
-        *map(regression_line, regressions),
-        *_better_lines(better),
+        check_verdict(check),
+        *map(regression_line, check.regressions),
+        *_better_lines(check.better),
         *(f"not as expected: {line}" for group in check.groups for line in _unexpected(group)),
-        f"{check.reference.path}: {verdict}; {len(better)} better, {same} within their tolerances",
         *_advice(check),
     ]
 
@@ -113,22 +119,37 @@ def _difference(pair: Pair) -> float:
 
 
 def check_results(check: Check) -> dict[str, Any]:
-    """Return a check as one JSON-ready object: every figure, and those that are worse or better beside it."""
-    return {
+    """Return a check as one JSON-ready object: every figure, those that are worse as findings, the better beside."""
+    own = {
         **_origin(check.reference),
         "passed": not check.regressions,
-        "regressions": list(map(_compared, check.regressions)),
         "better": list(map(_compared, check.better)),
         "figures": list(map(_compared, check.compared)),
         "unexpected": [line for group in check.groups for line in _unexpected(group)],
         "versions": versions(),
     }
+    worse = [{"text": regression_line(figure), **_compared(figure)} for figure in check.regressions]
+    return envelope("check", check_verdict(check), own, exit_code=int(bool(worse)), findings=worse)
 
 
-def update_results(reference: Reference, pairs: Iterable[Pair]) -> dict[str, Any]:
+def update_verdict(reference: Reference, pairs: Sequence[Pair]) -> str:
+    """Say in a sentence how many figures a new baseline changes."""
+    path, total = reference.path, len(pairs)
+    if not reference.recorded:
+        return f"Recorded {total} figures in {path}; commit it, and run: gtmbench check {path}"
+    changed = sum(pair.changed for pair in pairs)
+    return f"{changed or 'None'} of {total} figures in {path} {'change' if changed > 1 else 'changes'}."
+
+
+def update_results(reference: Reference, pairs: Sequence[Pair]) -> dict[str, Any]:
     """Return what a new baseline changes as one JSON-ready object; None: there is no such figure."""
-    changed = [_pair(pair) for pair in pairs if pair.changed]
-    return {**_origin(reference), "updated": True, "changes": changed, "versions": versions()}
+    changed = [
+        {"text": f"{pair.text}: was {shown(pair.was)}, is {shown(pair.now)}", **_pair(pair)}
+        for pair in pairs
+        if pair.changed
+    ]
+    own = {**_origin(reference), "versions": versions()}
+    return envelope("check-update", update_verdict(reference, pairs), own, findings=changed)
 
 
 def _origin(reference: Reference) -> dict[str, Any]:
@@ -137,7 +158,6 @@ def _origin(reference: Reference) -> dict[str, Any]:
         "scenarios": [scenario.name for scenario in reference.scenarios],
         "seed": reference.seed,
         "detector": reference.detector,
-        "monitor": reference.detector,  # its name of before
     }
 
 

@@ -130,5 +130,3 @@ KINDS = {  # the tables of a baseline: what a report calls them, and the figures
         ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right"),
     ),
 }
-
-FORMER = ("norm", "level")  # tables of before, scores now: E(k), and levels of a bank

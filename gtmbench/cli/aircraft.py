@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def aircraft_options(command: F) -> F:
     """Add what says which aircraft, and where it flies: ``name``, ``altitude``, ``tas``, ``without_io``."""
     for option in (
-        click.option("--without-io", is_flag=True, help="Leave out its model's input and output sections."),
+        click.option("--without-io", is_flag=True, help="Leave out the model's input and output sections."),
         click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]"),
         click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]"),
         click.option(
@@ -26,7 +26,7 @@ def aircraft_options(command: F) -> F:
             "name",
             default="gtm",
             show_default=True,
-            help="A name of `gtmbench list --all`, or an aircraft's folder.",
+            help="A name from `gtmbench list --all`, or an aircraft's folder.",
         ),
     ):
         command = option(command)

@@ -1,19 +1,24 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`, `score`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad input or a failure that was
-foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign` failed; 130 Ctrl-C.
+(`monitor`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad
+input or a failure that was foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign`
+failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations
 
 import io
-import json
+import os
+import re
 import signal
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
 
 import click
 
@@ -27,16 +32,43 @@ from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
 from gtmbench.cli.monitor import monitor_command
-from gtmbench.cli.output import echo
+from gtmbench.cli.output import echo, print_json
 from gtmbench.cli.report import report_command
 from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
-from gtmbench.errors import GtmbenchError, RankWarning
+from gtmbench.cli.verify import verify_command
+from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
+from gtmbench.files import is_file
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _App(click.Group):
+    """Lets a closed pipe be told as whatever fails; click would end with 1, which says that a fault was found."""
+
+    def make_context(self, *arguments: Any, **extra: Any) -> click.Context:
+        with _pipes():
+            return super().make_context(*arguments, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with _pipes():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _pipes() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise _PrintError(_unforeseen(error)) from error
+
+
+class _PrintError(GtmbenchError):
+    """Nothing can be printed to standard output any more: its error is for the other stream."""
+
+
+@click.group(cls=_App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="gtmbench")
 def app() -> None:
     """Fly an aircraft, break a sensor, and find out from the sensors alone.
@@ -61,6 +93,7 @@ for command in (
     autopilot_command,
     view_command,
     diff_command,
+    verify_command,
     list_command,
     new_command,
 ):
@@ -82,43 +115,62 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(given: list[str], as_json: bool) -> int:
     try:
         code = app.main(given, prog_name="gtmbench", standalone_mode=False)
-        sys.stdout.flush()  # a full disk shows here, not after the last word
+        if sys.stdout is not None:
+            sys.stdout.flush()  # a full disk shows here, not after the last word
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2
     except click.UsageError as error:
-        return _fail(_with_help(error), as_json)
+        return _fail(_with_help(error, given), as_json)
     except click.ClickException as error:
         return _fail(error.format_message(), as_json)
     except GtmbenchError as error:
-        return _fail(str(error), as_json)
+        return _fail(str(error), as_json and not isinstance(error, _PrintError))
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted; nothing is half-written", as_json, code=130)
     except (OSError, MemoryError) as error:
-        return _fail(f"{type(error).__name__}: {error}", as_json)
+        return _fail(_unforeseen(error), as_json)
     except Exception as error:  # exit code 1 would say that a fault was found
         traceback.print_exc()
         return _fail(f"this shouldn't have happened ({type(error).__name__}: {error}); please report it", as_json)
     return code if isinstance(code, int) else 0
 
 
-def _with_help(error: click.UsageError) -> str:
+def _unforeseen(error: OSError | MemoryError) -> str:
+    """Return what failed, of a file by its name; what has none is what is printed: to a pipe or a file."""
+    if isinstance(error, MemoryError):
+        return f"there isn't memory enough; {error or 'close others'}"
+    why = error.strerror or str(error) or type(error).__name__
+    if error.filename is not None:
+        return f"{error.filename}: {why}"
+    with suppress(OSError, ValueError):  # what couldn't be printed would be tried again when Python ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"can't print to standard output: {why}"
+
+
+def _with_help(error: click.UsageError, given: Sequence[str]) -> str:
     """Return what is wrong with a command line, and where it says how it should be."""
-    message = error.format_message().rstrip(".")
+    message = error.format_message().rstrip(".").replace("is not a valid float", "is no number")
     if error.ctx is None or "Did you mean" in message:
         return message
+    dashed = next((word for word in given if re.match(r"-[a-z]{2}", word)), None)
+    if isinstance(error, click.NoSuchOption) and dashed:
+        return f"{message}. Did you mean '-{dashed}'?"
+    if isinstance(error, click.NoSuchCommand) and is_file(Path(given[0])):
+        return f"{message}. Did you mean 'gtmbench monitor {given[0]}'?"
     return f"{message}; {error.ctx.command_path} --help says what there is"
 
 
 def _note(message: Warning | str) -> None:
-    if isinstance(message, RankWarning):  # a library's own warnings mean nothing to a user
+    if isinstance(message, RankWarning | NoteWarning):  # a library's own warnings mean nothing to a user
         echo(f"note: {one_line(str(message))}", err=True)
 
 
 def _fail(message: str, as_json: bool, code: int = 2) -> int:
     line = one_line(message)
-    if as_json:
-        click.echo(json.dumps({"error": line, "exit_code": code}))
-    else:
-        echo(f"gtmbench: {line}", err=True)
+    with suppress(OSError):  # nobody listens any more
+        if as_json:
+            print_json(envelope("error", line, {"error": line}, exit_code=code))
+        else:
+            echo(f"gtmbench: {line}", err=True)
     return code

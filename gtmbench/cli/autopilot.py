@@ -8,14 +8,15 @@ from pathlib import Path
 import click
 
 from gtmbench.cli.aircraft import aircraft_options, at_condition, told_aircraft
-from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.files import atomic_write, check_file
+from gtmbench.cli.output import claim_file, common_options, echo, print_json
+from gtmbench.files import atomic_write
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 
 @click.command("autopilot")
 @aircraft_options
-@click.option("--out", type=click.Path(path_type=Path), help="A file for the table [autopilot], beside showing it.")
+@click.option("--out", type=click.Path(path_type=Path), help="Also write the table [autopilot] into this file.")
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def autopilot_command(
@@ -30,14 +31,14 @@ def autopilot_command(
 ) -> None:
     """Find gains of an autopilot that holds an aircraft in turbulence, by flying it.
 
-    It takes seconds. The table [autopilot] that comes of it belongs into the aircraft's aircraft.toml, or into a
-    scenario; then `gtmbench fly --closed-loop` and `gtmbench run` fly in the loop.
+    It takes seconds and prints a table [autopilot]. Put it into the aircraft's aircraft.toml or into a scenario; then
+    `gtmbench fly --closed-loop` and `gtmbench run` fly in the loop.
     """
     from gtmbench.bench.aircraft_file import autopilot_table
     from gtmbench.bench.tuning import find_autopilot
 
     if out is not None:
-        check_file(out, force=force)
+        claim_file(out, force=force)
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     with progress_bar(silent=as_json or quiet) as tell:
         tuned = find_autopilot(at_condition(aircraft, altitude_ft=altitude, tas_kt=tas), progress=tell)
@@ -45,14 +46,16 @@ def autopilot_command(
     if out is not None:
         with atomic_write(out) as aside:
             aside.write_text(text, encoding="utf-8")
+    verdict = (
+        f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
+        f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."
+    )
     if as_json:
-        print_json(asdict(tuned) | ({} if out is None else {"out": str(out)}))
+        own = {"out": None if out is None else str(out), **asdict(tuned)}
+        print_json(envelope("autopilot", verdict, own))
     elif not quiet:
+        echo(verdict)
         echo(text.rstrip())
-        echo(
-            f"ten minutes of moderate turbulence: altitude within {tuned.altitude_off_ft:.0f} ft, speed within "
-            f"{tuned.tas_off_kt:.0f} kt, bank at most {tuned.bank_deg:.1f} deg"
-        )
         echo(
             f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
         )

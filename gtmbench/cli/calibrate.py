@@ -11,10 +11,10 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, common_options, echo, print_json, print_table
+from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
@@ -28,14 +28,8 @@ if TYPE_CHECKING:
 
 @click.command("calibrate")
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
-@click.option(
-    "--map",
-    "mapping",
-    multiple=True,
-    metavar="CHANNEL=COLUMN:UNIT",
-    help="What a log's column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2, time=stamp:us.",
-)
-@detector_option("Bank C unless told.", alias="--bank", calibrated=False)
+@map_option
+@detector_option("The default is bank C.", calibrated=False)
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
 )
@@ -43,19 +37,19 @@ if TYPE_CHECKING:
     "--false-alarms-per-hour",
     "rate",
     type=float,
-    help="Wanted of the whole monitor in flight; refused by a detector that can't promise one.  "
-    "[default: 0.002 of a bank]",
+    help="False alarms per flight hour to calibrate the whole monitor for; a detector that can't promise a rate "
+    "refuses it.  [default: 0.002 for a bank]",
 )
-@click.option("--flights", type=int, help="How many are flown, without logs.  [default: 60]")
-@click.option("--duration", type=float, help="Seconds each.  [default: 500]")
-@click.option("--excitation", help="A name of `gtmbench list`, or a sum.  [default: multisine+turbulence]")
-@click.option("--aircraft", help="A name of `gtmbench list --all`, or a folder.  [default: gtm]")
+@click.option("--flights", type=int, help="Without logs: the number of flights to fly.  [default: 60]")
+@click.option("--duration", type=float, help="Without logs: seconds of each flight.  [default: 500]")
+@click.option("--excitation", help="A name from `gtmbench list`, or a sum of names.  [default: multisine+turbulence]")
+@click.option("--aircraft", help="A name from `gtmbench list --all`, or an aircraft's folder.  [default: gtm]")
 @click.option(
     "--tolerate",
     metavar="TEXT",
-    help="Imperfections of healthy gyros that must not alarm, such as bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
+    help="Imperfections of healthy gyros that must not alarm: bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
 )
-@click.option("--seed", default=1, show_default=True, help="Of the first flight, its noise and imperfections.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the first flight, its noise and imperfections.")
 @attitude_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -76,15 +70,16 @@ def calibrate_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Calibrate a detector on healthy records (a bank: identify, and set thresholds), and write a monitor.
+    """Calibrate a detector on healthy records and write a monitor. A bank is identified and gets its thresholds.
 
-    Logs as `gtmbench monitor` reads them; without any: flights (of the GTM, unless told) with the T2's sensor noise.
-    The file holds numbers and names only, and another process or machine that loads it judges bit for bit alike.
-    It says what thresholds owe to the luck of these flights, and refuses where that is more than three times.
+    It reads logs as `gtmbench monitor` does. Without logs it flies (by default the GTM) with the T2's sensor noise.
+    The file holds numbers and names only; any process or machine that loads it gives the same verdicts bit for bit.
+    The output states how much other flights would change the thresholds; more than three times is refused.
     """
     from gtmbench.bench.imperfections import parse_imperfections
     from gtmbench.detectors.files import save_monitor
     from gtmbench.report.words.monitor import facts
+    from gtmbench.report.words.units import counted
     from gtmbench.study.calibration import with_provenance
     from gtmbench.study.healthy_records import CalibrationFlights, logged_records
     from gtmbench.study.log.auto import recipe_for_logs
@@ -92,7 +87,7 @@ def calibrate_command(
 
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
-    check_file(out, force=force)
+    claim_file(out, force=force)
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else CalibrationFlights().imperfections
@@ -121,9 +116,12 @@ def calibrate_command(
         monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         _check_luck(monitor, len(records), "logs" if logs else "flights")
         save_monitor(monitor, out)
+    bank = "bank " if getattr(monitor, "bank", None) else ""
+    verdict = f"Calibrated {bank}{monitor.name} on {counted(len(records), 'record')}: {out}."
     if as_json:
-        print_json(facts(monitor) | {"out": str(out)})
+        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(monitor)}))
     elif not quiet:
+        echo(verdict)
         _print_calibrated(monitor, records, attitude_of_logs)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
@@ -174,9 +172,9 @@ def _print_monitor(monitor: BankMonitor) -> None:
 @click.argument("source", required=False, metavar="[NAME|FILE.toml|MONITOR.json]")
 @common_options
 def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
-    """Show a bank: its residuals, which fault enters which, and what it can't see. Without a name: list the banks.
+    """Show a bank: its residuals, which fault enters which, and its blind spots. Without a name, list the banks.
 
-    Of a monitor's file, also what it was calibrated on and what that lets pass.
+    For a monitor's file, also show its calibration and the faults that it can't detect.
     """
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank.composed import AUTO
@@ -184,6 +182,7 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.files import load_monitor
     from gtmbench.report.words.monitor import facts
+    from gtmbench.report.words.units import counted
 
     if source is None:
         _list_banks(as_json, quiet)
@@ -198,9 +197,13 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
     table = signatures(monitor if monitor is not None else bank)
+    residuals = counted(len(bank.residuals), "residual")
+    verdict = f"Bank {bank.name} has {residuals}, of {', '.join(spec.output for spec in bank.residuals)}."
     if as_json:
-        print_json(_bank_json(table) | ({} if monitor is None else {"monitor": facts(monitor)}))
+        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor)}
+        print_json(envelope("bank", verdict, own))
     elif not quiet:
+        echo(verdict)
         if monitor is None:
             _print_residuals(bank)
         else:
@@ -212,9 +215,12 @@ def _list_banks(as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.bank.bank import load_bank
 
     banks = [load_bank(name) for name in shipped_banks()]
+    verdict = f"{len(banks)} banks ship with gtmbench."
     if as_json:
-        print_json({"banks": {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}})
+        own = {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}
+        print_json(envelope("bank-list", verdict, {"banks": own}))
     elif not quiet:
+        echo(verdict)
         rows = [[bank.name, bank.title, " ".join(bank.channels)] for bank in banks]
         print_table("Banks", ["name", "predicts", "needs"], rows)
         echo("one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml")

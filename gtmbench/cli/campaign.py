@@ -14,11 +14,10 @@ from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files import atomic_folder
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.parts import Parts, Shard
-
-SOME_FAILED = 3
 
 
 def _shard(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -35,20 +34,21 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 
 @click.command("campaign")
 @click.argument("source", metavar="NAME|CAMPAIGN.toml")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the parts and results.  [default: the name]")
-@detector_option("Watches beside those that the campaign names.", multiple=True, calibrated=False)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for the parts and results.  [default: the name]")
+@detector_option("It watches in addition to the campaign's own.", multiple=True, calibrated=False)
 @import_option
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@click.option("--shard", callback=_shard, metavar="I/N", help="Run only the I-th of N equal shares, for a Slurm array.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://...")
 @click.option(
-    "--shard", callback=_shard, metavar="I/N", help="Only the I-th of N equal shares, as a Slurm array wants."
+    "--tls",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="With --scheduler: the folder of ca.pem, cert.pem and key.pem.",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Do the tasks on a Dask cluster: tcp://HOST:PORT, tls://...")
-@click.option(
-    "--tls", type=click.Path(path_type=Path), metavar="FOLDER", help="With --scheduler: ca.pem, cert.pem, key.pem."
-)
-@click.option("--resume", is_flag=True, help="Go on with what stands in the folder.")
-@click.option("--dry-run", is_flag=True, help="Say what would be flown, and fly nothing.")
-@click.option("--yes", is_flag=True, help="More than ten million trials are meant.")
+@click.option("--resume", is_flag=True, help="Continue the run in the folder.")
+@click.option("--dry-run", is_flag=True, help="Print the plan and fly nothing.")
+@click.option("--yes", is_flag=True, help="Confirm more than ten million trials.")
 @common_options
 def campaign_command(
     source: str,
@@ -66,15 +66,15 @@ def campaign_command(
 ) -> int:
     """Run a campaign: every flight of its axes, every fault on it, every detector.
 
-    A task is a flight; each that is finished is a Parquet file in the folder, so whatever ends a run, --resume goes on,
-    and comes to the same table. When all are there, results.json and trials.csv are made of them
+    A task is a flight, and each finished task is a Parquet file in the folder. After any interruption --resume
+    continues and gives the same table. When all tasks are finished, results.json and trials.csv are written
     (docs/how_to/campaigns.md).
 
-    Exit codes: 0 well; 2 bad input, or it ended before its end; 3 some trials failed, and their rows say why.
+    Exit codes: 0 success; 2 bad input, or an interruption; 3 some trials failed, and their rows say why.
     """
     from gtmbench.parts import Shard
     from gtmbench.report.tables.campaign import campaign_results, write_campaign
-    from gtmbench.report.words.campaign import plan_facts, plan_lines
+    from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
     from gtmbench.study.campaign.conduct import check_size, conduct
     from gtmbench.study.campaign.plan import load_campaign
     from gtmbench.study.campaign.watchers import named
@@ -87,7 +87,7 @@ def campaign_command(
         plan = plan_facts(campaign, named(campaign).names, processes)
         check_size(campaign, len(plan["detectors"]), yes=True)
         if as_json:
-            print_json(plan)
+            print_json(envelope("campaign-plan", plan_verdict(plan), plan))
         elif not quiet:
             for line in plan_lines(plan):
                 echo(line)
@@ -115,21 +115,25 @@ def campaign_command(
         print_json(results | {"out": str(folder)})
     elif not quiet:
         _print_results(results, folder)
-    return SOME_FAILED if results["failed"] else 0
+    return int(results["exit_code"])
 
 
 def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:
-    done = len(parts.done())
+    done, share = len(parts.done()), str(shard)
+    of = f"{done} of {parts.tasks} tasks stand in {parts.folder}/"
+    verdict = f"Shard {share} is done: {of}, --resume collects them."
     if as_json:
-        print_json({"out": str(parts.folder), "shard": str(shard), "tasks": parts.tasks, "tasks_done": done})
+        own = {"out": str(parts.folder), "shard": share, "tasks": parts.tasks, "tasks_done": done}
+        print_json(envelope("campaign-shard", verdict, own))
     elif not quiet:
-        echo(f"shard {shard}: done; {done} of {parts.tasks} tasks stand in {parts.folder}/, --resume collects them")
+        echo(verdict)
     return 0
 
 
 def _print_results(results: dict[str, Any], folder: Path) -> None:
     from gtmbench.report.words.campaign import fault_rows, summary_lines
 
+    echo(results["verdict"])
     columns, rows, right = fault_rows(results)
     if rows:
         print_table(f"{results['campaign']}: {results['title']}", columns, rows, right=right)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
 from gtmbench.shipped import MAIN_JOB, is_installed, shipped_baselines
 
@@ -26,21 +25,18 @@ if TYPE_CHECKING:
 
 @click.command("check")
 @click.argument("baseline", default="dissertation", metavar="[BASELINE.toml]")
-@click.option("--update", is_flag=True, help="Write the figures of this run into the baseline, and show what changes.")
+@click.option("--update", is_flag=True, help="Write the figures of this run into the baseline and show the changes.")
 @click.option(
     "--scenario",
     "scenarios",
     multiple=True,
     metavar="NAME|FILE",
-    help="With --update, of a baseline that doesn't exist yet: what it runs. Repeat it for several; they share a "
-    "flight.  [default: the dissertation's five]",
+    help="With --update, for a new baseline: the scenario to run. Repeat it for several, which share a flight.  "
+    "[default: the dissertation's five]",
 )
-@detector_option(
-    "With --update, of a baseline that doesn't exist yet; or what goes by the name that the baseline states, where "
-    "that is a detector of your own."
-)
+@detector_option("Give it with --update for a new baseline, or if the baseline names a detector of your own.")
 @import_option
-@click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file, for a CI to show.")
+@click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file for a CI.")
 @common_options
 def check_command(
     baseline: str,
@@ -52,17 +48,17 @@ def check_command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Run what a baseline names and fail if a figure is worse than it says.
+    """Run a baseline's scenarios and fail if a figure is worse than in the baseline.
 
-    Without BASELINE.toml: the one that ships for the dissertation's study (there is also bank-C). Held are the healthy
-    residual's peak, RMS and the greatest value of every 10 s, threshold and margin, false alarms; of every trial
-    whether it's detected, how soon, how clearly, and with a bank whether the right sensor and kind are named.
+    Without BASELINE.toml it uses the shipped one for the dissertation's study (bank-C also ships). It compares the
+    healthy residual's peak, RMS and greatest value in every 10 s, the threshold, its margin, and the false alarms. For
+    every trial it compares detection, detection delay and peak ratio, and with a bank also isolation and kind.
 
-    A baseline is a small TOML to commit. Make one by `gtmbench check mine.toml --update`, edit its scenarios and
-    tolerances, and renew it by the same command: comments and tolerances stay.
+    A baseline is a small TOML file to commit. Make one with `gtmbench check mine.toml --update`, edit its scenarios and
+    tolerances, and renew it with the same command: comments and tolerances stay.
 
-    Exit codes: 0 nothing is worse (what is better is said), 1 a regression (a line for each figure: was, is, allowed),
-    2 it couldn't be run, or the baseline has no figure for something that was.
+    Exit codes: 0 no figure is worse (better ones are reported), 1 a regression (a line for each figure: was, is,
+    allowed), 2 it couldn't run, or the baseline lacks a figure of the run.
     """
     from gtmbench.check.baseline import find_baseline
 
@@ -87,7 +83,7 @@ def _check(
     if junit is not None:
         if junit.suffix.lower() != ".xml":
             raise InputError(f"--junit is '{junit}'; its name ends in .xml")
-        check_file(junit, force=True, option="--junit")
+        claim_file(junit, force=True, option="--junit")
     reference = read_reference(path)
     reference.check_recorded()
     watcher = _watcher(reference, detector, calibrated)
@@ -156,13 +152,13 @@ def _update(
 def _check_target(path: Path) -> None:
     """Refuse, before the run, to write where that can't be meant."""
     if path.suffix != ".toml":
-        raise InputError(f"'{path}' should end in .toml")
+        raise InputError(f"'{path}' should end in .toml, as {path.stem}.toml")
     if is_installed() and path.resolve() in {shipped.resolve() for shipped in shipped_baselines().values()}:
         raise InputError(
             f"baseline {path.stem} is part of the installed package, which isn't written into; copy it ({path}), or "
             "make your own: gtmbench check mine.toml --update"
         )
-    check_file(path, force=True)
+    claim_file(path, force=True)
 
 
 def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:
@@ -180,13 +176,9 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.check.report import changed_rows
+    from gtmbench.check.report import changed_rows, update_verdict
 
-    if not reference.recorded:
-        echo(f"{reference.path}: {len(changes)} figures recorded; commit it, and run: gtmbench check {reference.path}")
-        return
-    rows = changed_rows(changes)
+    echo(update_verdict(reference, changes))
+    rows = changed_rows(changes) if reference.recorded else []
     if rows:
         print_table(f"{reference.path}: what changes", ["figure", "was", "is", "unit"], rows, right=["was", "is"])
-    else:
-        echo(f"{reference.path}: nothing changes in {len(changes)} figures")

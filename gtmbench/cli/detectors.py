@@ -13,16 +13,14 @@ from gtmbench.errors import InputError
 F = TypeVar("F", bound=Callable[..., Any])
 METAVAR = "NAME|FILE.json|FILE.py:OBJECT|PACKAGE:OBJECT"
 _HELP = (
-    "What watches: a name of `gtmbench list`, a bank's .toml, a monitor of `gtmbench calibrate` (.json), or an object "
-    "in Python: a detector, a monitor, or a function from a record to the times of its alarms. Python is imported "
-    "only where it is named here."
+    "The detector: a name from `gtmbench list`, a bank's .toml, a monitor's .json from `gtmbench calibrate`, or a "
+    "Python object (a detector, a monitor, or a function from a record to the times of its alarms). Python is "
+    "imported only if you name it here."
 )
 
 
-def detector_option(
-    text: str = "", *, multiple: bool = False, alias: str = "--monitor", calibrated: bool = True
-) -> Callable[[F], F]:
-    """Return the option ``--detector``, with its former name as an alias, and ``--calibrated``."""
+def detector_option(text: str = "", *, multiple: bool = False, calibrated: bool = True) -> Callable[[F], F]:
+    """Return the option ``--detector``, and ``--calibrated``."""
 
     def added(command: F) -> F:
         if calibrated:
@@ -30,11 +28,11 @@ def detector_option(
                 "--calibrated",
                 type=click.Path(path_type=Path),
                 metavar="FILE.json",
-                help="The figures that `gtmbench calibrate` has saved of a --detector of your own.",
+                help="The file that `gtmbench calibrate` saved for your own --detector.",
             )(command)
         name = "detectors" if multiple else "detector"
         help_text = f"{_HELP} {text}".strip() + (" Repeat it for several." if multiple else "")
-        return click.option("--detector", alias, name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
+        return click.option("--detector", name, multiple=multiple, metavar=METAVAR, help=help_text)(command)
 
     return added
 
@@ -58,7 +56,7 @@ def import_option(command: F) -> F:
         expose_value=False,
         is_eager=True,
         callback=brought,
-        help="Import this first: it registers faults of your own, which scenarios can name then.",
+        help="Import this first, to register your own faults for use in scenarios.",
     )(command)
 
 

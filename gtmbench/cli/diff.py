@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.report.recording.diff import Comparison, LineDifference
@@ -24,17 +24,19 @@ _MOST = 20  # rows of a table; --json lists all
 @click.command("diff")
 @click.argument("a", metavar="A.rrd", type=click.Path(path_type=Path))
 @click.argument("b", metavar="B.rrd", type=click.Path(path_type=Path))
-@click.option("--tolerance", default=0.0, metavar="REL", help="Equal within this times a series' greatest magnitude.")
-@click.option("--absolute", default=0.0, metavar="ABS", help="Equal within this, in a series' own unit.")
+@click.option(
+    "--tolerance", default=0.0, metavar="REL", help="Relative tolerance, in parts of a series' greatest magnitude."
+)
+@click.option("--absolute", default=0.0, metavar="ABS", help="Absolute tolerance, in a series' own unit.")
 @click.option("--overlay", type=click.Path(path_type=Path), metavar="OUT.rrd", help="Write both into one recording.")
 @click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
 def diff_command(
     a: Path, b: Path, tolerance: float, absolute: float, overlay: Path | None, force: bool, as_json: bool, quiet: bool
 ) -> int:
-    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 where they are equal, 1 where not.
+    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 if they are equal, 1 if not.
 
-    Without a tolerance numbers are equal bit for bit, as those of two runs of one seed are. Words always have to be.
+    Without a tolerance numbers must be equal bit for bit, as they are for two runs of one seed. Texts always must.
     """
     from gtmbench.report.recording.diff import Tolerance, compare
     from gtmbench.report.recording.read import read_recording, recording_in
@@ -70,17 +72,28 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
         raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
     if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
         raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
-    check_file(overlay, force=force, option="--overlay")
+    claim_file(overlay, force=force, option="--overlay")
 
 
 def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
-    from gtmbench.plain import plain
+    overlaid = None if overlay is None else str(overlay)
+    own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
+    found = [
+        *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
+        *({"text": f"{one.entity} {one.field}: {_shown(one.a)}, {_shown(one.b)}"} for one in comparison.verdicts),
+        *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
+        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
+    ]
+    print_json(envelope("diff", _summary(comparison), own, exit_code=int(not comparison.equal), findings=found))
 
-    told = {"a": str(a), "b": str(b), "equal": comparison.equal, **asdict(comparison)}
-    print_json(plain(told | ({} if overlay is None else {"overlay": str(overlay)})))
+
+def _alone(comparison: Comparison) -> list[tuple[str, tuple[str, str]]]:
+    """Return series and fields that only one recording has."""
+    return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
 
 
 def _print(comparison: Comparison, a: Path, b: Path) -> None:
+    echo(_summary(comparison))
     echo(f"A: {a}\nB: {b}")
     if said := _other_flight(comparison):
         echo(said, bold=True)
@@ -94,10 +107,8 @@ def _print(comparison: Comparison, a: Path, b: Path) -> None:
     if comparison.told:
         rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
         _table("Events in one only", ["in", "entity", "level", "event"], rows)
-    alone = [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
-    if alone:
+    if alone := _alone(comparison):
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
-    echo(_summary(comparison, len(alone)))
 
 
 def _other_flight(comparison: Comparison) -> str:
@@ -116,28 +127,34 @@ def _table(title: str, columns: list[str], rows: list[list[str]], right: list[st
         echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
 
 
+def _name(line: LineDifference) -> str:
+    return line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
+
+
+def _differing(line: LineDifference) -> str:
+    of, others = f"{line.differing} of {line.samples}", line.only_a + line.only_b
+    return f"{of}, {others} at other times" if others else of
+
+
 def _row(line: LineDifference) -> list[str]:
-    name = line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
-    of = f"{line.differing} of {line.samples}"
-    others = line.only_a + line.only_b
-    counted = f"{of}, {others} at other times" if others else of
-    worst = line.worst
+    name, counted, worst = _name(line), _differing(line), line.worst
     if worst is None:
         return [name, counted, *[""] * 5]
     at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
     values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
-    return [name, counted, at, *values, "" if others else f"{line.relative:.1e}"]
+    return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
 
 
 def _shown(value: float | str | None) -> str:
     return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
 
 
-def _summary(comparison: Comparison, alone: int) -> str:
+def _summary(comparison: Comparison) -> str:
+    alone = len(_alone(comparison))
     held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
     if comparison.equal:
-        return f"equal: {held}"
+        return f"Equal: {held}."
     only = f"; {alone} series or fields in one only" if alone else ""
     series = f"{len(comparison.lines)} of {comparison.series} series"
     fields = f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts"
-    return f"different: {series}, {fields}, {len(comparison.told)} events in one only{only}"
+    return f"Different: {series}, {fields}, {len(comparison.told)} events in one only{only}."

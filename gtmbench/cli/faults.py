@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 trial_option = click.option(
-    "--trial", type=int, metavar="N", help="Which of its trials, from 1 on.  [default: the only one]"
+    "--trial", type=int, metavar="N", help="The number of the trial, from 1 on.  [default: the only one]"
 )
 
 

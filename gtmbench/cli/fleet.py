@@ -40,12 +40,14 @@ def monitor_fleet(
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
     from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
-    from gtmbench.report.tables.fleet import exit_code, fleet_results
-    from gtmbench.report.words.fleet import MEANING, RIGHT, counts_text, fleet_table
+    from gtmbench.report.tables.fleet import fleet_results
+    from gtmbench.report.words.fleet import MEANING, RIGHT, fleet_table
 
     logs = watching.logs_of(sources)
     if out is None:
-        raise InputError(f"{len(logs)} logs are watched into a folder, which --resume goes on with; give --out DIR")
+        raise InputError(
+            f"logs found: {len(logs)}; what is said of them goes into a folder, so give --out DIR, or one log"
+        )
     with progress_bar(silent=as_json or quiet) as tell:
         parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
     results = fleet_results(parts)
@@ -53,6 +55,7 @@ def monitor_fleet(
     if as_json:
         print_json(results | {"out": str(out)})
     elif not quiet:
+        echo(results["verdict"])
         names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
         print_table(f"{out}", names, cells, right=RIGHT)
         if len(rows) > _MOST_ROWS:
@@ -60,7 +63,6 @@ def monitor_fleet(
         for name in names:
             if name in MEANING:
                 echo(MEANING[name])
-        echo(counts_text(row["outcome"] for row in rows))
         files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
         echo(f"{', '.join(files)}, {len(rows)} parts: {out}/")
-    return exit_code(rows)
+    return int(results["exit_code"])

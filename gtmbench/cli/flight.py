@@ -11,19 +11,19 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.equilibrium import Trim
     from gtmbench.bench.loop import LoopEvent
     from gtmbench.bench.modes import Mode
+    from gtmbench.bench.trim import Trim
 
 
 @click.command("trim")
 @aircraft_options
-@click.option("--modes", "with_modes", is_flag=True, help="Also the linear modes: natural frequency and damping.")
+@click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")
 @common_options
 def trim_command(
     name: str,
@@ -36,14 +36,20 @@ def trim_command(
 ) -> None:
     """Trim an aircraft for level flight and print it as the dissertation does."""
     from gtmbench.bench.modes import modes
-    from gtmbench.bench.trim import trim
+    from gtmbench.bench.trimming import trim
 
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
+    verdict = (
+        f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
+        f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
+    )
     if as_json:
-        print_json({"trim": asdict(trimmed)} | ({"modes": [asdict(mode) for mode in linear]} if linear else {}))
+        own = {"trim": asdict(trimmed), "modes": [asdict(mode) for mode in linear or []]}
+        print_json(envelope("trim", verdict, own))
     elif not quiet:
+        echo(verdict)
         echo(trim_text(trimmed))
         if linear:
             _print_modes(linear)
@@ -79,19 +85,21 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.command("fly")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
 @aircraft_options
-@click.option("--excitation", default="dissertation", show_default=True, help="A name of `gtmbench list`, or a sum.")
-@click.option("--duration", default=500.0, show_default=True, help="Seconds.")
-@click.option("--seed", default=1, show_default=True, help="Of excitation, turbulence and noise.")
-@click.option("--noise", help="Write what sensors read, with the T2's noise (t2) or a signal-to-noise ratio (50).")
-@click.option("--commands", is_flag=True, help="With --noise: the surface commands, too.")
 @click.option(
-    "--closed-loop", is_flag=True, help="The aircraft's autopilot flies, on what its sensors read; excitations add."
+    "--excitation", default="dissertation", show_default=True, help="A name from `gtmbench list`, or a sum of names."
+)
+@click.option("--duration", default=500.0, show_default=True, help="Seconds to fly.")
+@click.option("--seed", default=1, show_default=True, help="Seed of excitation, turbulence and noise.")
+@click.option("--noise", help="Write sensor readings with the T2's noise (t2) or a signal-to-noise ratio (50).")
+@click.option("--commands", is_flag=True, help="With --noise: also write the surface commands.")
+@click.option(
+    "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
 @click.option(
     "--fault",
     "scenario",
     metavar="SCENARIO.toml",
-    help="With --closed-loop: what breaks in the loop, a scenario's [[faults]], all severities absolute.",
+    help="With --closed-loop: the scenario whose [[faults]] act in the loop; severities must be absolute.",
 )
 @trial_option
 @click.option(
@@ -99,8 +107,8 @@ def _print_modes(linear: list[Mode]) -> None:
     default="own",
     show_default=True,
     metavar="NAME",
-    help="With --closed-loop or --noise: whose phi, theta and psi are, or an estimator that p, q and r drive: "
-    "'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
+    help="With --closed-loop or --noise: the source of phi, theta and psi. own: a vertical gyro. Or an estimator that "
+    "p, q and r drive: 'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -123,17 +131,18 @@ def fly_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly and write a log: the truth, or with --noise what the sensors read."""
+    """Fly and write a log of the truth, or with --noise of the sensor readings."""
     from gtmbench.attitude import OWN, estimator_of
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
     from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
     from gtmbench.logs import check_log_path, write_log
+    from gtmbench.report.tables.loop import event_rows
     from gtmbench.report.words.judgement import loop_text
 
     check_log_path(out)
-    check_file(out, force=force)
+    claim_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     if scenario is not None and not closed_loop:
@@ -157,13 +166,14 @@ def fly_command(
             readings = measure(truth, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
             record = estimated_attitude(readings, truth, attitude, seed)
     write_log(record, out)
+    verdict = f"Wrote {out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s."
     if as_json:
         written = {"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
-        print_json(written | ({"events": [asdict(event) for event in events]} if closed_loop else {}))
+        print_json(envelope("fly", verdict, written, findings=event_rows(events)))
     elif not quiet:
+        echo(verdict)
         for event in events:
             echo(f"{event.time_s:g} s: {loop_text(event)}")
-        echo(f"{out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s")
 
 
 def _ratio(text: str) -> float:

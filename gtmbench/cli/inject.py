@@ -11,9 +11,9 @@ import click
 
 from gtmbench.cli.detectors import import_option
 from gtmbench.cli.faults import numbered, trial_number, trial_option
-from gtmbench.cli.output import common_options, echo, map_option, print_columns, print_json
+from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import check_file
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "scenario",
     required=True,
     metavar="SCENARIO.toml",
-    help="What breaks: a scenario's [[faults]], all severities absolute; or a name of `gtmbench list`.",
+    help="The scenario whose [[faults]] break the log (severities must be absolute), or a name from `gtmbench list`.",
 )
 @trial_option
 @map_option
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
     metavar="auto|own|follows[:SECONDS]",
     default="auto",
     show_default=True,
-    help="What a gyro's fault does to phi, theta and psi. follows: an estimator with this time constant makes them of "
-    "the broken gyros. own: nothing. auto: follows where the gyros drive the log's attitude, which is assumed where "
-    "nothing shows otherwise.",
+    help="The effect of a gyro's fault on phi, theta and psi. follows: an estimator with this time constant computes "
+    "them from the broken gyros. own: none. auto: follows if the gyros drive the log's attitude, which is assumed "
+    "unless something shows otherwise.",
 )
 @click.option(
     "--time-constant-s",
     type=float,
-    help="That estimator's time constant; by default the log's own where accelerometers show it, else 5 s.",
+    help="The estimator's time constant.  [default: the log's own if accelerometers show it, else 5 s]",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, of the same format.")
+@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, in the same format.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
@@ -67,9 +67,9 @@ def inject_command(
 ) -> None:
     """Break a recorded flight, CSV or Parquet, by one trial of a scenario, and change nothing else in it.
 
-    Where the gyros drive the attitude, as in most logs, it follows a gyro's fault.
+    If the gyros drive the attitude, as in most logs, it follows a gyro's fault.
 
-    Onsets are on the log's clock, as `gtmbench monitor` tells times; figures are in the channels' units, whatever the
+    Onsets are on the log's clock, as `gtmbench monitor` shows it. Figures are in the channels' units, whatever the
     log's are. Other columns, stamps, notation, schema and metadata stay as they are.
     """
     from gtmbench.study.scenario import load_faults
@@ -84,6 +84,7 @@ def inject_command(
     number = trial_number(trial, trials, scenario)
     faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
     from gtmbench.intake.read import read_log
+    from gtmbench.report.words.units import counted
     from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.inject import inject_log
 
@@ -91,9 +92,13 @@ def inject_command(
     read = read_log(log)
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
     changed = inject_log(read, out, faults, mapping=mapping, attitude=following.estimator or "own")
+    samples = sum(column.changed for column in changed)
+    verdict = f"Wrote {out}: trial {number} of {scenario} changed {counted(samples, 'sample')}."
     if as_json:
-        print_json(_summary(log, out, scenario, number, faults, changed, following))
+        own = _summary(log, out, scenario, number, faults, changed, following)
+        print_json(envelope("inject", verdict, own))
     elif not quiet:
+        echo(verdict)
         _print(out, faults, changed, following)
 
 
@@ -102,16 +107,20 @@ def _check_out(out: Path, log: Path, *, force: bool) -> None:
         raise InputError("--out is the log itself; give another name")
     if out.suffix.lower() != log.suffix.lower():
         raise InputError(f"--out is '{out}'; a log keeps its format, so its name ends in '{log.suffix}'")
-    check_file(out, force=force)
+    claim_file(out, force=force)
 
 
 def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
     from gtmbench.intake.contents import log_columns
+    from gtmbench.report.words.units import counted
 
     columns = log_columns(log)
+    verdict = f"{log} has {counted(len(columns), 'column')}, and the scenario {counted(len(trials), 'trial')}."
     if as_json:
-        print_json({"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]})
+        own = {"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]}
+        print_json(envelope("inject-list", verdict, own))
     elif not quiet:
+        echo(verdict)
         print_columns(log, columns)
         for line in numbered(trials):
             echo(f"trial {line}")

@@ -13,6 +13,7 @@ from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.files import read_toml
 from gtmbench.imports import DETECTORS, FAULTS, installed
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import (
     share,
     shipped_aircraft,
@@ -23,7 +24,7 @@ from gtmbench.shipped import (
 
 
 @click.command("list")
-@click.option("--all", "with_all", is_flag=True, help="Also the aircraft that come with JSBSim.")
+@click.option("--all", "with_all", is_flag=True, help="Also list the aircraft that come with JSBSim.")
 @common_options
 def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
@@ -32,17 +33,24 @@ def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
         from gtmbench.bench.fleet import jsbsim_titles
 
         sections["aircraft"] |= jsbsim_titles()
+    counts = ", ".join(f"{len(entries)} {_title(key)}" for key, entries in sections.items())
+    verdict = f"There are {counts}."
     if as_json:
-        print_json(sections)
+        print_json(envelope("list", verdict, sections))
     elif not quiet:
+        echo(verdict)
         for title, entries in sections.items():
-            echo(title, bold=True)
+            echo(_title(title), bold=True)
             width = max(map(len, entries), default=0)
             for name, meaning in entries.items():
                 echo(f"  {name:<{max(width, 16)}} {meaning}")
             if title == "aircraft" and not with_all:
                 known = read_toml(share() / "aircraft/jsbsim.toml", "list of aircraft")
                 echo(f"  and {len(known)} that come with JSBSim (--all), or a folder of yours")
+
+
+def _title(key: str) -> str:
+    return key.replace("_", " ")
 
 
 def listing() -> dict[str, dict[str, str]]:
@@ -59,7 +67,7 @@ def listing() -> dict[str, dict[str, str]]:
         "campaigns": _titles(shipped_campaigns()),
         "detectors": detectors | {name: of for name, of in _installed(DETECTORS).items() if name not in detectors},
         "banks": banks,
-        "pseudo inputs": told["pseudo_inputs"],
+        "pseudo_inputs": told["pseudo_inputs"],
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import (
     attitude_option,
+    claim_file,
     common_options,
     echo,
     map_option,
@@ -22,7 +24,7 @@ from gtmbench.cli.output import (
     screen_width,
 )
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file, is_file
+from gtmbench.files import LOGS, atomic_write, is_file, no_such
 from gtmbench.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -31,45 +33,52 @@ if TYPE_CHECKING:
     from gtmbench.study.log.watched import WatchedLog
 
 
-_DASHED = re.compile(r"\s*(\d+\.?\d*) *(?:-|\.\.|,|to) *(\d+\.?\d*) *s?\s*")  # how else people write a span
+_DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 
 
 @click.command("monitor")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB...", type=click.Path(path_type=Path))
 @map_option
-@detector_option("A bank or a detector is calibrated on what is healthy first.")
+@detector_option("A bank or a detector is first calibrated on the healthy part.")
 @click.option(
     "--identify",
     "healthy",
     multiple=True,
     metavar="T0:T1|LOG",
-    help="What is healthy, to calibrate on: a span of this log in seconds, or another log. Without it a detector takes "
-    "this log's first 40 %, 300 s at most; without a detector it is of bank auto.",
+    help="The healthy part to calibrate on: a span of this log in seconds, or another log. With --detector it may be "
+    "left out: then it is this log's first 40 %, 300 s at most. Without --detector, bank auto is calibrated.",
 )
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
 )
 @click.option("--outputs", metavar="r", help="... predict these sensors.")
-@click.option("--look", default=0.5, show_default=True, help="How far they look back and ahead, in seconds.")
-@click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@click.option(
+    "--look", default=0.5, show_default=True, help="With --inputs and --outputs: seconds to look back and ahead."
+)
+@click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @click.option(
     "--false-alarms-per-hour",
     "wanted",
     type=float,
-    help="Of what is identified here.  [default: 0.002 of a bank, 1 of --inputs and --outputs]",
+    help="False alarm rate to calibrate for.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @attitude_option
-@click.option("--named", is_flag=True, help="Say from which size on faults would have been named, too: seconds.")
+@click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
+@click.option(
+    "--named", is_flag=True, help="Also report the size above which faults would have been named; takes some seconds."
+)
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
-@click.option("--list", "listed", is_flag=True, help="Only say what the log holds, and what can be watched.")
+@click.option("--list", "listed", is_flag=True, help="Only list the log's sensors and what can be watched.")
 @click.option("--all", "every", is_flag=True, help="The same, with every column.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
-@click.option("--out", type=click.Path(path_type=Path), help="Of several logs: folder of table, figure, report, parts.")
-@click.option("--jobs", type=int, help="Of several logs: processes.  [default: 1]")
-@click.option("--resume", is_flag=True, help="Of several logs: go on with what stands in the folder.")
-@click.option("--time-limit", type=float, help="Of several logs: seconds that one may take.  [default: 900]")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="For several logs: folder for table, figure, report and parts."
+)
+@click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
+@click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
+@click.option("--time-limit", type=float, help="For several logs: seconds allowed for each.  [default: 900]")
 @common_options
 def monitor_command(
     logs: tuple[Path, ...],
@@ -83,6 +92,7 @@ def monitor_command(
     rate: float | None,
     wanted: float | None,
     attitude: str,
+    details: bool,
     named: bool,
     record: Path | None,
     figure: Path | None,
@@ -99,14 +109,14 @@ def monitor_command(
 ) -> int:
     """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
 
-    With a monitor that is ready, or a detector calibrated on a healthy part; the rest is watched. With --identify alone
-    by bank auto, the relations that the log's channels allow. Without either, it lists what the log allows. First comes
-    a self-check: a log that isn't what the monitor expects isn't watched, and why, and what to type, is said. Exit
-    code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
+    Give a saved monitor, or a detector to calibrate on a healthy part; the rest is watched. With --identify alone, bank
+    auto uses the relations that the log's channels allow. Without either, it lists what can be watched. A self-check
+    comes first: a log that isn't what the monitor expects isn't watched, and the output says why and what to type.
+    Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input.
 
-    Several logs, a folder or a pattern are watched into a folder, --out: a row a log, worst first, without a word by
-    bank auto, each identified on its own first part. Exit code: 1 any failed, 3 some can't be told, 2 none could be
-    read (docs/how_to/fleet.md).
+    Several logs, a folder or a pattern need --out, a folder for the results: a row a log, worst first. By default bank
+    auto watches, identified on each log's own first part. Exit code: 1 any failed, 3 some can't tell, 0 nothing found,
+    2 none could be watched (docs/how_to/fleet.md).
     """
     from gtmbench.detectors.bank.composed import AUTO
 
@@ -173,7 +183,7 @@ def monitor_command(
 
         print_json(log_results(watched))
     elif not quiet:
-        _print(watched, record, figure, save)
+        _print(watched, record, figure, save, details=details or named)
     return int(watched.outcome)
 
 
@@ -194,7 +204,7 @@ def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
         raise InputError(f"{option} is '{path}'; its name ends in {ending}")
     if path.exists() and log.exists() and path.samefile(log):
         raise InputError(f"{option} is the log itself; give another name")
-    check_file(path, force=force, option=option)
+    claim_file(path, force=force, option=option)
 
 
 def _watcher(
@@ -232,20 +242,22 @@ def healthy_part(text: str) -> Span | Path:
     """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
     if is_file(Path(text)):
         return Path(text)
-    if ":" not in text:
-        dashed = _DASHED.fullmatch(text)
-        likely = f"; did you mean {dashed[1]}:{dashed[2]}?" if dashed else ""
-        raise InputError(
-            f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
-            f"{likely}"
-        )
-    start, end = (bound.strip() for bound in text.split(":", 1))
+    asked = f"--identify is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
+    if Path(text).suffix.lower() in LOGS:
+        raise InputError(f"--identify: {no_such(Path(text))}")
+    dashed = _DASHED.fullmatch(text)
+    likely = ""
+    if dashed and dashed[1] != dashed[2]:
+        likely = "; did you mean {}:{}?".format(*sorted(dashed.groups(), key=float))
+    start, _, end = map(str.strip, text.partition(":"))
     try:
         start_s, end_s = float(start or "-inf"), float(end or "inf")
     except ValueError:
-        raise InputError(f"--identify is '{text}'; give a span in seconds, such as 0:30, or another log") from None
+        raise InputError(asked + likely) from None
+    if ":" not in text:
+        raise InputError(asked + (f"; did you mean 0:{start}?" if start_s > 0.0 else ""))
     if not start_s < end_s:  # so for NaN, too
-        raise InputError(f"--identify is '{text}'; the start must come before the end")
+        raise InputError(f"--identify is '{text}'; the start must come before the end{likely}")
     return start_s, end_s
 
 
@@ -257,10 +269,10 @@ def _list(contents: LogContents, *, every: bool, as_json: bool) -> None:
     if as_json:
         print_json(contents_results(contents))
         return
-    if every:
-        print_columns(contents.path, contents.columns)
     for line in listing_lines(contents, screen_width()):
         echo(line)
+    if every:
+        print_columns(contents.path, contents.columns)
 
 
 def _nothing_to_watch_with(contents: LogContents) -> InputError:
@@ -268,21 +280,18 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
     from gtmbench.detectors.bank.composed import AUTO, composed_bank
     from gtmbench.report.words.listing import banks_for
 
-    channels = [*contents.usable, *contents.own_columns]
-    if not channels:
-        why = contents.no_time or f"no column becomes a channel of {contents.path.name}"
-        return InputError(f"nothing was said about how to watch it, and as it is nothing could: {why}")
-    allowed, _ = banks_for(contents.usable)
-    named = f"--detector {' or '.join(allowed)}, " if allowed else ""
-    try:
+    channels, name = [*contents.usable, *contents.own_columns], contents.path.name
+    doubts = [f"column '{column.name}' {column.why_not}" for column in contents.columns if column.why_not]
+    if contents.no_time or not channels:
+        why = contents.no_time or "; ".join(doubts) or "no column is known as a channel: --map CHANNEL=COLUMN:UNIT"
+        return InputError(f"{name} can't be watched yet: {why}")
+    ways = [f"--inputs ... --outputs ... of {', '.join(channels[:30])}"]
+    if allowed := banks_for(contents.usable)[0]:
+        ways.insert(0, f"--detector {' or '.join(allowed)}")
+    with suppress(InputError):
         composed_bank(contents.usable)
-        banks = f"give --identify T0:T1, what of it is healthy (bank {AUTO} watches the rest), {named}or"
-    except InputError:
-        banks = f"give {named}or" if allowed else "no bank's channels are there; give"
-    return InputError(
-        f"nothing was said about how to watch {contents.path.name}: {banks} --inputs ... --outputs ... of "
-        f"{', '.join(channels[:30])}"
-    )
+        ways.insert(0, f"--identify T0:T1, what of it is healthy (bank {AUTO} watches the rest)")
+    return InputError(f"{name} can be watched; say by what: {', or '.join(ways)}")
 
 
 def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
@@ -303,11 +312,13 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         save_monitor(watched.monitor, save)
 
 
-def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None, *, details: bool) -> None:
     from gtmbench.detectors.protocol import is_ready
     from gtmbench.report.words.log import log_report
+    from gtmbench.report.words.verdict import summary_lines
 
-    for line in log_report(watched):
+    width = screen_width()
+    for line in log_report(watched, width) if details else summary_lines(watched, width):
         echo(line)
     for what, path in (("figure", figure), ("monitor", save)):
         if path is not None:

@@ -6,7 +6,7 @@ import math
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -14,6 +14,8 @@ import click
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
+from gtmbench.files import check_file, check_folder
+from gtmbench.locks import alone, lock_beside
 from gtmbench.plain import dumps
 
 if TYPE_CHECKING:
@@ -43,6 +45,24 @@ def _as_typed(command: F) -> F:
     return cast(F, told)
 
 
+def claim_file(target: Path, *, force: bool, option: str = "--out") -> None:
+    """Refuse a result's file that can't be written, isn't to be replaced or is being written; keep others off it."""
+    _claim(target, partial(check_file, target, force=force, option=option))
+
+
+def claim_folder(target: Path, *, force: bool) -> None:
+    """Do the same for a folder of results."""
+    _claim(target, partial(check_folder, target, force=force))
+
+
+def _claim(target: Path, check: Callable[[], None]) -> None:
+    """Check a place, and hold it until the command ends; then again, for somebody may just have finished there."""
+    check()
+    lock = lock_beside(target.resolve())
+    click.get_current_context().with_resource(alone(lock, f"another command writes {target}"))
+    check()
+
+
 def typed(message: str, context: click.Context) -> str:
     """Return a message that begins with an argument's name and value with the option that gave it."""
     for option in context.command.params:
@@ -63,7 +83,7 @@ def map_option(command: F) -> F:
         "mapping",
         multiple=True,
         metavar="CHANNEL=COLUMN:UNIT",
-        help="What a column is, where its name doesn't say: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
+        help="Map a column whose name doesn't identify it: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
         "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late).",
     )(command)
 
@@ -75,8 +95,8 @@ def attitude_option(command: F) -> F:
         type=click.Choice(["auto", "own", "driven"]),
         default="auto",
         show_default=True,
-        help="Whether the gyros drive the log's attitude, as an estimator's. auto: as its format documents, else as "
-        "its samples show.",
+        help="Whether an estimator computes the log's attitude from the gyros (driven) or it is independent (own). "
+        "auto: as the format documents, otherwise as the samples show.",
     )(command)
 
 

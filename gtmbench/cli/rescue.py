@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,10 +10,11 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
-from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_file
+from gtmbench.files import atomic_write
 from gtmbench.progress import Progress, progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.detectors.protocol import Monitor
@@ -31,19 +31,19 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 @click.option(
     "--out", default="rescue.rrd", show_default=True, type=click.Path(path_type=Path), help="The recording to write."
 )
-@click.option("--figure", type=click.Path(path_type=Path), help="Also a picture of it: .png, .svg or .pdf.")
+@click.option("--figure", type=click.Path(path_type=Path), help="Also write a figure: .png, .svg or .pdf.")
 @aircraft_options
 @click.option(
-    "--fault", "scenario", metavar="SCENARIO.toml", help="What breaks, a scenario's [[faults]].  [default: r's sign]"
+    "--fault", "scenario", metavar="SCENARIO.toml", help="The scenario whose [[faults]] act.  [default: r's sign flips]"
 )
 @trial_option
-@click.option("--seed", default=1, show_default=True, help="Of turbulence and noise.")
+@click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
 @click.option(
     "--calibrated",
     "monitor_file",
     type=click.Path(path_type=Path),
     metavar="MONITOR.json",
-    help=f"Of `gtmbench calibrate`.  [default: bank {_BANK}, calibrated now on {_FLIGHTS} flights]",
+    help=f"A monitor from `gtmbench calibrate`.  [default: bank {_BANK}, calibrated now on {_FLIGHTS} flights]",
 )
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
@@ -64,8 +64,8 @@ def rescue_command(
 ) -> None:
     """Fly a gyro's fault twice, without accommodation and with it, into one recording.
 
-    The autopilot flies on what the sensors read. A monitor that names the broken gyro takes its reading out of the
-    loop on the second flight; `gtmbench view FILE.rrd` shows both aircraft beside each other.
+    The autopilot flies on the sensor readings. On the second flight a monitor isolates the broken gyro and takes its
+    reading out of the loop. `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
     from gtmbench.detectors.accommodate import Accommodate
     from gtmbench.detectors.files import load_monitor
@@ -94,8 +94,12 @@ def rescue_command(
         with atomic_write(figure) as aside:
             rescue_figure(rescue).savefig(aside, dpi=150)
     if as_json:
-        events = {which: [asdict(event) for event in flight.events] for which, flight in rescue.flights.items()}
-        print_json({"out": str(out), "onset_s": onset_s, "events": events})
+        from gtmbench.report.tables.loop import event_rows
+        from gtmbench.report.words.study import rescue_verdict
+
+        told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
+        own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
+        print_json(envelope("rescue", rescue_verdict(rescue), own, findings=told))
     elif not quiet:
         _print(rescue)
         echo(f"{out}: both flights; gtmbench view {out}")
@@ -113,12 +117,14 @@ def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
     for file in filter(None, (out, figure)):
-        check_file(file, force=force)
+        claim_file(file, force=force)
 
 
 def _print(rescue: Rescue) -> None:
     from gtmbench.report.words.judgement import fault_text, loop_text
+    from gtmbench.report.words.study import rescue_verdict
 
+    echo(rescue_verdict(rescue))
     for fault in rescue.faults:
         echo(f"{fault.onset_s:g} s: {fault_text(fault)}")
     for name, flight in rescue.flights.items():

@@ -21,15 +21,15 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 @click.command("score")
 @click.argument("log", type=click.Path(path_type=Path))
 @map_option
-@detector_option("Without it, of bank auto.", calibrated=False)
+@detector_option("The default is bank auto.", calibrated=False)
 @click.option(
     "--identify",
     "healthy",
     multiple=True,
     metavar="T0:T1|LOG",
-    help="What is healthy, to calibrate on. Without it, what lies before the first failure, 300 s at most.",
+    help="The healthy part to calibrate on.  [default: the log before the first failure, 300 s at most]",
 )
-@click.option("--rate", type=float, help="Resample to so many Hz.  [default: the slowest channel's, 100 at most]")
+@click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @attitude_option
 @common_options
 def score_command(
@@ -42,10 +42,10 @@ def score_command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Score monitor and autopilot on the failures that a log says were injected.
+    """Score monitor and autopilot on the injected failures that a log records.
 
-    PX4's failure injection, and changes of ArduPilot's SIM_GYR... parameters: SITL and bench flights become trials.
-    Exit code as of monitor: 1 something failed, 0 nothing found, 3 can't tell; 2 bad input, or no such failure.
+    It reads PX4's failure injection and changes of ArduPilot's SIM_GYR... parameters, so SITL and bench flights become
+    trials. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input or no such failure.
     """
     from gtmbench.detectors.bank.composed import AUTO
     from gtmbench.detectors.registry import find_detector
@@ -71,15 +71,16 @@ def score_command(
 
 
 def _print(log: Path, scores: ScoredLog) -> None:
-    from gtmbench.report.words.autopilot import score_report
-    from gtmbench.report.words.log import outcome_text
+    from gtmbench.report.words.autopilot import score_report, score_verdict
+    from gtmbench.report.words.verdict import verdict_text
 
+    echo(score_verdict(scores))
     print_table(log.name, _COLUMNS, [_row(row) for row in scores.rows], right=[_COLUMNS[1], _COLUMNS[4]])
     for line in score_report(scores):
         echo(line)
     for start_s, end_s in scores.watched.identified_s:
         echo(f"identified and calibrated on {start_s:.2f} to {end_s:.2f} s")
-    echo(outcome_text(scores.watched))
+    echo(verdict_text(scores.watched))
 
 
 def _row(row: Scored) -> list[str]:

@@ -15,10 +15,11 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, atomic_write, check_file, check_folder
+from gtmbench.files import atomic_folder, atomic_write
 from gtmbench.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.shipped import MAIN_JOB
 
 if TYPE_CHECKING:
@@ -51,12 +52,11 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.command("run")
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
 @click.option(
-    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder of the results."
+    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
 )
 @detector_option(
-    "Without it the scenarios' own [operator] and [alarm] watch, which go by the name dissertation. A bank, and any "
-    "other detector, is calibrated first on flights of its own; then of [operator] and [alarm] only watch_from_s and "
-    "healthy_records are used.",
+    "The default is `dissertation`: the scenarios' own [operator] and [alarm]. A bank, or any other detector, is first "
+    "calibrated on separate flights; then only watch_from_s and healthy_records of [alarm] are used.",
     multiple=True,
 )
 @import_option
@@ -65,9 +65,9 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     "seeds",
     metavar="N|FIRST:LAST",
     callback=_seeds,
-    help="Instead of the scenarios' own. Of several (1:20, both included), each has a folder.",
+    help="Replace the scenarios' seed. For several (1:20, both included), each gets a folder.",
 )
-@click.option("--strict", is_flag=True, help="Exit code 1 where a trial goes otherwise than its scenario expects.")
+@click.option("--strict", is_flag=True, help="End with exit code 1 if a trial differs from its scenario's expectation.")
 @click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
@@ -85,22 +85,21 @@ def run_command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Fly, break, watch and report: scenario files, or names of `gtmbench list`.
+    """Fly, break, watch and report scenarios, given as files or names from `gtmbench list`.
 
-    Without a scenario: the dissertation's study, every gyro broken in five ways. Into the folder go results.json,
-    trials.csv, figures and study.rrd, a recording for `gtmbench view`. With several detectors all watch the same
-    flight, and there is one row a detector and trial.
+    Without a scenario it runs the dissertation's study, every gyro broken in five ways. The folder gets results.json,
+    trials.csv, figures and study.rrd, a recording for `gtmbench view`. Several detectors watch the same flight, and
+    each detector and trial gets a row.
     """
     from gtmbench.study.run import run_study
     from gtmbench.study.scenario import load_scenario
 
-    check_folder(out, force=force)
+    claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
-        differs = _run_seeds(loaded, watching, seeds, out, parts, as_json=as_json, quiet=quiet)
-        return int(strict and differs)
+        return _run_seeds(loaded, watching, seeds, out, parts, strict=strict, as_json=as_json, quiet=quiet)
     with progress_bar(silent=as_json or quiet) as tell:
         study = run_study(
             loaded,
@@ -110,15 +109,19 @@ def run_command(
         )
         with atomic_folder(out) as folder:
             _write(study, folder, parts, lambda step: tell(step, None, None))
+    code = int(strict and any(trial.unexpected for trial in study.trials))
     if as_json:
-        from gtmbench.report.tables.results import results
+        from gtmbench.report.tables.results import results, unexpected
+        from gtmbench.report.words.study import study_verdict
 
-        print_json(results(study) | {"out": str(out)})
+        own = results(study)
+        told = unexpected(own["trials"])
+        print_json(envelope("run", study_verdict(study), own | {"out": str(out)}, exit_code=code, findings=told))
     elif not quiet:
         _print_study(study, out, parts)
         if strict and not any(trial.expected for trial in study.trials):
             echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
-    return int(strict and any(trial.unexpected for trial in study.trials))
+    return code
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,14 +161,12 @@ def _run_seeds(
     out: Path,
     parts: _Parts,
     *,
+    strict: bool,
     as_json: bool,
     quiet: bool,
-) -> bool:
-    """Run a study for every seed, each into a folder of its own, and put all of them into one table.
-
-    Return whether a trial went otherwise than its scenario expects.
-    """
-    from gtmbench.report.tables.results import write_tables
+) -> int:
+    """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
+    from gtmbench.report.tables.results import unexpected, write_tables
     from gtmbench.report.tables.seeds import SeedTable
     from gtmbench.study.run import run_study
 
@@ -179,21 +180,26 @@ def _run_seeds(
             _write(study, own, parts, lambda _step: None)
             table.add(seed, study)
         write_tables(table.results(), folder)
+    told = unexpected(table.trials)
+    code = int(strict and bool(told))
     if as_json:
-        print_json(table.results() | {"out": str(out)})
+        whole = table.results() | {"out": str(out)}
+        print_json(envelope("run-seeds", table.verdict(), whole, exit_code=code, findings=told))
     elif not quiet:
-        columns, rows, right = table.rows()
-        print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
+        echo(table.verdict())
         for line in table.summary_lines():
             echo(line)
+        columns, rows, right = table.rows()
+        print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
         echo(f"one folder a seed, all trials in trials.csv: {out}/")
-    return any(row["unexpected"] for row in table.trials)
+    return code
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
-    from gtmbench.report.words.study import summary_lines, title, trial_rows
+    from gtmbench.report.words.study import study_verdict, summary_lines, title, trial_rows
     from gtmbench.report.words.units import counted
 
+    echo(study_verdict(study))
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
     for line in summary_lines(study):
@@ -205,7 +211,7 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 
 @click.command("view")
 @click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
-@click.option("--web", is_flag=True, help="In the browser instead of a window: for machines without a screen.")
+@click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
@@ -216,24 +222,27 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
     options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
+    verdict = f"Showing {recording} in the rerun viewer."
+    if not (as_json or quiet):
+        echo(verdict)
     ended = subprocess.run([*_RERUN, str(recording), *options], capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
-        print_json({"recording": str(recording)})
+        print_json(envelope("view", verdict, {"recording": str(recording)}))
 
 
 @click.command("new")
 @click.argument("name", metavar="[NAME.toml]", type=click.Path(path_type=Path), required=False)
 @click.option(
     "--aircraft",
-    help="Instead of a scenario: what is known of an aircraft, a name of `gtmbench list --all` or a folder. It is "
-    "written as aircraft.toml into the folder NAME, or the aircraft's own.",
+    help="Instead of a scenario, write an aircraft's facts as aircraft.toml into the folder NAME, or the aircraft's "
+    "own. Give a name from `gtmbench list --all` or a folder.",
 )
-@click.option("--without-io", is_flag=True, help="With --aircraft: leave out its model's input and output sections.")
+@click.option("--without-io", is_flag=True, help="With --aircraft: leave out the model's input and output sections.")
 @common_options
 def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_json: bool, quiet: bool) -> None:
-    """Write a commented scenario to edit, every key at its default; or an aircraft's facts."""
+    """Write a commented scenario with every key at its default, or an aircraft's facts."""
     if aircraft is not None:
         target, text = aircraft_file(aircraft, name, without_io=without_io)
         target.parent.mkdir(exist_ok=True)
@@ -241,16 +250,18 @@ def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_js
     elif name is None:
         raise InputError("give the scenario's name, NAME.toml, or --aircraft")
     elif name.suffix != ".toml":
-        raise InputError(f"'{name}' should end in .toml")
+        raise InputError(f"'{name}' should end in .toml, as {name.stem}.toml")
     else:
         text = (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8")
         target, how = name, f"gtmbench run {name}"
     if target.exists():
         raise InputError(f"{target} exists; give another name")
-    check_file(target, force=False)
+    claim_file(target, force=False)
     with atomic_write(target) as aside:
         aside.write_text(text, encoding="utf-8")
+    verdict = f"Wrote {target}; edit it, then run: {how}"
     if as_json:
-        print_json({"aircraft" if aircraft is not None else "scenario": str(target)})
+        what = "aircraft" if aircraft is not None else "scenario"
+        print_json(envelope("new", verdict, {"out": str(target), "what": what}))
     elif not quiet:
-        echo(f"{target}: edit it, then: {how}")
+        echo(verdict)

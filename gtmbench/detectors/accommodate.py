@@ -37,22 +37,22 @@ Tell = Callable[[float, str, str, float], None]  # a time in seconds, what happe
 
 @dataclass(frozen=True, kw_only=True)
 class Accommodate:
-    """What stands between the sensors and the autopilot, and flies without the gyro that a monitor names.
+    """Replace the gyro that a monitor names, between the sensors and the autopilot.
 
     Attributes
     ----------
     monitor : Monitor
         One that names gyros, as bank C does.
     stand_in : "attitude" or "zero"
-        What takes a gyro's place: the rate that the attitude's slope gives by kinematics, or none.
+        The replacement of a gyro: the rate computed from the attitude's slope by kinematics, or zero.
     slope_samples : int
-        Over how many samples the slope is fitted: more of them are less noise, and later by half as many. At the
-        GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
+        The number of samples that the slope is fitted over. More samples mean less noise and a delay of half as many
+        samples. At the GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
 
     Raises
     ------
     InputError
-        Where a value can't be meant, or the monitor can't name a gyro or needs what isn't sensed.
+        If a value is invalid, or the monitor can't name a gyro or needs what isn't sensed.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class Accommodate:
 
     @property
     def gyros(self) -> tuple[str, ...]:
-        """Those that the monitor may name."""
+        """The gyros that the monitor may name."""
         return tuple(name for name in _ATTITUDE if name in self.monitor.suspects)
 
     def start(self, sample_period_s: float, tell: Tell) -> Callable[[float, Readings], Readings]:
@@ -96,8 +96,8 @@ class Accommodate:
         ----------
         sample_period_s : float
         tell : callable
-            Takes the time of what is done, what it is (`SUSPECTED`, `REPLACED` or `GIVEN_BACK`), to which gyro, and
-            the rate handed on, in deg/s.
+            Called with the time in seconds, the action (`SUSPECTED`, `REPLACED` or `GIVEN_BACK`), the gyro, and the
+            rate handed on in deg/s.
 
         Returns
         -------
@@ -107,7 +107,7 @@ class Accommodate:
         Raises
         ------
         InputError
-            Where the monitor was calibrated at another sample period.
+            If the monitor was calibrated at another sample period.
         """
         wanted_s = self.monitor.sample_period_s
         if wanted_s is not None and not same_period(wanted_s, sample_period_s):

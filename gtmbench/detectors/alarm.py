@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.virtual import ANGLES
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
@@ -16,31 +15,31 @@ TIMES_LOUDER = 3.0  # than the noise that was learnt: from there on it is a faul
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What an alarm looked like at one time. A judgement stands on nothing after `time_s`.
+    """The diagnosis of an alarm at one time. It uses nothing after `time_s`.
 
     Attributes
     ----------
     time_s : float
-        When it could be said.
+        When it was possible, in seconds.
     sensor : str or None
         The one suspect whose fault explains the alarm decisively better than any other's; None while undecided.
     candidates : tuple of str
-        Whose fault may explain it, the likeliest first; empty where nothing is left to explain.
+        Sensors whose fault may explain it, the likeliest first; empty if nothing is left to explain.
     kind : str or None
-        The kind of fault that explains it, of `sensor` or the likeliest candidate; None where none does.
+        The kind of fault that explains it, of `sensor` or the likeliest candidate; None if none does.
     parameters, errors : dict
         Its parameters and their standard errors, by the names and in the units of the kind's class; `value`, what a
         sensor that is stuck reads, in the channel's; `onset_s`.
     kind_margin : float
-        By how much BIC the next kind of the same sensor is worse.
+        The BIC difference to the next kind of the same sensor.
     partner : str or None
-        The other sensor of a fault that mixes two: that they have changed places, or one is turned towards the other.
+        The other sensor of a fault that mixes two: they are swapped, or one is turned towards the other.
     reason : str
-        Why no sensor is named; empty where one is, or nothing is left to explain.
+        Why no sensor is named; empty if one is, or nothing is left to explain.
     doubt : str
-        What may have raised the alarm though no sensor failed; empty where one must have.
+        What may have raised the alarm although no sensor failed; empty if a sensor must have failed.
     imu : str
-        Of which IMU `sensor` is, where a log has several.
+        The IMU of `sensor`, if a log has several.
 
     Examples
     --------
@@ -65,12 +64,12 @@ class Judgement:
 
     @property
     def swapped(self) -> bool:
-        """Whether it says that `sensor` and `partner` have changed places."""
+        """Whether `sensor` and `partner` are swapped."""
         return self.kind == "swap" and None not in (self.sensor, self.partner)
 
     @property
     def verdict(self) -> str:
-        """Say who failed: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
+        """In words: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.sensor is not None:
@@ -82,31 +81,32 @@ class Judgement:
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """A score that rose above its threshold, or a channel whose samples are missing, and what became of it.
+    """A test statistic that rose above its threshold, or a channel with missing samples, and its judgements.
 
-    That it was raised, and when, depends on nothing after `time_s`. What is said of it later is added to it: a stream
-    gives the same alarm, by its `number`, again.
+    The alarm and its time depend on nothing after `time_s`. Later judgements are added to it: a stream then returns the
+    same alarm again, with the same `number`.
 
     Attributes
     ----------
     number : int
-        Which alarm of its record, from 0, in the order in which they could be raised.
+        The alarm's number in its record, from 0, in the order of `time_s`.
     time_s : float
-        When it could be raised: look-ahead and windows counted.
+        When it could be raised, look-ahead and windows included.
     onset_s : float
-        When the change began, as far as the test tells; `time_s` where it doesn't.
+        The estimated start of the change; `time_s` if the test gives none.
     source : str
-        The name of the score that rose; of the channel, where samples are missing.
+        The name of the test statistic that rose, or of the channel with missing samples.
     test : str
-        Which test of it; empty where there is one only; `missing` where samples are.
+        The test that rose; empty if there is only one; `missing` for missing samples.
     judgements : tuple of Judgement
-        In time; empty for a detector that names no sensor, and while the alarm counts to another one's fault.
+        In order of time. Empty for a detector without isolation, and while the alarm belongs to an earlier alarm's
+        fault.
     fault : int
-        The number of the alarm that first told of the same fault, as far as is known; its own otherwise.
+        The number of the first alarm of the same fault, as far as is known; otherwise its own.
     ended_s : float or None
-        When the fault had gone; None while it lasts, or where that isn't told.
+        When the fault ended; None while it lasts, or if its end can't be determined.
     end_known_s : float or None
-        When that was known, so that watching goes on; None while it isn't.
+        When the end was known, from which watching goes on; None before that.
 
     Examples
     --------
@@ -133,12 +133,12 @@ class Alarm:
 
     @property
     def is_first(self) -> bool:
-        """Whether no alarm before it told of the same fault."""
+        """Whether it is the first alarm of its fault."""
         return self.fault == self.number
 
     @property
     def last(self) -> Judgement | None:
-        """What is known at the end; of a fault that ended, what was decided while it lasted. None where nothing is."""
+        """The final judgement; for a fault that ended, the one made while it lasted. None without any."""
         decided = [judged for judged in self.judgements if judged.sensor is not None]
         if decided and self.ended_s is not None:
             lasting = [judged for judged in decided if judged.time_s <= self.ended_s]
@@ -152,22 +152,22 @@ class Alarm:
 
     @property
     def candidates(self) -> tuple[str, ...]:
-        """The sensors whose fault may explain it; empty where nothing is left to explain, or nothing was judged."""
+        """The sensors whose fault may explain it; empty if nothing is left to explain or nothing was judged."""
         return () if self.last is None else self.last.candidates
 
     @property
     def has_passed(self) -> bool:
-        """Whether it was judged, and nothing is left to explain."""
+        """Whether it was judged and nothing is left to explain."""
         return self.last is not None and not self.last.candidates
 
     @property
     def doubt(self) -> str:
-        """What may have raised it though no sensor failed; empty where one must have."""
+        """What may have raised it although no sensor failed; empty if a sensor must have failed."""
         return "" if self.last is None else self.last.doubt
 
     @property
     def isolated_s(self) -> float | None:
-        """When the decision on the sensor was possible that the end confirms; None while undecided."""
+        """When the final decision on the sensor first became possible; None while undecided."""
         if self.last is None or self.last.sensor is None:
             return None
         time_s = self.last.time_s
@@ -178,14 +178,14 @@ class Alarm:
         return time_s
 
     def at(self, after_alarm_s: float) -> Judgement | None:
-        """Return the last judgement up to so many seconds after the alarm; the first, if there is none by then."""
+        """Return the last judgement up to this many seconds after the alarm, or the first if there is none by then."""
         due_s = self.time_s + after_alarm_s + 1e-6
         by_then = [judged for judged in self.judgements if judged.time_s <= due_s] or list(self.judgements[:1])
         return by_then[-1] if by_then else None
 
     @property
     def verdict(self) -> str:
-        """Say it in words: ``p failed``, ``reference attitude failed (psi)``, ``undecided: p or phi``, ``alarm``."""
+        """In words: ``p failed``, ``reference attitude failed (psi)``, ``undecided: p or phi``, ``alarm``."""
         if self.last is None:
             return "alarm"
         names = self.last.candidates if self.last.sensor is None else (self.last.sensor,)
@@ -194,11 +194,6 @@ class Alarm:
         if set(names) <= set(ANGLES) and not self.last.swapped and not self.last.doubt:
             return f"reference attitude failed ({' or '.join(names)})"
         return self.last.verdict
-
-    alarm_s = renamed("Finding.alarm_s", "time_s")
-    residual = renamed("Finding.residual", "source")
-    series = renamed("Finding.series", "test")
-    resumed_s = renamed("Finding.resumed_s", "end_known_s")
 
 
 SAID = ("alarm (s)", "onset (s)", "of", "said")  # what `said_of` says, column by column

@@ -13,28 +13,34 @@ import numpy as np
 from gtmbench.channels import unit_of
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.bank import Bank, load_bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank, without_spread
+from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
-from gtmbench.detectors.monitor.alarms import AlarmLogic
+from gtmbench.detectors.basis import Basis
+from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.monitor.arming import Arming
-from gtmbench.detectors.monitor.excursions import Excursion, Excursions, blots, blotted, rises_of
+from gtmbench.detectors.monitor.engine import Engine
+from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
-from gtmbench.detectors.monitor.scores import Track, extend, reach_of, residual_scores
+from gtmbench.detectors.monitor.scores import reach_of, residual_scores
 from gtmbench.detectors.monitor.stream import BankStream
+from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.monitor.trials import BankTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
+from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import Estimator, Records, as_records
 from gtmbench.notebook import card, figure
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, FloatArray, Record, sealed
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
+_RATE_OF_ENERGY = 1.0  # of a flight by a bank that judges energy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,18 +53,15 @@ class BankWatch(Watch):
         How far residuals may be off, as the statistics take it; empty where nothing is uncertain.
     before : mapping of output to array
         Healthy residuals on which the noise was learnt before the record began; empty where it was learnt on it.
-    outside : tuple of Excursion
-        The stretches whose residuals weren't judged.
     """
 
     spread: Mapping[str, Spread] = field(repr=False)
     before: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    outside: tuple[Excursion, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankMonitor(CalibratedBank):
-    """A calibrated bank at work; a residual's score is the greatest of its statistics over their thresholds.
+    """A calibrated bank; a residual's score is the greatest of its test statistics over their thresholds.
 
     Examples
     --------
@@ -89,8 +92,14 @@ class BankMonitor(CalibratedBank):
         return self.bank.suspects
 
     @property
+    def basis(self) -> Basis:
+        """What it rests on beside its channels."""
+        rows = self.bank.statistic.looks_back(self.sample_period_s)
+        return replace(_basis(self.bank), is_cautious=self.is_cautious, looks_back_s=rows * self.sample_period_s)
+
+    @property
     def look_ahead_s(self) -> float:
-        """How long after a sample the last of its residuals is judged."""
+        """The latency of its last residual, in seconds after a sample."""
         return max(map(self.look_ahead_of, self.operators))
 
     def _repr_html_(self) -> str:
@@ -108,16 +117,16 @@ class BankMonitor(CalibratedBank):
 
     @property
     def memory_s(self) -> float:
-        """Infinite: a fault that lasts is remembered for as long."""
+        """Infinite, because a lasting fault is remembered for as long as it lasts."""
         return float("inf")
 
     def stream(self) -> BankStream:
-        """Return a fresh stream: what `watch` says of a record, as its samples come in."""
+        """Return a fresh stream, which gives the results of `watch` as samples arrive."""
         regime = Regime.told(self.provenance)
         return MotionStream(self, regime) if self.bank.kinematic and regime.limits else BankStream(self)
 
     def trials(self, record: Record) -> BankTrials:
-        """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
+        """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return BankTrials(self, self, record)
 
     def watch(
@@ -129,73 +138,99 @@ class BankMonitor(CalibratedBank):
         before: Record | None = None,
         progress: Progress = silent,
     ) -> BankWatch:
-        """Watch a record: every alarm is diagnosed, then watching goes on with what can still be trusted.
+        """Watch a record: every alarm is diagnosed, then watching goes on with the residuals that can still be trusted.
 
-        A stream does the same with rows as they come in; here they are all there.
+        A stream does the same with rows as they arrive.
 
         Parameters
         ----------
         record : Record
         without : iterable of str
-            Families of hypotheses that diagnoses don't try (`isolation.hypotheses.FAMILIES`): what is said of faults
-            that nobody wrote a hypothesis for.
+            Families of hypotheses that diagnoses leave out (`isolation.hypotheses.FAMILIES`), to test faults without a
+            hypothesis.
         outside : sequence of Excursion
-            Stretches that say nothing: an alarm in one can't be told.
+            Stretches without evidence: an alarm in one gives "can't tell".
         before : Record, optional
-            Healthy, of the same sensors: their noise is learnt on its last 20 s, so that watching begins at once.
+            A healthy record of the same sensors. Their noise is learnt on its last 20 s, so watching begins at once.
         progress : callable
-            Told ``watch``, how many rows are done, and of how many.
+            Called with ``watch``, the rows done and the total.
 
         Raises
         ------
         InputError
-            Where the record lacks a channel of the bank or has another sample period.
+            If the record lacks a channel of the bank or has another sample period.
         """
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
         learnt = {} if before is None else dict(without_spread(self, before).raw)
-        tracks = {output: Track(self, output, learnt.get(output)) for output in self.operators}
         memory = Memory.of(self, record, residuals.spread)
         memory.leave_out(out)
         is_silent = any(not excursion.is_judged for excursion in outside)
         scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
-        logic = AlarmLogic(self, memory, tracks, keeps_changes=True, without=without, excursions=excursions)
-        values = {output: np.full(len(record), np.nan) for output in tracks}
+        engine = Engine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)
+        values = {output: np.full(len(record), np.nan) for output in self.operators}
         reach, columns = reach_of(self), record.columns(self.bank.channels)
         for piece in residuals.pieces():
             progress("watch", piece.start, len(record))
             first = max(piece.start - reach, 0)
             told = residuals.part(range(first, piece.stop))
             told = replace(told, raw=blotted(told.raw, out)) if out else told
-            _ = list(extend(tracks, told, first, range(piece.start, piece.stop)))
-            logic.missing.take(record.part(range(piece.start, piece.stop)).there[:, columns])
-            logic.run(piece.stop)
-            for output, track in tracks.items():
+            rows = range(piece.start, piece.stop)
+            engine.take(told, first, rows, record.part(rows).there[:, columns])
+            engine.run(piece.stop)
+            for output, track in engine.tracks.items():
                 values[output][track.first : track.stop] = track.values
-                if piece.stop < len(record):
-                    track.forget()
+            if piece.stop < len(record):
+                engine.forget()
         return BankWatch(
             monitor=self,
             record=record,
             scores=MappingProxyType(
-                {each.output: _score(self, record, each, values[each.output]) for each in logic.arming}
+                {each.output: _score(self, record, each, values[each.output]) for each in engine.logic.arming}
             ),
-            alarms=tuple(logic.alarms),
+            alarms=tuple(engine.logic.alarms),
             residuals=residuals.raw,
             predictions=residuals.predicted,
             spread=residuals.spread,
             before=MappingProxyType(learnt),
             outside=tuple(outside),
             noise_levels=MappingProxyType(
-                {output: track.level for output, track in tracks.items() if track.level > 0.0}
+                {output: track.level for output, track in engine.tracks.items() if track.level > 0.0}
             ),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 
+    def residual(self, record: Record, sensor: str) -> FloatArray:
+        """Return e(k) of a sensor, shape (samples,), NaN where it isn't known."""
+        return residuals_of(self.bank, record, self.operators, [sensor]).raw[sensor]
+
+    def superposition(self, watch: Watch, sensor: str) -> Superposition:
+        """Return the effect of a sensor's faults on its own residual's test statistic, on a watched record."""
+        assert isinstance(watch, BankWatch)
+        out = [each for each in blots(self, watch.record, watch.outside) if each[0] == sensor]
+        raw = blotted({sensor: watch.residuals[sensor]}, out)[sensor]
+        spread, before = watch.spread.get(sensor), watch.before.get(sensor)
+        return Superposition(
+            sensor=sensor,
+            record=watch.record,
+            residual=ChangedResidual(monitor=self, output=sensor, raw=raw, spread=spread, before=before),
+            armed=watch.scores[sensor].armed,
+        )
+
     def figures(self) -> dict[str, Any]:
-        """Return what calibration found, the bank's tables among it, as plain JSON values."""
+        """Return the calibration's results, with the bank's tables, as plain JSON values."""
         return bank_figures(self)
+
+
+def _basis(bank: Bank) -> Basis:
+    return Basis(
+        title=f"bank {bank.name}",
+        witnesses=WITNESSES,
+        predicts=tuple(spec.output for spec in bank.diagnostic),
+        kinematic=bank.kinematic,
+        attitude_from_gyros=bank.attitude_from_gyros if bank.predicts_gyros_from_attitude else None,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,6 +260,7 @@ def _score(monitor: CalibratedBank, record: Record, arming: Arming, values: Floa
         ahead=arming.track.ahead,
         channels=tuple(name for name in monitor.bank.channels if arming.source in monitor.bank.affects(name)),
         armed=np.isfinite(values) & _armed(arming, len(record)),
+        tests=monitor.thresholds[arming.output],
         disarmed_s=None if since is None else record.time_at(since),
     )
 
@@ -270,10 +306,43 @@ class BankDetector:
         """The measured channels that it needs."""
         return self.bank.channels
 
+    @property
+    def basis(self) -> Basis:
+        """What it rests on beside its channels."""
+        return _basis(self.bank)
+
+    def for_attitude(self, *, is_driven: bool) -> BankDetector:
+        """Return the bank for an attitude that the gyros drive, or for an independent one."""
+        if self.bank.attitude_from_gyros == is_driven:
+            return self
+        return replace(self, bank=self.bank.driven() if is_driven else replace(self.bank, attitude_from_gyros=False))
+
+    def calibrate_on_flight(
+        self,
+        records: Sequence[Record],
+        false_alarms_per_hour: float | None = None,
+        *,
+        provenance: Mapping[str, Any] = MappingProxyType({}),
+        progress: Progress = silent,
+    ) -> BankMonitor:
+        """Identify the bank on stretches of a flight, always with caution: one flight excites few directions.
+
+        The default is 0.002 false alarms an hour, or 1 for a bank that judges energy.
+        """
+        usual = _RATE_OF_ENERGY if self.bank.statistic.name == "energy" else RATE
+        return calibrate(
+            records,
+            bank=self.bank,
+            false_alarms_per_hour=usual if false_alarms_per_hour is None else false_alarms_per_hour,
+            estimator=Bayesian(),
+            provenance=provenance,
+            progress=progress,
+        )
+
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> BankMonitor:
-        """Identify the bank and set its thresholds for a false-alarm rate, 0.002 an hour unless told."""
+        """Identify the bank and set its thresholds for a false alarm rate, by default 0.002 an hour."""
         return calibrate(records, bank=self.bank, false_alarms_per_hour=false_alarms_per_hour, progress=progress)
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
@@ -314,21 +383,21 @@ def calibrate(
     records : Record or sequence of Record
         Healthy measurements with the bank's channels, all of one sample period.
     bank : Bank, str or Path
-        Or what `load_bank` takes: a name, such as ``C``, or a TOML file.
+        A bank, a name such as ``C``, or a TOML file.
     false_alarms_per_hour : float, optional
-        Wanted of the whole monitor, 0.002 unless told; far below 1 over the hours given, it stands on extrapolated
-        tails.
+        Rate to calibrate the whole monitor for (by default 0.002); far below 1 over the hours given, it rests on
+        extrapolated tails.
     estimator : Estimator, optional
-        `LeastSquares` for five minutes in all and more, `Bayesian` for less, unless told.
+        By default `LeastSquares` for five minutes in all and more, `Bayesian` for less.
     provenance : mapping, optional
-        Kept with the monitor: where the records come from.
+        The origin of the records, kept with the monitor.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where channels are missing or constant, or the records too short.
+        If channels are missing or constant, or the records too short.
 
     Examples
     --------

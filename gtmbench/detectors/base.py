@@ -26,12 +26,12 @@ from gtmbench.record import Record, check_record
 
 
 class BaseMonitor:
-    """What a Monitor of one's own may leave out; `name`, `channels` and `watch` it has to say itself.
+    """Defaults for a Monitor of your own; a subclass must define `name`, `channels` and `watch`.
 
     Attributes
     ----------
     suspects, sample_period_s, look_ahead_s, memory_s, provenance
-        As `Monitor` has them: nobody, any, none, everything, nothing.
+        As in `Monitor`. The defaults are no suspects, any period, no look-ahead, unlimited memory, no provenance.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class BaseMonitor:
     provenance: Mapping[str, Any] = MappingProxyType({})
 
     def watch(self, record: Record) -> Watch:
-        """Return everything that it says of a record."""
+        """Return the result on a record."""
         raise NotImplementedError
 
     def stream(self) -> Stream:
@@ -66,26 +66,26 @@ class BaseMonitor:
         return BufferedStream(self)
 
     def figures(self) -> dict[str, Any]:
-        """Refuse to be saved; a monitor that can be returns its figures, for its detector's `restore`."""
+        """Refuse to be saved. A monitor that can be saved returns its figures for its detector's `restore`."""
         raise InputError(f"'{self.name}' gives no figures, so it can't be saved; write figures(), and restore() beside")
 
 
 class SimpleDetector:
-    """A detector of two functions: what it learns of healthy records, and the scores that it holds against 1.
+    """A detector of two functions: one learns from healthy records, one returns test statistics with threshold 1.
 
-    A subclass says `name`, `channels`, `learn` and `scores`; the rest follows: alarms by the one arming rule, streams,
-    files. Its parameters may be fields of a frozen dataclass: they are kept with a monitor's figures.
+    A subclass defines `name`, `channels`, `learn` and `scores`. Alarms by the common arming rule, streams and files
+    follow. Its parameters may be fields of a frozen dataclass; a monitor's file keeps them.
 
     Attributes
     ----------
     name : str
     channels : tuple of str
-        It sees these, and no others.
+        The only channels that it gets.
     look_ahead_s : float
-        How long after a sample its score is known.
+        The latency of its test statistics, in seconds after a sample.
     memory_s : float
-        How far before its time, that is before a sample's plus `look_ahead_s`, a score looks back; unless it is
-        stated, a stream keeps everything.
+        How far a statistic looks back before its time, that is the sample's time plus `look_ahead_s`. By default a
+        stream keeps everything.
 
     Examples
     --------
@@ -109,20 +109,21 @@ class SimpleDetector:
     memory_s: float = math.inf
 
     def learn(self, records: Sequence[Record]) -> Mapping[str, Any]:
-        """Return what healthy records teach, as numbers, texts, lists, arrays and tables of these."""
+        """Return what is learnt from healthy records, as numbers, texts, lists, arrays and tables of these."""
         raise NotImplementedError
 
     def scores(self, record: Record, learned: Mapping[str, Any]) -> Mapping[str, ArrayLike]:
-        """Return scores by name, one value a sample, NaN where there is none; an alarm where one rises above 1.
+        """Return test statistics by name, one value a sample, NaN where there is none. Above 1 is an alarm.
 
-        Arrays of `learned` come as lists. A value may look at samples up to `look_ahead_s` later, and no further.
+        Arrays of `learned` are passed as lists. A value may use samples up to `look_ahead_s` later, and none after
+        that.
         """
         raise NotImplementedError
 
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
     ) -> SimpleMonitor:
-        """Return a monitor of what `learn` finds; it promises no rate."""
+        """Return a monitor from the result of `learn`; it promises no false alarm rate."""
         if false_alarms_per_hour is not None:
             raise InputError(
                 f"'{self.name}' can't promise {false_alarms_per_hour:g} false alarms an hour; leave the rate out"
@@ -135,7 +136,7 @@ class SimpleDetector:
     def restore(
         self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})
     ) -> SimpleMonitor:
-        """Return the monitor of some figures, with the parameters that it was calibrated with."""
+        """Return the monitor of some figures, with the parameters of its calibration."""
         figures = keys("figures", figures, ("sample_period_s", "recipe", "learned"))
         recipe = keys("recipe", figures["recipe"], tuple(self._recipe()))
         return SimpleMonitor(
@@ -204,7 +205,7 @@ class SimpleMonitor:
         Raises
         ------
         InputError
-            Where the record lacks a channel or has another sample period.
+            If the record lacks a channel or has another sample period.
         """
         check_record(record)
         known_s = np.round(record.time_s + self.look_ahead_s, 9)
@@ -273,7 +274,7 @@ class SimpleStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         clock, record = self._buffer.joined(chunk)
         known = clock.known(len(chunk), self._monitor.behind)

@@ -1,18 +1,20 @@
 """A monitor as one JSON file: numbers and names, nothing that runs; read back bit for bit, every key checked.
 
-One envelope for every detector: ``detector`` says whose figures they are, and that detector's ``restore`` reads them.
+Its digest tells whether it holds what was written. One envelope for every detector: ``detector`` says whose figures
+they are, and that detector's ``restore`` reads them.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import shown, text
+from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
@@ -21,20 +23,22 @@ from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
-from gtmbench.errors import InputError
-from gtmbench.files import atomic_write, check_size, is_file
+from gtmbench.errors import InputError, NoteWarning
+from gtmbench.files import atomic_write, check_size, is_file, no_such
 from gtmbench.plain import dumps
+from gtmbench.seals import KEY, check_seal, seal
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
-VERSION = 2
+VERSION = 3
 BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
     "rival": restore_rival,
 }
 
-_KEYS = ("format", "version", "gtmbench", "detector", "figures", "provenance")
+_KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")  # version 2: without a digest
+_KEYS = (*_KEYS_2, KEY)
 _FIGURES_1 = ("sample_period_s", "name", "bank", "residuals")  # version 1: a bank's, beside the others
 _KEYS_1 = ("format", "version", "gtmbench", *_FIGURES_1, "provenance")
 _LARGEST_FILE_BYTES = 50_000_000
@@ -43,9 +47,9 @@ _MOST_WORDS = 400  # characters of a message: a broken file may hold anything
 
 
 def save_monitor(monitor: Monitor, path: str | Path) -> None:
-    """Write a monitor; `load_monitor` returns one that judges alike, on any machine.
+    """Write a monitor; `load_monitor` returns one with the same judgements, on any machine.
 
-    Saving what was loaded gives the same bytes.
+    Saving a loaded monitor gives the same bytes.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     Raises
     ------
     InputError
-        Where the file can't be written there, or the monitor holds what couldn't be read back.
+        If the file can't be written there, or the monitor holds what couldn't be read back.
 
     Examples
     --------
@@ -91,12 +95,12 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     ----------
     path : str or Path
     detector : Detector, optional
-        The recipe whose figures the file holds; needed where it neither comes with gtmbench nor is installed.
+        The recipe of the figures in the file; needed if it neither comes with gtmbench nor is installed.
 
     Raises
     ------
     InputError
-        Naming the file, the key, what stands there and what should.
+        Naming the file, the key, its value and what is legal.
 
     Examples
     --------
@@ -114,14 +118,32 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     True
     """
     path = Path(path)
+    if not is_file(path):
+        raise InputError(no_such(path, "`gtmbench calibrate` writes one"))
     try:
-        if not is_file(path):
-            raise InputError("no such file; `gtmbench calibrate` writes one")
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
-        kept = _kept(_parsed(path.read_text(encoding="utf-8")))
+        document = _parsed(path.read_text(encoding="utf-8"))
+        kept = _kept(document)
+        if KEY not in document:
+            why = f"{path} carries no digest, so whether it was altered can't be told; calibrate anew, or save it again"
+            warnings.warn(NoteWarning(why), stacklevel=2)
         return _restored(kept) if detector is None else _restored_by(detector, kept)
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: {_short(error)}") from error
+
+
+def check_monitor(path: Path) -> None:
+    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures.
+
+    Raises
+    ------
+    InputError
+    """
+    with naming(path):
+        check_size(path, "monitor", _LARGEST_FILE_BYTES)
+        if KEY not in (document := _parsed(path.read_text(encoding="utf-8"))):
+            raise InputError("it carries no digest")
+        _kept(document)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +161,7 @@ def kind_of(detector: Detector | Monitor) -> str:
     Raises
     ------
     InputError
-        Where somebody's own goes by a name that is gtmbench's.
+        If somebody's own goes by a name that is gtmbench's.
     """
     if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"
@@ -182,12 +204,14 @@ def _kept(document: Any) -> _Kept:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("it isn't a monitor of gtmbench; `gtmbench calibrate` writes one")
     version, by = document.get("version"), document.get("gtmbench")
-    if type(version) is not int or version not in (1, VERSION):
+    if type(version) is not int or not 1 <= version <= VERSION:
         raise InputError(
             f"version is {shown(version)}, written by gtmbench {shown(by)}; this is gtmbench {__version__}, which "
-            f"reads versions 1 and {VERSION}: use the other, or run `gtmbench calibrate`"
+            f"reads versions 1 to {VERSION}: use the other, or run `gtmbench calibrate`"
         )
-    keys("", document, _KEYS if version == VERSION else _KEYS_1)
+    keys("", document, {1: _KEYS_1, 2: _KEYS_2, VERSION: _KEYS}[version])
+    if version == VERSION:
+        check_seal(document, "copy it anew, or run `gtmbench calibrate`")
     text("gtmbench", by)
     if version == 1:
         document = {**document, "detector": "bank", "figures": {key: document[key] for key in _FIGURES_1}}
@@ -209,7 +233,8 @@ def _text(monitor: Monitor) -> str:
         "figures": figures,
         "provenance": dict(monitor.provenance),
     }
-    lines = {key: _line(value, "  ") for key, value in document.items()}
+    sealed = seal(document)
+    lines = {key: _line(value, "  ") for key, value in sealed.items()}
     lines["figures"] = _table({key: _line(value, "    ") for key, value in figures.items()}, "  ")
     return _table(lines, "") + "\n"
 

@@ -24,18 +24,18 @@ Function = Callable[[Record], ArrayLike]
 
 @dataclass(frozen=True)
 class FunctionDetector:
-    """A function of a record, adapted: it has nothing to calibrate.
+    """A function of a record as a detector; it needs no calibration.
 
     Parameters
     ----------
     function : callable
-        From a `Record` to the times of its alarms in seconds, each standing on nothing after it.
+        From a `Record` to the times of its alarms in seconds; an alarm may use nothing later than its time.
     name : str, optional
-        The function's own, unless told.
+        By default the function's own.
     channels : tuple of str
-        That it needs; empty: it is asked to say so itself.
+        The channels that it needs; empty: the function checks them itself.
     memory_s : float
-        How far before its time an alarm looks back.
+        How far an alarm looks back before its time, in seconds.
 
     Examples
     --------

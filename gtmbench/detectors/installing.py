@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.installation import ANGLES, GYROS, Installation
+from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
 from gtmbench.method.regression.slow import interpolated
@@ -305,7 +305,7 @@ class Corrector:
 
 def expected_of(monitor: Monitor) -> Installation | None:
     """Return the installation that a monitor was calibrated with, where kinematic operators tell its lag and scales."""
-    if not isinstance(monitor, CalibratedBank):
+    if not predicts(monitor):
         return None
     gyros, late = np.eye(3), []
     for place, name in enumerate(GYROS):

@@ -14,8 +14,8 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.notebook import card
 from gtmbench.progress import Progress, silent
 from gtmbench.record import BoolArray, FloatArray, Record
@@ -26,7 +26,7 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 
 @runtime_checkable
 class Stream(Protocol):
-    """A monitor at work on samples as they come in; memory and time a sample don't grow.
+    """A monitor that watches samples as they arrive; memory and time per sample don't grow.
 
     Examples
     --------
@@ -41,46 +41,48 @@ class Stream(Protocol):
 
     @property
     def armed(self) -> Mapping[str, bool]:
-        """Whether each score could raise an alarm with the next sample; one that is missing has been disarmed."""
+        """Whether each test statistic could alarm with the next sample; a missing one has been disarmed."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm so far, as it is known by now."""
+        """Every alarm so far, with its judgements up to now."""
 
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
-        """Return the alarms that a chunk's samples raise or tell more of: the same alarm, by its number, again.
+        """Return the alarms that a chunk raises, and again those with new judgements, under the same number.
 
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
 
 
 @runtime_checkable
 class Monitor(Protocol):
-    """A detector, calibrated: frozen, picklable, the same judgements in any process.
+    """A calibrated detector: frozen, picklable, with the same judgements in any process.
 
     Attributes
     ----------
     name : str
         The detector's.
     channels : tuple of str
-        What a record must hold.
+        The channels that a record must hold.
     suspects : tuple of str
-        The sensors that it may name; empty where it names none. Of samples that are missing it may name any channel's.
+        The sensors that it may name; empty for a monitor without isolation. For missing samples it may name any
+        channel.
     sample_period_s : float or None
-        That it was calibrated at; None where any is well.
+        The sample period of the calibration; None if any is allowed.
     look_ahead_s : float
-        How long after a sample its last score is known: an alarm at a time tells of samples that much older, or more.
+        The latency of its last test statistic: an alarm concerns samples that are at least so much older.
     memory_s : float
-        How far before its time an alarm looks back; infinite where that isn't bounded.
+        How far an alarm looks back before its time, in seconds; infinite if that isn't bounded.
     provenance : mapping
-        Where it comes from, as plain values.
+        Its origin, as plain values.
 
     Notes
     -----
-    A method `trials(record)` may be there, too, where it is quicker than watching (`gtmbench.detectors.trials`).
+    Optional members: a method `trials(record)`, if it is faster than watching (`gtmbench.detectors.trials`), and a
+    `basis`, if it assumes more than its channels (`gtmbench.detectors.basis`).
 
     Examples
     --------
@@ -106,13 +108,13 @@ class Monitor(Protocol):
     def provenance(self) -> Mapping[str, Any]: ...  # noqa: D102
 
     def watch(self, record: Record) -> Watch:
-        """Return everything that it says of a record."""
+        """Return the result on a record."""
 
     def stream(self) -> Stream:
         """Return a fresh stream."""
 
     def figures(self) -> dict[str, Any]:
-        """Return what calibration found as plain JSON values, for `Detector.restore`."""
+        """Return the calibration's results as plain JSON values, for `Detector.restore`."""
 
 
 @runtime_checkable
@@ -123,10 +125,13 @@ class Detector(Protocol):
     ----------
     name : str
     channels : tuple of str
-        What a record must hold; surface commands are there only if they are named here.
+        The channels that a record must hold; surface commands are included only if they are named here.
     tied_to_excitation : bool
-        Whether it learns what excites its records, as an operator from gyros to gyros does: a study then calibrates it
-        on two healthy records of its own flight (other noise), not on flights that shake everything. May be left out.
+        Whether it learns the excitation of its records, as an operator from gyros to gyros does. A study then
+        calibrates it on two healthy records of its own flight (other noise), not on flights with rich excitation.
+        Optional.
+    basis : Basis
+        Its assumptions beyond its channels (`gtmbench.detectors.basis`). Optional.
 
     Examples
     --------
@@ -148,20 +153,20 @@ class Detector(Protocol):
         Parameters
         ----------
         records : sequence of Record
-            Healthy, of one sample period.
+            Healthy records of one sample period.
         false_alarms_per_hour : float, optional
-            Wanted of the monitor; None: the recipe's own factor or rate.
+            The false alarm rate to calibrate for; None: the recipe's own factor or rate.
         progress : callable
-            Told the step, how many are done, and of how many.
+            Called with the step, the number done and the total.
 
         Raises
         ------
         InputError
-            Where a rate is asked for that the recipe can't promise, or the records don't allow it.
+            If the recipe can't promise a rate, or the records don't allow it.
         """
 
     def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = _NONE) -> Monitor:
-        """Return the monitor whose `figures` these are, bit for bit; every key checked, for they come from a file."""
+        """Return the monitor of these `figures`, bit for bit. Every key is checked, because they come from a file."""
 
 
 def is_recipe(given: Detector | Monitor) -> TypeGuard[Detector]:
@@ -176,27 +181,29 @@ def is_ready(given: Detector | Monitor) -> TypeGuard[Monitor]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Score:
-    """A statistic over time that is held against a threshold.
+    """A test statistic over time, and its threshold.
 
     Attributes
     ----------
     name : str
-        As in `Alarm.source`.
+        The name in `Alarm.source`.
     values : shape (samples,)
-        Row for row beside the record; NaN where it doesn't exist.
+        One value per row of the record; NaN where it doesn't exist.
     known_s : shape (samples,)
         When each value is known, in seconds.
     threshold : float
-        An alarm above it.
+        An alarm is raised above it.
     unit : str
     channels : tuple of str
-        The sensors whose fault enters it.
+        The sensors whose faults enter it.
     armed : shape (samples,)
-        Where an alarm was possible: the value exists, it or one before had been known at or below the threshold since
-        watching began (anew), and no judgement had disarmed it. A score above its threshold from the start is no
-        alarm: there it can't tell.
+        Where an alarm was possible: the value exists, an earlier or this value was known at or below the threshold
+        since watching began (or began anew), and no judgement had disarmed it. A statistic above its threshold from the
+        start gives no alarm but "can't tell".
     disarmed_s : float or None
-        Since when a judgement keeps it from alarming, to the record's end.
+        The time from which a judgement keeps it disarmed to the record's end.
+    tests : mapping of test to float
+        The thresholds of the tests whose greatest ratio it is; empty if it is a single test.
 
     Examples
     --------
@@ -217,6 +224,7 @@ class Score:
     channels: tuple[str, ...] = ()
     armed: BoolArray = field(repr=False)
     disarmed_s: float | None = None
+    tests: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     @property
     def exists(self) -> BoolArray:
@@ -230,7 +238,7 @@ class Score:
 
     @property
     def is_stuck_above(self) -> bool:
-        """Whether it exists and never came down to its threshold: it can't tell anything."""
+        """Whether it exists and never came down to its threshold, so it is no evidence."""
         return bool(self.exists.any()) and not self.armed.any() and self.disarmed_s is None
 
     def peak(self, from_s: float = -np.inf) -> float:
@@ -241,23 +249,25 @@ class Score:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Watch:
-    """Everything that a monitor said of a record.
+    """The result of a monitor on a record.
 
     Attributes
     ----------
     monitor : Monitor
     record : Record
     scores : mapping of name to Score
-        Empty for a detector that shows none.
+        The test statistics; empty for a detector that shows none.
     alarms : tuple of Alarm
-        In time, each as it is known at the record's end.
+        In order of time, with all judgements up to the record's end.
     residuals, predictions : mapping of sensor to array of shape (samples,)
-        In the sensor's unit; predictions are what it should have read. Empty where there are none.
+        One-step residuals and predicted readings, in the sensor's unit. Empty without any.
     widening : mapping of sensor to array of shape (samples,)
-        By which what is normal of a residual is widened, where the motion is beyond what identification held; 1 where
-        nothing is. Empty where that doesn't arise.
+        Factor on the normal size of a residual for motion beyond that of identification; 1 means none. Empty if the
+        monitor has no such factor.
     noise_levels : mapping of score to float
-        Of those whose noise is learnt on the record: its deviation at the beginning over that of the calibration.
+        For statistics whose noise is learnt on the record: its deviation at the beginning over that of the calibration.
+    outside : tuple of Excursion
+        The stretches in which residuals are no evidence.
 
     Examples
     --------
@@ -278,6 +288,7 @@ class Watch:
     predictions: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     noise_levels: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    outside: tuple[Excursion, ...] = field(default=(), repr=False)
 
     def _repr_html_(self) -> str:
         record, faults = self.record, self.faults
@@ -290,7 +301,7 @@ class Watch:
 
     @property
     def faults(self) -> tuple[Alarm, ...]:
-        """The alarms that first told of a fault, in time; those that count to the fault of another are left out."""
+        """The first alarm of each fault, in order of time."""
         return tuple(alarm for alarm in self.alarms if alarm.is_first)
 
     @property
@@ -300,26 +311,26 @@ class Watch:
 
     @property
     def armed(self) -> BoolArray:
-        """Where an alarm was possible, of any score, shape (samples,); everywhere for a detector that shows none."""
+        """Where any test statistic could alarm, shape (samples,); everywhere for a detector that shows none."""
         if not self.scores:
             return np.ones(len(self.record), dtype=bool)
         return np.asarray(np.logical_or.reduce([score.armed for score in self.scores.values()]))
 
     @property
     def armed_hours(self) -> float:
-        """Hours watched: how long an alarm was possible, of any score."""
+        """Hours in which any test statistic could alarm."""
         return float(np.count_nonzero(self.armed)) * self.record.sample_period_s / 3600.0
 
     @property
     def disarmed(self) -> dict[str, float]:
-        """Scores that a judgement keeps from alarming to the record's end, and since when, in seconds."""
+        """Test statistics that a judgement disarms to the record's end, with the time in seconds from which it does."""
         return {name: score.disarmed_s for name, score in self.scores.items() if score.disarmed_s is not None}
 
     def virtual(self, sensor: str) -> FloatArray:
-        """Return what a sensor should have read, shape (samples,), NaN where that isn't known.
+        """Return a sensor's predicted reading (virtual sensor), shape (samples,), NaN where it isn't known.
 
-        A predicted sensor's is its prediction. An attitude angle's is carried on by the gyros from the onset of its
-        fault (the first row, without one), and drifts with them.
+        For a sensor with a residual it is the prediction. For an attitude angle it is integrated from the gyros from
+        the onset of its fault (or the first row), and drifts with them.
         """
         from gtmbench.detectors.virtual import integrable, integrated_angle
 
@@ -330,10 +341,6 @@ class Watch:
         onset_s = min((alarm.onset_s for alarm in self.alarms if alarm.sensor == sensor), default=self.record.start_s)
         row = round((onset_s - self.record.start_s) / self.record.sample_period_s)
         return integrated_angle(self.record, sensor, row)
-
-    findings = renamed("Watch.findings", "alarms")
-    levels = renamed("Watch.levels", "scores")
-    given_up = renamed("Watch.given_up", "disarmed")
 
 
 def watch(monitor: Monitor, record: Record) -> Watch:
@@ -348,7 +355,7 @@ def watch(monitor: Monitor, record: Record) -> Watch:
     Raises
     ------
     InputError
-        Where the record lacks a channel of the monitor or has another sample period.
+        If the record lacks a channel of the monitor or has another sample period.
 
     Examples
     --------

@@ -27,7 +27,7 @@ DISSERTATION = "dissertation"
 
 
 def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -> Detector | Monitor:
-    """Return a detector, or a monitor where the source is one.
+    """Return a detector, or a monitor if the source is one.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
         Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to the times of its
         alarms.
     calibrated : str or Path, optional
-        A monitor's JSON file whose figures the detector is to restore.
+        A monitor's JSON file whose figures the detector restores.
 
     Raises
     ------
     InputError
-        Where there is no such detector, or the file isn't of it.
+        If there is no such detector, or the file isn't of it.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     Raises
     ------
     InputError
-        Where it is Python, or there is none of that name.
+        If it is Python, or there is none of that name.
     """
     if is_python(source):
         raise InputError(

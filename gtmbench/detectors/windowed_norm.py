@@ -31,7 +31,7 @@ _GROSS = 1e4  # in the outputs' unit: a residual that no detector may overlook
 
 @dataclass(frozen=True, kw_only=True)
 class DissertationOperator:
-    """Section 4.4 as a recipe: identify on one healthy record, take the threshold from another, watch E(k).
+    """The detector of section 4.4: identify on one healthy record, take the threshold from another, watch E(k).
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class DissertationOperator:
     window : int
         w: E(k) sums w + 1 squares.
     threshold_factor : float
-        Times the greatest E(k) of the healthy record.
+        The threshold over the greatest E(k) of the healthy record.
     identify_s, threshold_s : (start, end), optional
-        The parts of the two records that are used (k Ts of windows, for the threshold); all of them unless told.
+        The parts of the two records that are used (k Ts of windows, for the threshold), by default all.
 
     Examples
     --------
@@ -86,16 +86,16 @@ class DissertationOperator:
         Parameters
         ----------
         records : sequence of Record
-            Two or more, healthy, of the excitation that is to be watched, each with noise of its own.
+            Two or more healthy records of the excitation to be watched, each with its own noise.
         false_alarms_per_hour : None
-            It has a factor, and promises no rate.
+            It has a factor and promises no rate.
         progress : callable
-            Told the step, how many are done, and of how many.
+            Called with the step, the number done and the total.
 
         Raises
         ------
         InputError
-            Where a rate is asked for, or less than two records are given.
+            If a rate is asked for, or less than two records are given.
         """
         if false_alarms_per_hour is not None:
             raise InputError(
@@ -148,7 +148,7 @@ class NormMonitor:
     window : int
         w of (4.12), in samples.
     threshold : float
-        Of E(k), in the outputs' unit.
+        Threshold of E(k), in the outputs' unit.
 
     Examples
     --------
@@ -191,7 +191,7 @@ class NormMonitor:
 
     @property
     def suspects(self) -> tuple[str, ...]:
-        """None: the residual says that a sensor broke, not which."""
+        """Empty, because the residual shows that a sensor broke, not which."""
         return ()
 
     @property
@@ -201,12 +201,12 @@ class NormMonitor:
 
     @property
     def look_ahead_s(self) -> float:
-        """How long after a sample its residual exists: d Ts, in seconds."""
+        """The latency of its residual: d Ts, in seconds."""
         return round(self.operator.look_ahead_s, 9)
 
     @property
     def window_s(self) -> float:
-        """(w + 1) Ts: with the look-ahead it bounds when a window that lies wholly after an onset is known."""
+        """(w + 1) Ts. With the look-ahead it bounds the latency of a window that lies wholly after an onset."""
         return round((self.window + 1) * self.sample_period_s, 9)
 
     @property
@@ -230,16 +230,16 @@ class NormMonitor:
         }
 
     def trials(self, record: Record) -> NormTrials:
-        """Return faults put on a healthy record, asked whether and when they alarm: no record is watched as a whole."""
+        """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return NormTrials(self, self.operator, self.window, self.threshold, record)
 
     def watch(self, record: Record) -> Watch:
-        """Return residual, E(k) and alarms: E(k) that rises above the threshold, at (k + w + d) Ts.
+        """Return residual, E(k) and alarms. An alarm is E(k) rising above the threshold, dated (k + w + d) Ts.
 
         Raises
         ------
         InputError
-            Where the record lacks a channel or has another sample period.
+            If the record lacks a channel or has another sample period.
         """
         check_record(record)
         errors = residual(self.operator, record)
@@ -296,7 +296,7 @@ class NormAlarmStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         crossed = self._crossings.push(self._norm.push(self._residual.push(chunk)))
         times_s = np.round(crossed.time_s, 9).tolist()

@@ -78,7 +78,7 @@ class Oscillation(Formula):
     phase_deg : float, optional
         At the onset.
     replaces : bool, optional
-        Whether the sine takes the signal's place; left out, it is added.
+        Whether the sine replaces the signal; by default it is added.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class RandomWalk(Fault):
     gain : float
         In the channel's unit per sqrt(s).
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------
@@ -150,7 +150,7 @@ class Noise(Formula):
     deviation : float
         Standard deviation, in the channel's unit.
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------
@@ -178,9 +178,9 @@ class Spikes(Formula):
     size : float
         In the channel's unit.
     rate_hz : float
-        How many a second.
+        Mean number of spikes a second.
     seed : int, optional
-        Of what is drawn.
+        Seed of the random draws.
 
     Examples
     --------
@@ -207,7 +207,7 @@ class Spikes(Formula):
 class GSensitivity(Formula):
     """Acceleration leaks in: y + coefficient n, n the specific force in g that the accelerometer of `axis` reads.
 
-    At rest that is 1 g along the vertical: the bias that it brings belongs to the fault.
+    At rest n is 1 g along the vertical; the resulting bias belongs to the fault.
 
     Parameters
     ----------

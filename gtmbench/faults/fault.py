@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
-from gtmbench.channels import unit_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.checks import number, shown
 from gtmbench.clock import even_times_s
 from gtmbench.errors import InputError
@@ -34,9 +34,9 @@ Value = Any  # a float, or an array of them: formulas hold for either
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What every fault has: a channel, when it is active, and how it comes in.
+    """The base of all faults: the channel, the time when it is active, and how it develops.
 
-    With F(y) what the kind makes of the signal, a sample at time t reads
+    Let F(y) be the kind's effect on the signal. A sample at time t reads
 
         y_b(t) = y(t) + w(t) (F(y)(t) - y(t)),   w(t) = min((t - onset_s)/ramp_s, 1),
 
@@ -50,12 +50,12 @@ class Fault:
     onset_s : float
         When, in seconds.
     duration_s : float or None
-        For how long; None: for good.
+        Duration in seconds; None: permanent.
     ramp_s : float
-        How long it takes to come in; 0: w = 1 at once.
+        Seconds until it is fully developed; 0: w = 1 at once.
     intermittent : Intermittent or None
-        When it is on in between; None: always. Each time, it begins anew from the last healthy sample; time since the
-        onset and what is drawn run on in the pauses.
+        When it is on; None: always. Each spell starts from the last healthy sample; the time since the onset and random
+        draws run on in the pauses.
 
     Examples
     --------
@@ -101,13 +101,13 @@ class Fault:
 
     @property
     def severities(self) -> dict[str, float]:
-        """How bad it is: the severities by name, in their units; one that is left out isn't there."""
+        """The severities by name, in their units, without those left out."""
         named = [(each.name, getattr(self, each.name)) for each in self.parameters() if each.is_severity]
         return {name: float(value) for name, value in named if value is not None}
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """The channels it looks at, its own first."""
+        """The channels that it reads, its own first."""
         return (self.channel, *(getattr(self, each.name) for each in self.parameters() if each.is_channel))
 
     @property
@@ -117,28 +117,28 @@ class Fault:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """The channels it changes, its own first."""
+        """The channels that it changes, its own first."""
         return tuple(part.channel for part in self.parts)
 
     def begin(self, before: FloatArray) -> Any:
-        """Return what the fault carries into its first stretch, from the last healthy sample of `reads`."""
+        """Return the state for the first stretch, from the last healthy sample of `reads`."""
         return None
 
     def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
-        """Return the broken samples of a stretch, and what to carry into the next.
+        """Return the broken samples of a stretch, and the state for the next.
 
-        Left undefined, it is `distort_sample`, one after the other.
+        By default it applies `distort_sample` to one sample after the other.
 
         Parameters
         ----------
         readings : shape (samples, len(reads))
-            The channels the fault reads, its own first.
+            The channels that the fault reads, its own first.
         elapsed_s : shape (samples,)
             Time since the onset, in seconds.
         sample_period_s : float
             Ts, in seconds.
         carried
-            What `begin` or the stretch before returned.
+            The state from `begin` or from the stretch before.
         """
         if type(self).distort_sample is Fault.distort_sample:
             raise NotImplementedError(f"{type(self).__name__} defines neither distort nor distort_sample")
@@ -151,9 +151,9 @@ class Fault:
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
     ) -> tuple[float, Any]:
-        """Return one broken sample, and what to carry into the next: `distort` in plain floats, ten times as fast.
+        """Return one broken sample and the state for the next: `distort` in plain floats, ten times as fast.
 
-        Left undefined, it is `distort` of a stretch of one sample.
+        By default it is `distort` of a stretch of one sample.
         """
         broken, carried = self.distort(np.array([now]), np.array([elapsed_s]), sample_period_s, carried)
         return float(broken[0]), carried
@@ -172,7 +172,7 @@ class Fault:
         return active
 
     def broken(self, readings: FloatArray, time_s: FloatArray, sample_period_s: float) -> FloatArray:
-        """Return what the channel reads, shape (samples,), of readings of shape (samples, len(reads))."""
+        """Return the broken channel, shape (samples,), from readings of shape (samples, len(reads))."""
         broken = readings[:, 0].copy()
         active = np.concatenate([[False], self.active(time_s), [False]])
         for first, end in np.flatnonzero(active[1:] != active[:-1]).reshape(-1, 2).tolist():
@@ -188,7 +188,7 @@ class Fault:
         return self.broken(record.matrix(self.reads), record.time_s, record.sample_period_s)
 
     def onwards(self, record: Record, stop: int) -> tuple[FloatArray, FloatArray]:
-        """Return what the channel reads from `onset_row` up to another row, without the fault and with it."""
+        """Return the channel from `onset_row` up to another row, without the fault and with it."""
         row = max(self.onset_row(record), 0)
         before = max(row - 1, 0)  # a fault begins with the last healthy sample
         readings = record.values[before:stop, record.columns(self.reads)]
@@ -276,15 +276,15 @@ def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: Attitud
     ----------
     record : Record
     faults : Fault or sequence of Fault
-        Each acts on what those before it left.
+        Each acts on the result of those before it.
     attitude : AttitudeEstimator, optional
-        Whose the record's attitude is: phi, theta and psi are what it would have made of the broken gyros, and faults
-        of these act on that. Without one, the attitude stays as it is, as a vertical gyro's or a camera's would.
+        The estimator of the record's attitude: phi, theta and psi become its result on the broken gyros, and faults of
+        these act on that. Without one the attitude is unchanged, as for a vertical gyro or a camera.
 
     Raises
     ------
     InputError
-        Where the record lacks a channel, or a fault's onset lies outside of it.
+        If the record lacks a channel, or a fault's onset lies outside of it.
 
     Examples
     --------

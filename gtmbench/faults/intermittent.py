@@ -13,7 +13,7 @@ SLACK_S = 1e-9  # a time counts as reached up to a nanosecond before it
 
 @dataclass(frozen=True, kw_only=True)
 class Intermittent:
-    """When an intermittent fault is on: once a period, for a share of it.
+    """The schedule of an intermittent fault: on once a period, for a share of it.
 
     In period n = 0, 1, ... after the onset the fault is on for
 
@@ -28,14 +28,14 @@ class Intermittent:
     duty : float
         d, the share of each period in which the fault is on: more than 0, at most 1.
     jitter : float
-        j, the share of the period by which beginnings vary: at most 1 - d, so each spell stays in its own period.
+        j, the share of the period by which starts vary: at most 1 - d, so each spell stays in its own period.
     seed : int
         Of the beginnings.
 
     Raises
     ------
     InputError
-        Where a figure can't be meant.
+        If a value is invalid.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Intermittent:
         whole("intermittent: seed", self.seed)
 
     def is_on(self, elapsed_s: Any) -> Any:
-        """Return whether the fault is on, so long after its onset; of a float or of an array of rising times."""
+        """Return whether the fault is on at a time after its onset, for a float or an array of increasing times."""
         period = (elapsed_s + SLACK_S) // self.period_s
         period = period * (period > 0.0)  # before the onset there is none
         late = self.jitter * drawn("random", self.seed, "intermittent", period) * (period > 0.0) if self.jitter else 0.0

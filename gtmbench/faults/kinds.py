@@ -23,33 +23,6 @@ from gtmbench.faults.shaping import (
     SignFlip,
 )
 
-__all__ = [
-    "FAULTS",
-    "Bias",
-    "Deadzone",
-    "Delay",
-    "Drift",
-    "Dropout",
-    "GSensitivity",
-    "Hardover",
-    "Hysteresis",
-    "Jam",
-    "Lag",
-    "Misalignment",
-    "Noise",
-    "Oscillation",
-    "Quantisation",
-    "RandomWalk",
-    "RateSaturation",
-    "Saturation",
-    "ScaleFactor",
-    "SignFlip",
-    "Spikes",
-    "Stale",
-    "Stuck",
-    "Swap",
-]
-
 _KINDS: tuple[type[Fault], ...] = (
     *(Drift, Deadzone, Saturation, RateSaturation, Jam),  # the dissertation's
     *(Bias, RandomWalk, Oscillation, ScaleFactor, SignFlip, Noise, Spikes, Dropout, Stuck, Hardover),

@@ -92,20 +92,20 @@ def severity(
     above: bool = False,
     default: Any = MISSING,
 ) -> Any:
-    """Declare a figure that tells how bad a fault is among its fields.
+    """Declare a field for the severity of a fault.
 
     Parameters
     ----------
     per_second : bool
         It is in the channel's unit per second; short for ``per="s"``.
     per : str
-        What the channel's unit is divided by: "s", "sqrt(s)", "g"; left out: nothing.
+        The divisor of the channel's unit: "s", "sqrt(s)", "g"; by default none.
     unit : str
-        Its own unit ("" for a mere number) where the channel's doesn't matter.
+        Its own unit ("" for a plain number), if it doesn't use the channel's.
     low, high, above
-        What it may be: low..high, with `above` more than low.
+        The allowed range: low..high, with `above` more than low.
     default
-        What it is when nothing is said; left out: it must be given.
+        The default value; without one it must be given.
 
     Examples
     --------
@@ -126,16 +126,14 @@ def severity(
 def setting(
     *, unit: str, low: float = -math.inf, high: float = math.inf, above: bool = False, default: Any = MISSING
 ) -> Any:
-    """Declare a number among a fault's fields that doesn't tell how bad it is: a frequency, a phase.
+    """Declare a field for a number that isn't a severity: a frequency, a phase.
 
     Parameters
     ----------
     unit : str
         Its own.
-    low, high, above
-        What it may be: low..high, with `above` more than low.
-    default
-        What it is when nothing is said; left out: it must be given.
+    low, high, above, default
+        As `severity` takes them.
 
     Examples
     --------
@@ -153,7 +151,7 @@ def setting(
 
 
 def other_channel() -> Any:
-    """Declare a channel that the fault reads among its fields.
+    """Declare a field for another channel that the fault reads.
 
     Examples
     --------
@@ -170,7 +168,7 @@ def other_channel() -> Any:
 
 
 def flag() -> Any:
-    """Declare something that a fault does or doesn't among its fields; left out, it doesn't.
+    """Declare a yes-or-no field of a fault; the default is no.
 
     Examples
     --------
@@ -187,7 +185,7 @@ def flag() -> Any:
 
 
 def random_seed() -> Any:
-    """Declare the seed of what a fault draws among its fields; left out: 0.
+    """Declare a field for the seed of a fault's random draws; the default is 0.
 
     Examples
     --------

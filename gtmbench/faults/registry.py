@@ -21,7 +21,7 @@ _Class = TypeVar("_Class", bound=type[Fault])
 
 
 def register_fault(cls: _Class) -> _Class:
-    """Make a kind of fault known by its name, so that scenarios can say it; a decorator.
+    """Register a kind of fault by its name, for use in scenarios; a decorator.
 
     A scenario file names it once ``gtmbench run --import PACKAGE`` has imported the class's module. In Python, faults
     of any class work as they are, registered or not.
@@ -29,7 +29,7 @@ def register_fault(cls: _Class) -> _Class:
     Raises
     ------
     InputError
-        Where it isn't a frozen dataclass with a `kind` and a `distort` or `distort_sample`, or the kind is taken by
+        If it isn't a frozen dataclass with a `kind` and a `distort` or `distort_sample`, or the kind is taken by
         another class.
 
     Examples
@@ -80,7 +80,7 @@ def find_fault(kind: Any) -> type[Fault]:
     Raises
     ------
     InputError
-        Where there is no such kind, or what the package announces is no kind of fault.
+        If there is no such kind, or what the package announces is no kind of fault.
     """
     loaded = loaded_faults()
     if isinstance(kind, str) and kind in loaded:
@@ -102,7 +102,7 @@ def import_package(source: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        Where there is no such module or importing it fails.
+        If there is no such module or importing it fails.
     """
     name = load_module(source).__name__
     return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))

@@ -91,7 +91,7 @@ class Jam(Fault):
 class Hardover(Fault):
     """The sensor runs to its stop and stays: y_b(k) = y_b(k-1) + clip(limit - y_b(k-1), +-rate_limit Ts).
 
-    It starts from the last healthy sample; without a rate limit, it is at its stop at once.
+    It starts from the last healthy sample, and without a rate limit it jumps to its stop.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ class Stale(Fault):
 class Delay(Fault):
     """Readings are late: y_b(t) = y(t - delay_s), between samples on a straight line.
 
-    What was read before the onset has been read on time: until the first late reading arrives, the last one stands.
+    Until the first late reading arrives after the onset, the last one is held.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class Delay(Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Swap(Formula):
-    """Two channels change places: each reads what the other should. The one kind that changes two channels.
+    """Two channels are swapped: each reads the other's signal. The one kind that changes two channels.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class Swap(Formula):
 
     @property
     def parts(self) -> tuple[Fault, ...]:
-        """Itself, and the same seen from the other channel."""
+        """The fault itself, and the same for the other channel."""
         return self, replace(self, channel=self.other, other=self.channel)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:

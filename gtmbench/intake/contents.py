@@ -5,23 +5,23 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import ATTITUDE, CHANNELS, GYROS
 from gtmbench.checks import naming
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.fresh import tracks_of
-from gtmbench.intake.mapping import Chosen, choose_of, judged, split_mapping
+from gtmbench.intake.mapping import Chosen, choose_of, judged, of_words, split_mapping
 from gtmbench.intake.names import guess, stated_unit
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import of_no_use, with_time
-from gtmbench.intake.tracks import ANGLES, GYROS, Track
+from gtmbench.intake.tracks import Track
 from gtmbench.record import Span
 
 _IMU = re.compile(r"(?P<topic>(IMU|GYR)\d?(#\d+)?|sensor_gyro(#\d+)?|vehicle_imu(#\d+)?|sensor_combined(#\d+)?)\..+")
@@ -35,14 +35,14 @@ class LogColumn:
     ----------
     name : str
     unit : str
-        As it is stated; "" where it isn't.
+        As stated; "" if it isn't.
     channel : str
-        Which channel it becomes by itself, or as it is mapped, ``time`` for the time; "" for none.
+        The channel that it becomes, by its name or as mapped; ``time`` for the time; "" for none.
     why_not : str
-        What is left open about a column that looks like a channel.
+        Why a column that looks like a channel isn't one.
     samples : int
     rate_hz, start_s, end_s : float
-        Of its stamps; NaN where the time isn't known.
+        Rate and span of its stamps; NaN if the time isn't known.
 
     Examples
     --------
@@ -149,14 +149,14 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
     Parameters
     ----------
     path : str, Path or ReadLog
-        What was read before isn't read again.
+        A log that was read before isn't read again.
     mapping : sequence of str
         As `open_log` takes it.
 
     Raises
     ------
     InputError
-        Where the file can't be read, or a mapping doesn't fit.
+        If the file can't be read, or a mapping doesn't fit.
 
     Examples
     --------
@@ -183,13 +183,13 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
         channels, span_s = _channels(chosen, timed)
         by_column = {choice.series.name: choice.channel for choice in chosen}
         by_column |= dict.fromkeys(timed.time[0].split(" + ") if timed.time else (), "time")
-        own_attitude = not set(ANGLES) <= set(mapped)  # what somebody maps is anybody's
+        own_attitude = not set(ATTITUDE) <= set(mapped)  # what somebody maps is anybody's
         return LogContents(
             path=path,
             kind=raw.kind,
             span_s=span_s,
             notes=timed.notes,
-            columns=tuple(_column(series, timed, by_column) for series in raw.series),
+            columns=_columns(timed, raw, by_column),
             channels=channels,
             imus=_imus(raw),
             attitude_from_gyros=raw.attitude_from_gyros and own_attitude,
@@ -246,7 +246,7 @@ def _imus(raw: RawLog) -> tuple[str, ...]:
 
 
 def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
-    """Return what a log's file holds: columns, their units and rates, and which channels they become.
+    """Return the columns of a log's file, with units, rates and the channels that they become.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
     Raises
     ------
     InputError
-        Where the file can't be read.
+        If the file can't be read.
 
     Examples
     --------
@@ -273,7 +273,14 @@ def log_columns(path: str | Path | ReadLog) -> tuple[LogColumn, ...]:
     with np.errstate(all="ignore"):
         with contextlib.suppress(InputError):  # no column tells the time: the list says what might
             timed = with_time(raw, None)
-        return tuple(_column(series, timed, {}) for series in raw.series)
+        return _columns(timed, raw, {})
+
+
+def _columns(timed: RawLog, raw: RawLog, by_column: Mapping[str, str]) -> tuple[LogColumn, ...]:
+    """Return the columns of numbers, and those of text that are named as channels."""
+    none = LogColumn(name="", unit="", channel="", why_not="", samples=0, rate_hz=np.nan, start_s=np.nan, end_s=np.nan)
+    words = (replace(none, name=name, why_not=why) for name, why in of_words(raw).items())
+    return (*(_column(series, timed, by_column) for series in raw.series), *words)
 
 
 def _column(series: RawSeries, raw: RawLog, by_column: Mapping[str, str]) -> LogColumn:

@@ -18,11 +18,11 @@ _BESIDE_S = 5.0  # of a log's first and last sample: further away no event is th
 
 
 class EventKind(StrEnum):
-    """What an event is.
+    """The kinds of events.
 
-    A reset is an estimator's, of attitude or heading, or another estimator's taking over: the attitude jumps, and
-    nothing turned. Resets of position, velocity and height leave the attitude alone and aren't taken. A failure is what
-    the autopilot itself has found of the flight; a complaint what it says of a sensor, or its estimator of the sensors.
+    A reset is a jump of attitude or heading without motion, because an estimator is reset or another one takes over.
+    Resets of position, velocity and height don't touch the attitude and aren't events. A failure is a failure of the
+    flight that the autopilot found. A complaint is its statement on a sensor, or its estimator's on the sensors.
 
     Examples
     --------
@@ -47,7 +47,7 @@ _ORDER = [
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that a log says happened.
+    """An event that a log records.
 
     Attributes
     ----------
@@ -55,11 +55,11 @@ class Event:
     time_s : float
         On the log's clock.
     text : str
-        In words: by which message, how much.
+        In words, with the message and its value.
     about : str
-        What it is about, where the autopilot speaks of a part of its own: ``gyro``, ``accelerometer``, ``estimator``.
+        The part of the autopilot that it concerns, if any: ``gyro``, ``accelerometer``, ``estimator``.
     number : int or None
-        Which of these, from 1.
+        The number of that part, from 1.
 
     Examples
     --------

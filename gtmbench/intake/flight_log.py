@@ -19,7 +19,7 @@ _MOST_REMARKS = 36
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """Something about a log that a reader should know.
+    """A note on a log that a reader should know.
 
     Attributes
     ----------
@@ -27,23 +27,18 @@ class Remark:
         ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``slipped``, ``held``, ``missing``, ``constant``,
         ``saturated``, ``short``, ``sign``.
     channel : str or None
-        Which one; None where it is about all of them.
+        The channel; None if it concerns all of them.
     start_s, end_s : float
-        When, on the log's clock.
+        Its span, on the log's clock in seconds.
     text : str
-        In words, figures included.
+        In words, with figures.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> rows = [f"{0.1 * k:.1f},{k % 7}" for k in range(100) if not 40 <= k < 60]  # two seconds are missing
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
-    ...     log = gb.open_log(Path(folder, "flight.csv"))
-    >>> [(remark.kind, remark.start_s, remark.end_s) for remark in log.remarks]
-    [('gap', 3.9, 6.0)]
+    >>> gap = gb.Remark(kind="gap", channel=None, start_s=3.9, end_s=6.0, text="nothing from 3.90 to 6.00 s")
+    >>> gap.end_s - gap.start_s
+    2.1
     """
 
     kind: str
@@ -81,22 +76,22 @@ class FlightLog:
     ----------
     path : Path
     segments : tuple of Record
-        The stretches between gaps, in time, all of one sample period and with the same channels; times are the log's.
-        While a channel pauses and others live on it is missing (NaN).
+        The stretches between gaps, in order of time, with one sample period and the same channels. Times are the log's.
+        A channel is missing (NaN) while it pauses and others continue.
     remarks : tuple of Remark
         In time.
     method : tuple of str
-        What was done to it, line by line: which column became which channel, how it was resampled.
+        The treatment of the log, line by line: which column became which channel, how it was resampled.
     sources : tuple of Source
-        The columns that the channels are read from.
+        The columns of the channels.
     events : tuple of Event
-        In time: what the log itself says happened. Of formats that say such a thing: PX4's and ArduPilot's.
+        The log's own events, in order of time. Only PX4's and ArduPilot's formats have them.
     injections : tuple of Injection
-        In time: the failures that the log says were put into its flight.
+        The injected failures that the log records, in order of time.
     imus : tuple of Imu
-        The gyros of three axes that it holds, each with stamps that come often enough to be compared.
+        Its gyros of three axes, each sampled often enough to be compared.
     attitude_from_gyros : bool
-        Whether its format documents that its attitude is an estimator's which the gyros drive.
+        Whether its format documents that the gyros drive the attitude.
 
     Examples
     --------
@@ -107,8 +102,8 @@ class FlightLog:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "flight.csv").write_text(chr(10).join(["time_s,p_deg_s", *rows]))
     ...     log = gb.open_log(Path(folder, "flight.csv"))
-    >>> log.channels, log.sample_period_s, [len(segment) for segment in log.segments]
-    (('p',), 0.1, [40, 40])
+    >>> log.channels, [len(segment) for segment in log.segments], log.remarks[0].kind
+    (('p',), [40, 40], 'gap')
     """
 
     path: Path

@@ -14,16 +14,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.mapping import Chosen
 from gtmbench.intake.stamps import Clock, own_rows, single
-from gtmbench.intake.tracks import ANGLES, GYROS, Track
+from gtmbench.intake.tracks import Track
 from gtmbench.record import sealed
 
-SENSORS = (GYROS, ANGLES, ("nx", "ny", "nz"), ("alpha", "beta"))  # axes measured at once
+SENSORS = (GYROS, ATTITUDE, ACCELEROMETERS, ("alpha", "beta"))  # axes measured at once
 _FEWEST = 20  # readings: of fewer nothing is regular
 _REGULAR = 0.8  # of the readings stand as long as the others; the rest are pauses, and what stands still
 _LOOSE = 0.25  # of that length, either way: a slow task's beat against the logger's

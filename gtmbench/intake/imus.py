@@ -53,7 +53,7 @@ class Imu:
 
     @property
     def mapping(self) -> tuple[str, ...]:
-        """What reads p, q and r from it, as `open_log` takes it."""
+        """The mapping that reads p, q and r from it, for `open_log`."""
         pairs = zip("pqr", self.columns, strict=True)
         return tuple(f"{channel}={column}:{self.unit}" for channel, column in pairs)
 

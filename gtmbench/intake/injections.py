@@ -5,27 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from gtmbench.channels import GYROS
 from gtmbench.checks import one_line
 
-GYRO, GYROS = "gyro", ("p", "q", "r")  # a sensor of three axes, and the channels that it is
+GYRO = "gyro"  # a sensor of three axes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Injection:
-    """A failure of a sensor that a simulator, or an autopilot's failure injection, was told to make.
+    """A sensor failure that a simulator, or an autopilot's failure injection, was commanded to make.
 
     Attributes
     ----------
     sensor : str
         ``gyro``, ``accelerometer``, ``magnetometer``, ...
     number : int or None
-        Which of these, from 1; None for all.
+        The number of that sensor, from 1; None for all.
     channels : tuple of str
-        Those of p, q, r that it enters; none of another sensor's.
+        The channels among p, q, r that it affects; empty for another sensor.
     kind : str
-        What becomes of the readings: a kind of fault where there is such a one, else in the log's word.
+        The kind of fault if there is a matching one, otherwise the log's word.
     size : float or None
-        In `unit`: of a bias its value, of a scale factor by how much it is off 1, of noise its spread.
+        In `unit`: a bias's value, a scale factor's deviation from 1, or the spread of noise.
     unit : str
     onset_s, end_s : float
         On the log's clock; the end is None where it lasts.

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.channels import CHANNELS
+from gtmbench.checks import meant
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.names import Guess, asked, guess, is_table_header, stated_unit
+from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 from gtmbench.pieces import pieces
 
@@ -86,6 +87,12 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
         channel = channel.strip()
         if not channel or not column.strip():
             raise InputError(f"--map '{text}' isn't CHANNEL=COLUMN:UNIT; for example p=gyro_x:rad/s or nz=-az:m/s2")
+        meaning = known_as(channel)
+        if meaning not in ("", channel):
+            raise InputError(
+                f"--map '{text}': '{channel}' is no channel; before the = stands one, such as {meaning}, and behind it "
+                f"the log's column: --map {meaning}=COLUMN:UNIT"
+            )
         if channel in columns:
             raise InputError(f"--map gives '{channel}' twice; once is enough")
         columns[channel] = column.strip()
@@ -103,9 +110,9 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     chosen = _mapped_or_recognised(raw, mapped)
     own = {series.name: Chosen(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)}
     if needs is not None:
-        for channel in needs:
-            if channel not in chosen and channel not in own:
-                raise InputError(missing(raw, channel, list(chosen)))
+        lacking = [channel for channel in needs if channel not in chosen and channel not in own]
+        if lacking:
+            raise InputError(missing(raw, lacking, list(chosen)))
         return [chosen.get(channel) or own[channel] for channel in needs]
     if list(raw.clocks) == [""]:  # a table's; of a container's topics only what is a channel, or asked for
         chosen |= own
@@ -191,7 +198,7 @@ def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Mean
         bare_names.setdefault(stated_unit(series.name, series.unit)[0], []).append(series)
     by_name = {name: alike[0] for name, alike in bare_names.items() if len(alike) == 1}  # 'az' for 'az [m/s2]'
     by_name |= {series.name: series for series in raw.series}
-    before, _, after = text.rpartition(":")
+    before, _, after = map(str.strip, text.rpartition(":"))
     for name, given in ((text, ""), (before, after)):
         for bare, sign in ((name, 1.0), (name.removeprefix("-"), -1.0)):
             if bare in by_name:
@@ -199,7 +206,8 @@ def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Mean
     name = before or text
     alike = [series.name for series in raw.series if name.lstrip("-").lower() in series.name.lower()][:5]
     likes = f" (perhaps {', '.join(alike)})" if alike else ""
-    raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {there(raw)}")
+    nearest = "" if alike else meant(name.removeprefix("-"), by_name)
+    raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {there(raw)}{nearest}")
 
 
 def _stated(channel: str, series: RawSeries, given: str, sign: float) -> Meaning:
@@ -251,17 +259,29 @@ def not_taken(raw: RawLog, channels: Sequence[str]) -> list[str]:
     return lines[:_MOST_NAMED]
 
 
-def missing(raw: RawLog, channel: str, channels: Sequence[str]) -> str:
-    """Return what is said where a needed channel isn't there: what looks like it, and what is there."""
+def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str]) -> str:
+    """Return what is said where needed channels aren't there: what looks like them, and what is there."""
+    names = f"channel{'s' * (len(lacking) > 1)} {', '.join(map(repr, lacking))}"
+    asks = "; ".join(dict.fromkeys(_open(raw, channel) for channel in lacking))
+    return f"no {names}: {asks}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
+
+
+def _open(raw: RawLog, channel: str) -> str:
+    """Return what is open about a channel that isn't there."""
     looks = [(series, told) for series in raw.series if (told := guess(series.name, series.unit)).channel == channel]
     known = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == channel]
     if channel not in CHANNELS:
-        ask = "no column has that name"
-    elif known or looks:
-        ask = "; ".join(_doubt(raw, series, told) for series, told in (known or looks)[:3])
-    else:
-        ask = f"nothing looks like it: {asked(channel, 'COLUMN')}"
-    return f"no channel '{channel}': {ask}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
+        return f"no column has that name{meant(channel, [series.name for series in raw.series])}"
+    if known or looks:
+        return "; ".join(_doubt(raw, series, told) for series, told in (known or looks)[:3])
+    words = [f"column '{name}' {why}" for name, why in of_words(raw).items() if guess(name).channel == channel]
+    return "; ".join(words) or f"nothing looks like {channel}: {asked(channel, 'COLUMN')}"
+
+
+def of_words(raw: RawLog) -> dict[str, str]:
+    """Return the columns that are named as channels and hold too much text to be one, and why not."""
+    channels = {name: guess(name).channel for name in raw.ignored}
+    return {name: f"looks like {channel}, but holds text" for name, channel in channels.items() if channel in CHANNELS}
 
 
 def open_questions(raw: RawLog) -> str:

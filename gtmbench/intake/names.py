@@ -6,7 +6,7 @@ import re
 import shlex
 from dataclasses import dataclass
 
-from gtmbench.channels import CHANNEL_OF_HEADER
+from gtmbench.channels import ACCELEROMETERS, CHANNEL_OF_HEADER, GYROS
 from gtmbench.intake.formats.raw import Meaning
 from gtmbench.intake.units import dimension_of, hint, unit
 
@@ -48,7 +48,7 @@ _OPEN = {
     "v": ("tas", "may be the true airspeed or a velocity's part"),
 } | {
     f"{kind}{axis}": (channel, "may be in axes that point left and up (ROS) or right and down")
-    for kind, channels in (("angularvelocity", "pqr"), ("linearacceleration", ("nx", "ny", "nz")))
+    for kind, channels in (("angularvelocity", GYROS), ("linearacceleration", ACCELEROMETERS))
     for axis, channel in zip("xyz", channels, strict=True)
 }
 _OPEN |= {
@@ -122,6 +122,15 @@ def guess(header: str, unit_beside: str = "") -> Guess:
             channel, why = _OPEN[key]
             return Guess(channel=channel, why_not=f"{why}: {asked(channel, header)} if it is {channel}")
     return Guess()
+
+
+def known_as(name: str) -> str:
+    """Return the channel that goes by a name, ``time`` for the time; "" for none.
+
+    >>> known_as("roll_rate"), known_as("P"), known_as("flaps")
+    ('p', 'p', '')
+    """
+    return _KNOWN.get(_key(name), ("", 0.0))[0]
 
 
 def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:

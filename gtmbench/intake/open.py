@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import SENSORS
+from gtmbench.channels import ATTITUDE, SENSORS
 from gtmbench.checks import names, number, one_line
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
@@ -30,8 +30,6 @@ from gtmbench.intake.tracks import Track
 from gtmbench.pieces import beside
 from gtmbench.record import Record
 
-_ATTITUDE = ("phi", "theta", "psi")
-
 
 def open_log(
     path: str | Path | ReadLog,
@@ -41,36 +39,36 @@ def open_log(
     needs: Sequence[str] | None = None,
     witnesses: Sequence[str] = (),
 ) -> FlightLog:
-    r"""Open a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP, whatever its first bytes say.
+    r"""Open a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash or MCAP, recognised by its first bytes.
 
-    Columns become channels where name and unit leave no doubt (``p_rad_s``, ``roll [deg]``, ``GyrX (deg/s)``), or where
-    the format documents them; the channel table's units are made of theirs. Records split at gaps; while a channel
-    pauses and others live on, it's NaN. An evenly sampled log comes through bit for bit; other stamps are interpolated
-    between, and a lost sample or two where those beside tell them within the noise; mixed rates are brought to the
-    slowest.
-    What was wrong is in ``remarks``, what was done in ``method``.
+    Columns become channels if name and unit leave no doubt (``p_rad_s``, ``roll [deg]``, ``GyrX (deg/s)``), or if the
+    format documents them. Their units are converted to the channel table's. Records split at gaps; while a channel
+    pauses and others continue, it is NaN. An evenly sampled log is read bit for bit. Other stamps are interpolated, and
+    so are a lost sample or two if their neighbours predict them within the noise. Mixed rates are brought to the
+    slowest. ``remarks`` says what was wrong, ``method`` what was done.
 
     Parameters
     ----------
     path : str, Path or ReadLog
-        What was read before isn't read again.
+        A log that was read before isn't read again.
     mapping : sequence of str
-        ``CHANNEL=COLUMN:UNIT`` for what names don't say: ``p=gyro_x:rad/s``, ``nz=-az:m/s2`` (a minus turns the sign),
-        ``time=stamp:us``. The unit may be left out where the column states it. Behind it may stand how many seconds
-        late the column is stamped: ``psi=yaw:deg@0.3`` is taken 0.3 s earlier.
+        ``CHANNEL=COLUMN:UNIT`` for columns whose names don't identify them: ``p=gyro_x:rad/s``, ``nz=-az:m/s2`` (a
+        minus turns the sign), ``time=stamp:us``. The unit may be left out if the column states it. It may be followed
+        by the delay of the column's stamps in seconds: ``psi=yaw:deg@0.3`` is taken 0.3 s earlier.
     rate_hz : float, optional
-        Of the records; without it, the slowest channel's.
+        Rate of the records; by default the slowest channel's.
     needs : sequence of str, optional
-        The channels that are wanted, in this order; others can't do harm then. Without it, all that are recognised and,
-        of tables, the other columns of numbers by their own names.
+        The channels to return, in this order; others are then ignored. By default all that are recognised and, for
+        tables, the other columns of numbers by their own names.
     witnesses : sequence of str, optional
-        Channels that are taken along where the log has them; nothing else depends on whether it does. They stand behind
-        the others, brought to the same clock, and are NaN where they pause.
+        Channels for diagnosis only, included if the log has them; nothing else depends on them. They follow the others,
+        on the same clock, and are NaN while they pause.
 
     Raises
     ------
     InputError
-        Where the file can't be read, a needed channel isn't there (with what is), or nothing is long enough.
+        If the file can't be read, lacks a needed channel (the message lists those that it has), or no stretch is long
+        enough.
 
     Examples
     --------
@@ -156,7 +154,7 @@ def _opened(
         events=events,
         injections=_injections(raw, breaks_s, segments),
         imus=imus_of(raw),
-        attitude_from_gyros=raw.attitude_from_gyros and not set(_ATTITUDE) <= set(columns),
+        attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
     )
 
 

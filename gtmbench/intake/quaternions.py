@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
+from gtmbench.channels import ATTITUDE
 from gtmbench.clock import FloatArray
 from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
 from gtmbench.intake.names import guess
@@ -15,7 +16,7 @@ _NAMED = re.compile(
     r"(?i)(?P<stem>.{0,200}?(?:(?<![a-z])q|quat|quaternion|orientation|attitude)[_.]?)(?P<part>[wxyz0-3]|\[[0-3]\])"
 )
 _OF_ROS = re.compile(r"(?i)orientation|pose")  # where axes point forward, left and up
-_CHANNELS = dict(zip(ANGLES, ("phi", "theta", "psi"), strict=True))
+_CHANNELS = dict(zip(ANGLES, ATTITUDE, strict=True))
 
 
 def with_quaternions(raw: RawLog) -> RawLog:

@@ -50,12 +50,12 @@ _Rows = NDArray[np.int64]
 
 
 def decimate(record: Record, factor: int) -> Record:
-    """Return every `factor`-th sample of all channels, low-pass filtered before.
+    """Low-pass filter all channels and return every `factor`-th sample.
 
     The filter (Kaiser, 26 factor + 1 taps, zero phase) is flat within 1e-4 up to 60 % of the new Nyquist frequency and
     leaves less than 1e-4 of what lies above it. It is the same for every channel, so the operator between them stays
-    the same. Only complete results are kept: 13 new samples go at either end. A missing sample makes those missing that
-    need it, and no others.
+    the same. Only complete results are kept: 13 new samples go at either end. A missing sample makes only those missing
+    that need it.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def decimate(record: Record, factor: int) -> Record:
     Raises
     ------
     InputError
-        Where the factor isn't a whole number of 1 or more, or the record is too short.
+        If the factor isn't a whole number of 1 or more, or the record is too short.
 
     Examples
     --------

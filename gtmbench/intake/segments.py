@@ -18,6 +18,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
 from gtmbench.intake.delta_angle import is_integrated, mean_rates
@@ -26,7 +27,7 @@ from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import ANGLES, FEWEST, GYROS, SHORTEST_S, Track
+from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
 from gtmbench.pieces import beside, joined
 from gtmbench.record import BoolArray, Record, Span
 
@@ -173,7 +174,7 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
 
 def _attitude_for_gyros(tracks: Sequence[Track], period_s: float) -> Track | None:
     """Return the attitude over whose intervals the gyros are integrated, None where they aren't."""
-    attitude = next((track for track in tracks if {*ANGLES} <= {*track.channels}), None)
+    attitude = next((track for track in tracks if {*ATTITUDE} <= {*track.channels}), None)
     gyros_s = [track.period_s for track in tracks if {*GYROS} & {*track.channels}]
     if attitude is None or not is_integrated(gyros_s, attitude.period_s, period_s):
         return None

@@ -99,7 +99,7 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     stretches = _Stretches()
     rows = np.flatnonzero(np.abs(time_s) < LATEST_S)
     if len(rows) < 2:
-        raise InputError(f"{_label(name)}{len(rows)} rows have a time; a log has more")
+        raise InputError(f"{_label(name)}rows that have a time: {len(rows)}; a log has more")
     if len(rows) < len(time_s):
         lost = len(time_s) - len(rows)
         text = f"{_label(name)}{lost} rows have no time and are left out"
@@ -109,9 +109,11 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
     if period_s == 0.0 or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
+        forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
         raise InputError(
-            f"{_label(name)}time stands still or jumps: {np.count_nonzero(steps > 0)} of {len(steps)} steps go forward"
-            "; is this the column that tells the time?"
+            f"{_label(name)}time stands still or jumps: {forward} of {len(steps)} steps go forward, {back} back; "
+            + ("sort the rows by time; or " if back else "")
+            + "is this the column that tells the time? --map time=COLUMN:UNIT"
         )
     runs = np.split(rows, cuts)
     for number, run in enumerate(runs):

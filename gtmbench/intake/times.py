@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -12,13 +13,14 @@ from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
 from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
-from gtmbench.intake.names import is_table_header, stated_unit
+from gtmbench.intake.names import Guess, is_table_header, stated_unit
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST
 from gtmbench.intake.units import unit
 from gtmbench.record import Span
 
 _WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
+_BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
     **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
@@ -42,6 +44,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     beyond = beyond_seconds(raw, series)
     if beyond is not None:
         return _in_two_columns(raw, series, *beyond)
+    _check_steps(series, stated, per_second)
     clocks, since = in_seconds({series.clock: series.load()}, per_second)
     rest = tuple(other for other in raw.series if other is not series)
     return replace(raw, series=rest, time=(series.name, stated)).with_clocks(
@@ -108,7 +111,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
         named = " and ".join(map(repr, both))
         raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
     if looks:
-        raise InputError("; ".join(f"column '{series.name}' {told.why_not}" for series, told in looks[:3]))
+        raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
     measured = [
         series.name
         for series in raw.series
@@ -116,6 +119,39 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     ]
     perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+
+
+def _without_unit(series: RawSeries, told: Guess) -> str:
+    """Say what is open about a column that looks like the time, or what its steps make of it."""
+    hint = unit_hint(series.name, _usual_step(series))
+    return f"column '{series.name}' " + (told.why_not.partition(": --map")[0] + hint if hint else told.why_not)
+
+
+def _check_steps(series: RawSeries, stated: str, per_second: float) -> None:
+    """Refuse stamps that are hours apart in the unit that is stated, where another one makes a log's rate of them."""
+    step = _usual_step(series)
+    hint = unit_hint(series.name, step)
+    if step / per_second > FAR_S and hint:
+        raise InputError(f"column '{series.name}' rises by {step:.6g} {stated} a sample, which is hours{hint}")
+
+
+def _usual_step(series: RawSeries) -> float:
+    """Return by how much stamps rise from sample to sample, at a log's beginning; 0 where they are in no order."""
+    steps = np.diff(series.load()[:_BEGINNING].astype(np.float64))
+    forward = steps[steps > 0]
+    return float(np.median(forward)) if len(forward) > _ORDERLY * len(steps) else 0.0
+
+
+def unit_hint(column: str, step: float) -> str:
+    """Return what to type where only one unit makes a log's rate, 2 to 500 Hz, of stamps that rise so much a sample.
+
+    >>> unit_hint("t", 20.0), unit_hint("t", 1.0)
+    ('; by its steps of 20 it is in ms: --map time=t:ms', '')
+    """
+    units = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+    fits = [name for name, per_second in units.items() if 0.002 <= step / per_second <= 0.5]
+    typed = "".join(shlex.quote(f"time={column}:{name}") for name in fits)
+    return f"; by its steps of {step:.6g} it is in {fits[0]}: --map {typed}" if fits else ""
 
 
 def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import FloatArray
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 
 
@@ -42,7 +42,7 @@ class Track:
     @property
     def slowness_s(self) -> float:
         """The period that it asks of a record: of what says how it turns the true one, of others that of the log."""
-        turns = {*GYROS, *ANGLES} & {*self.channels}
+        turns = {*GYROS, *ATTITUDE} & {*self.channels}
         return self.period_s if turns or not self.logged_s else self.logged_s
 
     @property

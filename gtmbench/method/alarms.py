@@ -56,14 +56,14 @@ def threshold(norm: WindowedNorm, *, start_s: float, end_s: float, factor: float
     norm : WindowedNorm
         Of a healthy record.
     start_s, end_s : float
-        The span of k Ts that is looked at, in seconds.
+        The span of k Ts to use, in seconds.
     factor : float
         Times the greatest E(k).
 
     Raises
     ------
     InputError
-        Where no complete window begins in that span.
+        If no complete window begins in that span.
 
     Examples
     --------
@@ -118,8 +118,8 @@ def rising(values: FloatArray, threshold: float) -> NDArray[np.int_]:
 def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) -> Alarms:
     """Return the alarms of windows that begin at or after `start_s`.
 
-    An alarm is a window above the threshold after one at or below it; a norm that is above from the start (a
-    flight's transient) has to come down first. Windows with missing samples are passed over.
+    An alarm is a window above the threshold after one at or below it. A norm that is above from the start (a flight's
+    transient) must come down first. Windows with missing samples are passed over.
 
     Parameters
     ----------
@@ -127,12 +127,12 @@ def alarms(norm: WindowedNorm, threshold: float, *, start_s: float = -np.inf) ->
     threshold : float
         In the norm's unit.
     start_s : float
-        k Ts of the first window that is watched, in seconds; all of them unless told.
+        k Ts of the first window that is watched, in seconds, by default all.
 
     Raises
     ------
     InputError
-        Where the threshold isn't a positive number.
+        If the threshold isn't a positive number.
 
     Examples
     --------

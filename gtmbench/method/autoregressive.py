@@ -92,7 +92,7 @@ class NoiseModel:
     innovation_std : shape (outputs,)
         Standard deviation of epsilon, in the outputs' units.
     converged : bool
-        Whether the criterion (3.88) had settled before iterations ran out.
+        Whether the criterion (3.88) converged within the iterations.
     criterion : shape (iterations, outputs)
         Mean square of the innovations after each iteration, in the outputs' units squared.
 

@@ -28,34 +28,35 @@ def identify(
     """Identify the operator from inputs to outputs, equations (4.8) and (4.9), or as another estimator defines it.
 
     theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, the means of the
-    records removed. (Means over k = 0..l, not over the equations: the ends cost a bias that falls with the length.)
+    records removed. (Means are over k = 0..l, not over the equations; the bias from the ends decreases with the
+    length.)
 
     Parameters
     ----------
     records : Record or sequence of Record
-        Healthy measurements, for example ``record.between(25, 200)``; several flights, or what lies between gaps.
+        Healthy measurements, for example ``record.between(25, 200)``; several flights, or the parts between gaps.
     inputs, outputs : sequence of str
         Pseudo inputs and pseudo outputs.
     causal_order, noncausal_order : int
         r and d, samples into the past and into the future; 0 is allowed.
     estimator : Estimator, optional
-        `LeastSquares` unless told; `Bayesian`, `InstrumentalVariables`, `PredictionError`, `TotalLeastSquares`.
+        By default `LeastSquares`; or `Bayesian`, `InstrumentalVariables`, `PredictionError`, `TotalLeastSquares`.
     weights : array_like, shape (samples,), optional
         Factors of the squares in the sum, one a sample, 0 or more (with several records a list, one array each, None
-        for all 1). A sample of weight 0 isn't used at all, so it may be missing; 2 counts as if it stood there twice,
-        for standard errors too: scale weights of 1/variance to a mean of 1.
+        for all 1). A sample of weight 0 isn't used at all, so it may be missing. A sample of weight 2 counts twice, for
+        standard errors, too: scale weights of 1/variance to a mean of 1.
 
     Raises
     ------
     InputError
-        Where channels are missing, constant, hold NaN, or the records are too short.
+        If channels are missing, constant, hold NaN, or the records are too short.
 
     Warns
     -----
     RankWarning
-        Where the data don't determine the Markov parameters (noise-free sinusoids don't), naming the channels.
+        If the data don't determine the Markov parameters (noise-free sinusoids don't), naming the channels.
     ConvergenceWarning
-        Where a noise model hasn't settled.
+        If a noise model hasn't settled.
 
     Examples
     --------

@@ -24,12 +24,12 @@ _BLOCK = 64  # samples that are taken into the triangle together
 
 
 class RecursiveIdentification:
-    """Least squares that forgets: equation k weighs lambda^(l-k), l the last sample pushed.
+    """Recursive least squares with forgetting: equation k weighs lambda^(l-k), l the last sample pushed.
 
     Its state is the triangular array R of [Phi, 1, y], updated by reflections (the square-root form of recursive least
     squares, which never squares the data's condition), and the sums behind means and RMS values. The column of ones
-    lets the means be removed that are known last. So its answer is `identify`'s with weights lambda^(l-k), whatever the
-    pieces: with lambda = 1 the batch answer.
+    allows the final means to be removed. So its result equals that of `identify` with weights lambda^(l-k), whatever
+    the pieces; with lambda = 1 it is the batch result.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class RecursiveIdentification:
     Raises
     ------
     InputError
-        Where names, orders or the forgetting factor can't be meant.
+        If names, orders or the forgetting factor are invalid.
 
     Examples
     --------
@@ -97,16 +97,16 @@ class RecursiveIdentification:
         self._end: tuple[float, float] | None = None  # time of the next sample, sample period
 
     def push(self, record: Record) -> None:
-        """Take in one or more samples.
+        """Add one or more samples.
 
-        Samples with a missing value (or one beyond 1e150) are left out, as by a weight of 0, but age what was before,
-        as every sample does; a gap doesn't. A record that doesn't continue the one before begins a new stretch: no
-        equation reaches over the gap.
+        Samples with a missing value (or one beyond 1e150) are left out, as with a weight of 0, but earlier samples age
+        as with every sample; a gap doesn't age them. A record that doesn't continue the one before begins a new
+        stretch: no equation spans the gap.
 
         Raises
         ------
         InputError
-            Where a channel is missing, the sample period has changed or time goes back; nothing is taken in then.
+            If a channel is missing, the sample period has changed or time goes back; then nothing is added.
         """
         check_record(record)
         values = record.matrix((*self.inputs, *self.outputs))
@@ -128,7 +128,7 @@ class RecursiveIdentification:
         Raises
         ------
         InputError
-            Where they are too few yet, or a channel has been constant.
+            If there are too few, or a channel has been constant.
 
         Warns
         -----

@@ -80,11 +80,11 @@ class PseudoInput:
     needs : tuple of str
         Channels, or other pseudo inputs.
     formula : str
-        As it is computed, a prime being d/dt.
+        Its formula, with a prime for d/dt.
     meaning : str
         Where it comes from.
     reproduces : str or None
-        The sensor that it reads as, but for lags and gains.
+        The sensor that it predicts, except for lags and gains.
 
     Examples
     --------
@@ -235,13 +235,12 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     record : Record
         With angles in deg and rates in deg/s, as everywhere. A heading may run from 360 deg to 0.
     wanted : sequence of str
-        Names of `PSEUDO_INPUTS`; what they need on the way is computed, not added. Channels that the record has
-        already are left as they are.
+        Names of `PSEUDO_INPUTS`; intermediate ones are computed but not added. Existing channels are unchanged.
 
     Raises
     ------
     InputError
-        Where a name is unknown, or channels are missing: what can be built from those that are there is said.
+        If a name is unknown, or channels are missing; the message lists what can be built.
 
     Examples
     --------
@@ -324,7 +323,7 @@ def derivable(channels: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     channels : iterable of str
-        Those that are measured.
+        The measured channels.
 
     Examples
     --------

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.record import BoolArray, FloatArray, Record
 
 _NEEDS = {"p": ("p", "phi", "theta", "q", "r"), "q": ("q", "phi", "theta", "r"), "r": ("r", *ATTITUDE, "q")}

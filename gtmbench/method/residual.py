@@ -47,7 +47,7 @@ class Residual:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WindowedNorm:
-    """E(k), row for row beside its record: NaN where its window isn't complete.
+    """The windowed residual norm E(k), one value per row of its record, NaN where its window isn't complete.
 
     Attributes
     ----------
@@ -82,14 +82,14 @@ class WindowedNorm:
 
     @property
     def known_s(self) -> FloatArray:
-        """When each E(k) can be known: at (k + w + d) Ts, the time of the last sample it needs."""
+        """When each E(k) is known: at (k + w + d) Ts, the time of the last sample that it needs."""
         return self.time_s + self.window * self.sample_period_s + self.look_ahead_s
 
 
 def residual(operator: Transmissibility, record: Record) -> Residual:
     """Return e(k) = y_o(k) - sum over i = -d..r of H_i y_i(k-i), k = r..l-d, equation (4.11).
 
-    A missing sample makes the residuals that need it NaN, and no others.
+    A missing sample makes only the residuals that need it NaN.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
     Raises
     ------
     InputError
-        Where the record lacks a channel or has another sample period.
+        If the record lacks a channel or has another sample period.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def residual(operator: Transmissibility, record: Record) -> Residual:
 def innovations(operator: Transmissibility, record: Record) -> Residual:
     """Return epsilon(k) = A(q) e(k), equation (3.67), of an operator that was identified with a noise model.
 
-    It is white where the residual e(k) is coloured, and can be watched likewise; k = r+n..l-d.
+    It is white even if the residual e(k) is coloured, and can be watched likewise; k = r+n..l-d.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
     Raises
     ------
     InputError
-        Where the operator has no noise model; otherwise as `residual`.
+        If the operator has no noise model; otherwise as `residual`.
 
     Examples
     --------
@@ -166,8 +166,8 @@ def innovations(operator: Transmissibility, record: Record) -> Residual:
 def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     """Return E(k) = sqrt(sum over i = k..k+w of ||e(i)||^2), equation (4.12), for every complete window.
 
-    Exact after any spike, and a missing residual spoils the windows that hold it, no others: the sums are built from
-    prefix and suffix sums of blocks of a window's length, never by subtracting.
+    It is exact after any spike, and a missing residual affects only the windows that hold it: the sums are built from
+    prefix and suffix sums of blocks of a window's length, never by subtraction.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def windowed_norm(residual: Residual, *, window: int) -> WindowedNorm:
     Raises
     ------
     InputError
-        Where the window is negative.
+        If the window is negative.
 
     Examples
     --------

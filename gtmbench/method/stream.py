@@ -20,7 +20,7 @@ from gtmbench.record import FloatArray, Record, check_record, frozen
 
 
 class ResidualStream:
-    """The residual (4.11) of a record that comes in chunks: e(k) is returned with sample k + d.
+    """The residual (4.11) of a record that arrives in chunks: e(k) is returned with sample k + d.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class ResidualStream:
         self._tail = np.zeros((0, len(self._channels)))  # the last r + d samples
 
     def push(self, record: Record) -> Residual:
-        """Return the rows that a chunk's samples make known, rows k < r (NaN) included.
+        """Return the rows that a chunk's samples complete, rows k < r (NaN) included.
 
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
+            If the chunk doesn't continue the one before, lacks a channel or isn't sampled as the operator is.
         """
         check_record(record)
         chunk = ChunkClock(
@@ -70,7 +70,7 @@ class ResidualStream:
 
 
 class NormStream:
-    """E(k), equation (4.12), of a residual that comes in chunks: E(k) is returned with row k + w, bit for bit.
+    """E(k), equation (4.12), of a residual that arrives in chunks: E(k) is returned with row k + w, bit for bit.
 
     The scheme of `windowed_norm`, blocks of w + 1 rows counted from the first: a window is the end of the block before
     and the beginning of this one.
@@ -78,12 +78,12 @@ class NormStream:
     Parameters
     ----------
     window : int
-        w; w + 1 squares are summed.
+        w, as `windowed_norm` takes it.
 
     Raises
     ------
     InputError
-        Where the window is negative.
+        If the window is negative.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class NormStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before.
+            If the chunk doesn't continue the one before.
         """
         source = f"outputs {', '.join(residual.outputs)} with a look-ahead of {residual.look_ahead_s} s"
         clock = advanced(self._clock, ChunkClock.of(residual.time_s, residual.sample_period_s, source))
@@ -145,19 +145,17 @@ class NormStream:
 
 
 class AlarmStream:
-    """The alarms of a norm that comes in chunks.
+    """The alarms of a windowed norm that arrives in chunks.
 
     Parameters
     ----------
-    threshold : float
-        In the norm's unit.
-    start_s : float
-        Windows that begin before this time aren't watched.
+    threshold, start_s
+        As `alarms` takes them.
 
     Raises
     ------
     InputError
-        Where the threshold isn't a positive number.
+        If the threshold isn't a positive number.
 
     Examples
     --------
@@ -185,7 +183,7 @@ class AlarmStream:
         Raises
         ------
         InputError
-            Where the chunk doesn't continue the one before.
+            If the chunk doesn't continue the one before.
         """
         source = f"windows of {norm.window + 1} samples with a look-ahead of {norm.look_ahead_s} s"
         clock = advanced(self._clock, ChunkClock.of(norm.time_s, norm.sample_period_s, source))

@@ -29,7 +29,7 @@ class Transmissibility:
     causal_order, noncausal_order : int
         r and d.
     input_means, output_means : shape (inputs,), shape (outputs,)
-        Means of the identification record; the operator works on what is left without them.
+        Means of the identification record, which the operator subtracts.
     input_rms : shape (inputs,)
         RMS values of the identification record about these means.
     rank : int
@@ -39,17 +39,17 @@ class Transmissibility:
     rms_residual : shape (outputs,)
         Root mean square of the identification residual, in the outputs' units.
     noise_variance : shape (outputs,)
-        Of the white noise that `covariance` stands on; NaN where the estimator's theory gives none.
+        Variance of the white noise for `covariance`; NaN if the estimator's theory gives none.
     root : shape (outputs or 1, parameters, parameters)
         S, every input scaled to an RMS of 1, columns from lag r to -d: (S'S)^-1 is the covariance for unit noise.
     sample_period_s : float
         Ts, in seconds.
     estimator, solver : str
-        What found it; "cholesky" (of the Gram matrix) or "householder" (orthogonal, on the equations).
+        The estimator; "cholesky" (of the Gram matrix) or "householder" (orthogonal, on the equations).
     noise_model : NoiseModel, optional
-        Of the prediction-error method.
+        The noise model of the prediction-error method.
     sensor_noise : shape (inputs + outputs,), optional
-        Standard deviations that total least squares took, in the channels' units.
+        Standard deviations used by total least squares, in the channels' units.
 
     Examples
     --------
@@ -126,12 +126,12 @@ class Transmissibility:
 
     @property
     def look_ahead_s(self) -> float:
-        """How long after a sample its prediction exists: d Ts, in seconds."""
+        """The latency of its prediction: d Ts, in seconds."""
         return self.noncausal_order * self.sample_period_s
 
     @property
     def name(self) -> str:
-        """How it is written: ``[p q beta] -> r``."""
+        """Its name: ``[p q beta] -> r``."""
         return f"[{' '.join(self.inputs)}] -> {' '.join(self.outputs)}"
 
     @cached_property
@@ -158,13 +158,13 @@ class Transmissibility:
         """Return the covariance of one output's Markov parameters, shape (lags, inputs, lags, inputs).
 
         noise variance times (Phi' Phi)^-1 for least squares (Phi projected by the instruments, or filtered by the noise
-        model; a ridge counts as equations, as if what it assumes had been measured). It takes what is left over as
-        white; `PredictionError` makes it so. For `Bayesian` that of the parameters given the records.
+        model; a ridge counts as equations). It assumes a white residual; `PredictionError` makes it white. For
+        `Bayesian` it is the covariance of the parameters given the records.
 
         Raises
         ------
         InputError
-            Where there is no such output.
+            If there is no such output.
         """
         root = self.covariance_root(output)
         return np.asarray((root @ root.T).reshape((len(self.lags), len(self.inputs)) * 2))
@@ -175,7 +175,7 @@ class Transmissibility:
         Raises
         ------
         InputError
-            Where there is no such output.
+            If there is no such output.
         """
         if output not in self.outputs:
             raise InputError(f"'{output}' isn't a pseudo output of {self.name}; it has {', '.join(self.outputs)}")
@@ -202,13 +202,13 @@ class Transmissibility:
         Raises
         ------
         InputError
-            Where the record lacks an input or has another sample period.
+            If the record lacks an input or has another sample period.
         """
         record.check_period(self.sample_period_s, f"the operator {self.name} was identified at")
         return self.predicted([record[name] for name in self.inputs])
 
     def predicted(self, channels: Sequence[FloatArray]) -> FloatArray:
-        """Return what `predict` does of a record with these channels, one an input, of shape (samples,)."""
+        """Return the result of `predict` for these channels, one an input, of shape (samples,)."""
         r, d, samples = self.causal_order, self.noncausal_order, len(channels[0])
         predicted = np.full((samples, len(self.outputs)), np.nan)
         # the first complete window, samples 0..r+d, predicts sample r: there lag -d is the newest

@@ -52,18 +52,13 @@ def watch_fleet(
     sources : sequence of str or Path
         Logs, patterns, and folders, which stand for all logs in them.
     detector, healthy, mapping, rate_hz, false_alarms_per_hour
-        As `watch_log` takes them; spans are of each log, and other logs that serve as healthy aren't watched.
+        As in `watch_log`. Spans apply to each log, and other logs that serve as healthy aren't watched.
     out : str or Path
         The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png`` and ``report.md``.
     limit_s : float
-        How long one log may take.
-    jobs : int
-        Processes. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
-    resume : bool
-        Go on with what stands in the folder.
-    progress : callable
-        Told the step, how many are done, and of how many.
+        Time limit for one log, in seconds.
+    jobs, resume, progress
+        As `campaign` takes them.
 
     Returns
     -------
@@ -73,7 +68,7 @@ def watch_fleet(
     Raises
     ------
     InputError
-        Where there is no log, none could be watched so, or the folder is of another fleet, or in use.
+        If there is no log, none could be watched, or the folder belongs to another fleet or is in use.
 
     Examples
     --------

@@ -21,6 +21,7 @@ EVENTS = {  # of a log
     "failure": "#d62728",
     "complaint": "#e377c2",
 }
+VERDICTS = {"healthy": "#1a7f37", "failed": "#b42318", "unknown": "#9a6700"}  # by outcome; beside the word, always
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 
 # of many lines in one plot of a recording, on black and on white

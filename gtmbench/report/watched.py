@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.bank_detector import BankWatch
-from gtmbench.detectors.monitor.excursions import rows_of
+from gtmbench.detectors.excursion import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.record import Record, Span
@@ -186,7 +185,7 @@ def _of_watch(watch: Watch, channels: Sequence[str]) -> NDArray[np.int8]:
         states[last + 1 :] = _STATES.index(State.DISARMED)
     elif np.isfinite(watch.record.matrix(channels)[last + 1 :]).all():
         states[last + 1 :] = _STATES.index(State.ENDS)
-    for excursion in watch.outside if isinstance(watch, BankWatch) else ():
+    for excursion in watch.outside:
         if not excursion.is_judged:
             rows = rows_of(excursion, watch.record)
             states[rows.start : rows.stop] = _STATES.index(State.OUTSIDE)

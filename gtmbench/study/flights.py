@@ -7,18 +7,17 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
-from gtmbench.attitude import ATTITUDE, GYROS, OWN
+from gtmbench.attitude import OWN
 from gtmbench.bench.attitude_filter import estimated_attitude
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.flight import fly
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import trim
-from gtmbench.channels import COMMANDS, SENSORS, unit_of
-from gtmbench.detectors.virtual import ANGLES
+from gtmbench.bench.trim import Trim
+from gtmbench.bench.trimming import trim
+from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.kinds import Delay
+from gtmbench.faults.replacing import Delay
 from gtmbench.progress import Tell
 from gtmbench.record import Record
 from gtmbench.study.fault_tables import FaultSpec
@@ -152,7 +151,7 @@ def with_late_attitude(record: Record, late_s: float) -> Record:
     >>> with_late_attitude(record, 0.01).values.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]
     """
-    late = [Delay(channel=name, onset_s=record.start_s, delay_s=late_s) for name in ANGLES if name in record]
+    late = [Delay(channel=name, onset_s=record.start_s, delay_s=late_s) for name in ATTITUDE if name in record]
     return inject(record, late) if late_s and late else record
 
 

@@ -19,7 +19,7 @@ from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.sensors import NOISES, measure
-from gtmbench.channels import SENSORS
+from gtmbench.channels import GYROS, SENSORS
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.clock import same_period
 from gtmbench.detectors.monitor.regime import Regime
@@ -34,7 +34,6 @@ from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for, outside
 from gtmbench.version import __version__
 
-_GYROS = ("p", "q", "r")  # those whose imperfections are stated
 _MOST_FLIGHTS = 2000
 _LARGEST_SEED = 2**31 - 1
 _KILLED = "a process that flew was killed (no memory?); close others, or fly fewer"
@@ -214,5 +213,5 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
 
 
 def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:
-    gyros = [name for name in _GYROS if name in record]
+    gyros = [name for name in GYROS if name in record]
     return imperfect(record, drawn(imperfections, seed=seed), channels=gyros, seed=seed) if gyros else record

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.attitude import OWN
-from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.attitude_origin import Origin
@@ -17,7 +16,7 @@ from gtmbench.record import Record
 from gtmbench.study.calibration import Calibrator, own_detector, resolved
 from gtmbench.study.fault_tables import FaultSpec, spec_of
 from gtmbench.study.flights import Flown, common_setup, fly_setup
-from gtmbench.study.log.origin import rests_on_attitude, with_origin
+from gtmbench.study.log.origin import with_origin
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
@@ -37,16 +36,16 @@ def run(
     scenario : str, Path or Scenario
         A TOML file, or the name of one of the package's (``drift``).
     seed : int, optional
-        Instead of the scenario's.
+        Replaces the scenario's.
     detectors : sequence
-        What watches, as `run_study` takes it; the scenario's own operator unless told.
+        The detectors, as in `run_study`; by default the scenario's own operator.
     faults : sequence of Fault, or of sequences of Fault
-        Instead of the scenario's, one trial each (several together are one); a class of your own does.
+        Replace the scenario's, one trial each (several together are one); your own class works, too.
 
     Raises
     ------
     GtmbenchError
-        Of the kind that says what went wrong: a bad scenario, no trim, a flight out of its envelope.
+        The subclass for the cause: a bad scenario, no trim, a flight out of its envelope.
 
     Examples
     --------
@@ -70,51 +69,36 @@ def run_study(
 ) -> Study:
     """Run scenarios that share a flight, watched by one detector or several.
 
-    Each detector is calibrated first, unless it is a monitor already: the dissertation's on two healthy records of the
-    study's own flight (so is any that is tied to its excitation), others on a dozen healthy flights that shake
-    everything, with the study's sensors. All watch the same records from `watch_from_s` on.
+    Each detector is calibrated first, unless it is a monitor already. The dissertation's, and any that is tied to its
+    excitation, is calibrated on two healthy records of the study's own flight; others on a dozen healthy flights with
+    rich excitation and the study's sensors. All watch the same records from `watch_from_s` on.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
-        Those that state neither snr nor noise have the T2's noise where anything but their own operator watches.
+        Scenarios that state neither snr nor noise have the T2's noise if any detector but their own operator watches.
     detectors : sequence
-        Detectors, monitors, banks, functions from a record to times of alarms, or what names one, as `find_detector`
-        takes it. ``"dissertation"`` is the scenarios' own, with their ``[operator]`` and ``[alarm]``, and the default.
+        Detectors, monitors, banks, functions from a record to times of alarms, or names, as in `find_detector`.
+        ``"dissertation"`` is the scenarios' own, with their ``[operator]`` and ``[alarm]``, and the default.
     seed : int, optional
-        Instead of the scenarios'.
+        Replaces the scenarios'.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where the scenarios' setups differ, a detector can't be meant or doesn't fit their records, or was calibrated on
+        If the scenarios' setups differ, a detector is invalid or doesn't fit their records, or was calibrated on
         other sensors: before anything is flown.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
     >>> def spin(record):
     ...     return record.time_s[abs(record["p"]) > 90.0][:1]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     scenario = gb.load_scenario(f"{folder}/short.toml")
-    ...     study = gb.run_study([scenario], detectors=["dissertation", gb.FunctionDetector(spin)])
-    >>> [(trial.detector, trial.detected) for trial in study.trials]
-    [('dissertation', True), ('spin', False)]
+    >>> study = gb.run_study([gb.load_scenario("jam")], detectors=["dissertation", gb.FunctionDetector(spin)])
+    >>> [(trial.detector, trial.channel) for trial in study.trials if trial.detected]
+    [('dissertation', 'p'), ('dissertation', 'q'), ('dissertation', 'r')]
     """
     watchers = resolved(detectors)
     own = [watcher is own_detector for watcher in watchers.values()]
@@ -144,7 +128,7 @@ def knowing(watcher: Any, attitude: str) -> Any:
     >>> [knowing(find_detector("C"), attitude).bank.attitude_from_gyros for attitude in ("own", "kalman")]
     [False, True]
     """
-    if attitude == OWN or not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+    if attitude == OWN:
         return watcher
     return with_origin(watcher, Origin(is_driven=True, why="as the scenario says"))
 

@@ -18,9 +18,9 @@ from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
+from gtmbench.files import is_file
 from gtmbench.record import Span
-from gtmbench.shipped import shipped_scenarios
+from gtmbench.shipped import read_shipped, shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
 
 _MOST_TRIALS = 1000
@@ -118,20 +118,17 @@ def load_scenario(source: str | Path) -> Scenario:
     >>> [(fault.kind, fault.channel, fault.onset_s) for fault in scenario.faults][0]
     ('drift', 'p', 300.0)
     """
-    path = _find(source)
-    table = read_toml(path, "scenario")
+    path, table = _read(source)
     with naming(path):
         return _held(scenario_of(path.stem, table))
 
 
-def _find(source: str | Path) -> Path:
-    shipped = shipped_scenarios()
-    path = shipped.get(str(source), Path(source))
-    if path.parent.name == "faults" and path.stem in shipped and not is_file(path):
-        path = shipped[path.stem]  # faults/drift.toml, away from a checkout
-    if not is_file(path):
-        raise InputError(no_file(source, "scenario", shipped))
-    return path
+def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
+    """Return the path and the tables of a scenario; ``faults/drift.toml`` is the one that ships where there is none."""
+    shipped, given = shipped_scenarios(), Path(source)
+    if given.parent.name == "faults" and given.stem in shipped and not is_file(given):
+        source = given.stem
+    return read_shipped(source, "scenario", shipped)
 
 
 def scenario_of(name: str, table: dict[str, Any]) -> Scenario:
@@ -187,8 +184,7 @@ def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
     >>> [trial.text for trial in load_faults("jam")]
     ['jam of p, from 300 s', 'jam of q, from 300 s', 'jam of r, from 300 s']
     """
-    path = _find(source)
-    table = read_toml(path, "scenario")
+    path, table = _read(source)
     with naming(path):
         text("title", table.pop("title", path.stem))
         blocks = table.pop("faults", None)
@@ -249,7 +245,7 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
     Raises
     ------
     InputError
-        Where the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
+        If the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
     """
     autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
     if autopilot is None:

@@ -109,52 +109,52 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a detector made of one fault. Fields on isolation are None (or empty) where the detector names no sensor.
+    """The score of a detector on one fault. Without isolation, its fields on isolation are None or empty.
 
     Attributes
     ----------
     onset_s : float
-        Of several faults, the earliest.
+        The onset; the earliest of several faults.
     detected : bool
         Whether an alarm could be raised at or after the onset.
     alarm_time_s, detection_delay_s : float or None
-        When the first such alarm could be raised, and how long after the onset.
+        When the first such alarm could be raised, in seconds, and its delay from the onset.
     look_ahead_s : float
-        The part of every delay that the detector waits for samples to come.
+        The part of every delay in which the detector waits for samples.
     peak_ratio : float
-        Greatest score known at or after the onset over its threshold, of those that the sensor's fault enters; 0
-        without any.
+        Greatest test statistic over its threshold, known at or after the onset, among those that the sensor's fault
+        enters; 0 without any.
     altered_share : float
         Share of samples at which a broken signal differs from the healthy one while a fault of it is active.
     false_alarms : int
         Alarms before the onset.
     isolated : bool or None
-        Whether the sensor that it names is one that had failed.
+        Whether the named sensor had failed.
     named_wrong : bool or None
-        Whether it names a single sensor in the end that hadn't failed.
+        Whether it finally names a single sensor that hadn't failed.
     axis_right : bool or None
         Whether there are candidates, all of them on the axis of a sensor that had failed: p or phi, q or theta, r or
         psi.
     isolated_s, isolation_delay_s : float or None
-        When that decision was possible, and how long after the onset.
+        When that decision was possible, in seconds, and its delay from the onset.
     sensor : str or None
-        The sensor that it names; None while undecided.
+        The named sensor; None while undecided.
     candidates : tuple of str
     verdict : str
-        In words; empty where the fault was missed.
+        In words; empty if the fault was missed.
     kind : str or None
-        The kind of fault at the end; "unknown" where it is none of those that there are.
+        The final kind of fault; "unknown" if it is none of the known kinds.
     partner : str or None
         The other sensor of a kind that mixes two.
     kind_right, kind_right_20s : bool or None
-        Whether that is a kind injected, or physically the same, of the sensor that failed so: at the end, and as judged
-        20 s after the alarm.
+        Whether that kind was injected into the sensor, or is physically the same: at the end, and as judged 20 s after
+        the alarm.
     parameters : tuple of ParameterEstimate
-        Of that kind, at the end.
+        The final estimates for that kind.
     ended_s, end_error_s : float or None
-        When the fault had gone, and how much later than in truth.
+        When the fault ended by the diagnosis, and how much later than in truth.
     reason : str
-        Why a fault was missed, or why no sensor is named where one could be; empty otherwise.
+        Why a fault was missed, or why no sensor is named although one could be; empty otherwise.
 
     Examples
     --------
@@ -195,7 +195,7 @@ class Verdict:
 
     @property
     def in_short(self) -> str:
-        """Say whether it was detected, and what was said of it: ``detected after 1.46 s: q failed``, ``missed``."""
+        """In words: ``detected after 1.46 s: q failed``, ``missed``."""
         if self.detection_delay_s is None:
             return f"missed: {self.reason}"
         said = f": {self.verdict}" if self.verdict else ""
@@ -220,12 +220,12 @@ class Verdict:
 
 
 def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: Sequence[Fault] = ()) -> Verdict:
-    """Hold what a detector said of a broken record against what was injected.
+    """Score a detector's result on a broken record against the injected faults.
 
     Parameters
     ----------
     watch : Watch
-        Of the broken record, or of its part from the time on that is watched.
+        The result on the broken record, or on its watched part.
     fault : Fault
         The truth.
     healthy, broken : Record

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
-from typing import cast
 
-from gtmbench.bench.equilibrium import Trim
 from gtmbench.bench.loop import LoopEvent, departed_s
+from gtmbench.bench.trim import Trim
 from gtmbench.channels import unit_of
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.protocol import Monitor, Watch
-from gtmbench.detectors.windowed_norm import SCORE, NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.method.alarms import Alarms, alarms
-from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
 from gtmbench.notebook import card
 from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation
@@ -24,46 +19,32 @@ from gtmbench.study.score import Verdict
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Baseline:
-    """What the trials of one detector share.
+    """The data that the trials of one detector share.
 
     Attributes
     ----------
     detector : str
-        Its name; no other detector of the study has it.
+        Its name, unique in the study.
     setup, trim, flight
-        What was flown; `flight` is truth.
+        The setup, the trim and the flight (truth).
     healthy : Record
-        The measurements that are broken in the trials.
+        The measurements that the trials break.
     monitor : Monitor
         The detector, calibrated.
     watch : Watch
-        Of `healthy`, from `setup.alarm.watch_from_s` on.
+        The result on `healthy`, from `setup.alarm.watch_from_s` on.
     false_alarms : int
     healthy_hours : float
-        False alarms on healthy records that calibration hasn't seen, and the hours watched, as `gtmbench.study.score`
-        defines them.
+        False alarms on healthy records outside calibration, and the hours watched, as `gtmbench.study.score` defines
+        them.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> shared = trial.baseline
     >>> shared.detector, shared.monitor.operator.name, shared.false_alarms, round(3600 * shared.healthy_hours)
-    ('dissertation', '[p q beta] -> r', 0, 185)
+    ('dissertation', '[p q beta] -> r', 0, 2311)
     """
 
     detector: str
@@ -75,13 +56,6 @@ class Baseline:
     watch: Watch = field(repr=False)
     false_alarms: int
     healthy_hours: float
-
-    watched = renamed("MonitoredBaseline.watched", "watch")
-    operator = renamed("Baseline.operator", "monitor.operator")
-    threshold = renamed("Baseline.threshold", "monitor.threshold")
-    armed_s = renamed("Baseline.armed_s", "watch.scores['E(k)'].armed_s", lambda self: self.watch.scores[SCORE].armed_s)
-    norm = renamed("Baseline.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
-    residual = renamed("Baseline.residual", "watch.residuals", lambda self: _residual(self.watch))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +94,7 @@ class Injection:
 
     @property
     def departure_time_s(self) -> float | None:
-        """When the aircraft departed, or left its envelope; None: it didn't."""
+        """When the aircraft departed or left its envelope; None if it didn't."""
         return departed_s(self.events)
 
     @property
@@ -131,14 +105,14 @@ class Injection:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial(Injection, Verdict):
-    """One fault, or several of one record, watched by one detector: the verdict and what it was reached on.
+    """One fault, or several in one record, watched by one detector: the verdict and its evidence.
 
     Attributes
     ----------
     detector : str
         The detector's name.
     watch : Watch
-        Of the broken record, from `setup.alarm.watch_from_s` on.
+        The result on the broken record, from `setup.alarm.watch_from_s` on.
     baseline : Baseline
         Shared by the trials of this detector.
     expected : Expectation or None
@@ -146,24 +120,10 @@ class Trial(Injection, Verdict):
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     trial = gb.run(f"{folder}/short.toml")[0]
+    >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> trial.channel, trial.detected, round(trial.detection_delay_s, 1), trial.watch.scores["E(k)"].unit
-    ('p', True, 2.1, 'deg/s')
+    ('p', True, 6.1, 'deg/s')
     """
 
     detector: str
@@ -177,7 +137,7 @@ class Trial(Injection, Verdict):
 
     @property
     def unexpected(self) -> tuple[str, ...]:
-        """Where the verdict differs from what is expected, in words; empty where it doesn't."""
+        """How the verdict differs from the expectation, in words; empty if it doesn't."""
         return () if self.expected is None else tuple(_differences(self, self.expected))
 
     def row(self) -> dict[str, object]:
@@ -200,13 +160,6 @@ class Trial(Injection, Verdict):
             "unexpected": list(self.unexpected),
         }
 
-    watched = renamed("MonitoredTrial.watched", "watch")
-    peak_level = renamed("MonitoredTrial.peak_level", "peak_ratio")
-    window_s = renamed("Trial.window_s", "baseline.monitor.window_s")
-    alarms = renamed("Trial.alarms", "watch.alarms", lambda self: _crossings(self.watch))
-    norm = renamed("Trial.norm", "watch.scores['E(k)']", lambda self: _norm(self.watch))
-    residual = renamed("Trial.residual", "watch.residuals", lambda self: _residual(self.watch))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
@@ -215,30 +168,16 @@ class Study:
     Attributes
     ----------
     baselines : tuple of Baseline
-        One a detector, in the order in which they were given.
+        One a detector, in the given order.
     trials : tuple of Trial
         Detector by detector, each in the order of the scenarios.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
-    >>> text = '''
-    ... duration_s = 40.0
-    ... severity_reference_s = [5.0, 20.0]
-    ... operator = { causal_order = 5, noncausal_order = 5, identify_s = [2.0, 20.0] }
-    ... alarm = { window = 100, threshold_s = [10.0, 38.0], watch_from_s = 2.0 }
-    ... [[faults]]
-    ... kind = "jam"
-    ... channels = ["p", "q"]
-    ... onset_s = 20.0
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "short.toml").write_text(text)
-    ...     study = gb.run_study([gb.load_scenario(f"{folder}/short.toml")])
+    >>> study = gb.run_study([gb.load_scenario("jam")])
     >>> [(trial.channel, trial.detected) for trial in study.trials]
-    [('p', True), ('q', True)]
+    [('p', True), ('q', True), ('r', True)]
     >>> study.baseline.detector, study.baseline.false_alarms
     ('dissertation', 0)
     """
@@ -316,16 +255,3 @@ def _differences(verdict: Verdict, expected: Expectation) -> Iterator[str]:
         yield f"{verdict.verdict or 'no sensor named'}, expected {' or '.join(wanted)}"
     if expected.kind is not None and verdict.kind != expected.kind:
         yield f"kind {verdict.kind or 'not told'}, expected {expected.kind}"
-
-
-def _residual(watch: Watch) -> Residual:
-    """Return what trials held of the dissertation's operator, one release ago."""
-    return residual(cast(NormMonitor, watch.monitor).operator, watch.record)
-
-
-def _norm(watch: Watch) -> WindowedNorm:
-    return windowed_norm(_residual(watch), window=cast(NormMonitor, watch.monitor).window)
-
-
-def _crossings(watch: Watch) -> Alarms:
-    return alarms(_norm(watch), cast(NormMonitor, watch.monitor).threshold)

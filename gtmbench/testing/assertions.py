@@ -31,29 +31,29 @@ _calibrated: list[tuple[Any, Monitor]] = []  # detectors that were given uncalib
 def assert_detects(
     detector: Any, fault: Fault, *, within_s: float, record: Record | None = None, named: bool = False
 ) -> None:
-    """Fail where a detector doesn't detect a fault in time, has a false alarm before it, or names another sensor.
+    """Fail if a detector doesn't detect a fault in time, has a false alarm before it, or names another sensor.
 
     Parameters
     ----------
     detector : Monitor, Detector, callable, str or path
-        A monitor, or what names one (``monitor.json``, ``FILE.py:OBJECT``); a function from a record to the times in
-        seconds at which its alarms could be raised. A detector that is yet to calibrate is so once a session, on six
+        A monitor or its name (``monitor.json``, ``FILE.py:OBJECT``), or a function from a record to the times in
+        seconds at which its alarms could be raised. An uncalibrated detector is calibrated once a session, on six
         healthy flights of 200 s with the T2's noise.
     fault : Fault
-        Injected into the record, which has to last until an alarm is due.
+        Injected into the record, which must last until an alarm is due.
     within_s : float
-        How late the first alarm may be, in seconds after the onset, look-ahead and windows counted.
+        The greatest detection delay allowed, in seconds, look-ahead and windows included.
     record : Record, optional
-        A healthy one; what the T2's sensors read on the standard flight (200 s) unless told.
+        A healthy record; by default the T2's sensor readings on the standard flight (200 s).
     named : bool
-        Whether the sensor has to be named as well. A wrong name fails in any case.
+        Whether the sensor must also be named. A wrong name always fails.
 
     Raises
     ------
     AssertionError
-        Naming what was found, what was allowed and the recording.
+        Naming the finding, the bound and the recording.
     InputError
-        Where an argument can't be meant, or the fault changes nothing.
+        If an argument is invalid, or the fault changes nothing.
 
     Examples
     --------
@@ -89,14 +89,14 @@ def assert_detects(
 
 
 def assert_quiet(detector: Any, record: Record | None = None) -> None:
-    """Fail where a detector alarms on a healthy record, or never could have.
+    """Fail if a detector alarms on a healthy record, or never could have.
 
     Parameters
     ----------
     detector : Monitor, Detector, callable, str or path
         As for `assert_detects`.
     record : Record, optional
-        A healthy one; what the T2's sensors read on the standard flight (200 s) unless told.
+        A healthy record; by default the T2's sensor readings on the standard flight (200 s).
 
     Raises
     ------
@@ -161,26 +161,26 @@ def _misnamed(watch: Watch, fault: Fault, healthy: Record, named: bool) -> Itera
 
 
 def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_below: Bound | None = None) -> None:
-    """Fail where the residual of an operator reaches a bound anywhere on a record.
+    """Fail if the residual of an operator reaches a bound anywhere on a record.
 
     Parameters
     ----------
     record : Record
-        Of a part only: ``record.between(25, 200)``.
+        The record, or a part such as ``record.between(25, 200)``.
     operator : Transmissibility or callable
         Or a function from a record to a `Residual`, such as ``lambda record: gb.innovations(operator, record)``.
     below : float or mapping of output to float
-        What every ``|e(k)|`` has to stay below, in the output's unit: one spike fails it. Residuals that need a
-        missing sample don't exist and are passed over; some must exist.
+        The bound of every ``|e(k)|``, in the output's unit; one spike fails it. Residuals that need a missing sample
+        don't exist and are skipped; some must exist.
     rms_below : float or mapping of output to float, optional
-        What the root mean square over the record has to stay below.
+        The bound of the root mean square over the record, in the output's unit.
 
     Raises
     ------
     AssertionError
         Naming output, figure, bound and recording.
     InputError
-        Where an argument can't be meant.
+        If an argument is invalid.
 
     Examples
     --------

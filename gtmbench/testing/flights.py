@@ -28,7 +28,7 @@ def fly_once(
 ) -> Record:
     """Fly as `gtmbench.fly` does, once for the same arguments: a session's processes share the flight.
 
-    Nothing is kept from one session to the next: a flight takes a second, and an old one would be another aircraft's.
+    Nothing is kept between sessions: a flight takes a second, and an old one could be of another aircraft.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def fly_once(
 
 @cache
 def standard_record() -> Record:
-    """Return what the T2's sensors read on the standard flight."""
+    """Return the T2's sensor readings on the standard flight."""
     return measure(fly_once(), noise="t2", seed=STANDARD_SEED)
 
 

@@ -13,14 +13,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS
 from gtmbench.bench.attitude_filter import filtered_attitude
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.intake.events import Event, EventKind, in_order
 from gtmbench.record import FloatArray, Record, Span
 from gtmbench.testing.flights import fly_once
 
-ACCELERATIONS = ("nx", "ny", "nz")
-CHANNELS = (*GYROS, *ATTITUDE, *ACCELERATIONS)
+CHANNELS = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 _FIRST_SEED = 700_000  # of the flights: nobody else flies them
 _STEPS = (2, 4, 5, 10)  # of 10 ms, from one logged sample to the next: 50, 25, 20, 10 Hz
 _DURATIONS_S = (60.0, 90.0, 120.0, 200.0)
@@ -234,8 +233,8 @@ def _sensed(truth: Record, draw: Draw) -> Record:
     """Return what gyros and accelerometers read."""
     rates = truth.matrix(GYROS) + _BIAS_DEG_S * draw.standard_normal(3)
     rates = rates + _NOISE_DEG_S * draw.standard_normal(rates.shape)
-    forces = truth.matrix(ACCELERATIONS)
-    return _with(_with(truth, GYROS, rates), ACCELERATIONS, forces + _NOISE_G * draw.standard_normal(forces.shape))
+    forces = truth.matrix(ACCELEROMETERS)
+    return _with(_with(truth, GYROS, rates), ACCELEROMETERS, forces + _NOISE_G * draw.standard_normal(forces.shape))
 
 
 def _estimated(sensed: Record, truth: Record, draw: Draw) -> Record:
@@ -299,13 +298,13 @@ def _at_rest(truth: Record, since_s: float, *, settling_s: float) -> Record:
     """Return a flight that comes to rest: its rates die away, and what is felt is weight."""
     since = int(np.searchsorted(truth.time_s, since_s))
     fading = np.exp(-(truth.time_s[since:] - truth.time_s[since]) / settling_s)[:, np.newaxis]
-    rates, forces = truth.matrix(GYROS).copy(), truth.matrix(ACCELERATIONS).copy()
+    rates, forces = truth.matrix(GYROS).copy(), truth.matrix(ACCELEROMETERS).copy()
     rates[since:] = rates[since] * fading
     stopped = _moved(truth, rates, since)
     phi, theta, _ = np.radians(stopped.matrix(ATTITUDE)[since:]).T
     weight = np.column_stack([np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)])
     forces[since:] = weight + (forces[since] - weight) * fading
-    return _with(stopped, ACCELERATIONS, forces)
+    return _with(stopped, ACCELEROMETERS, forces)
 
 
 def _tumbled(truth: Record, since_s: float, draw: Draw) -> Record:
@@ -331,9 +330,9 @@ def _struck(record: Record, time_s: float, draw: Draw, *, force_g: float, rate_d
     turns = draw.uniform(20.0, 40.0, 6) * since[:, np.newaxis] + draw.random(6)
     rings = ringing * np.sin(2 * np.pi * turns) * draw.uniform(0.5, 1.0, 6)
     rates = record.matrix(GYROS) + rate_deg_s * rings[:, :3]
-    forces = record.matrix(ACCELERATIONS) + 0.5 * force_g * rings[:, 3:]
+    forces = record.matrix(ACCELEROMETERS) + 0.5 * force_g * rings[:, 3:]
     forces[:, 2] += force_g * pulse
-    return _with(_with(record, GYROS, rates), ACCELERATIONS, forces)
+    return _with(_with(record, GYROS, rates), ACCELEROMETERS, forces)
 
 
 def _holding(record: Record, *, every: int) -> Record:

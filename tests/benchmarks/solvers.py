@@ -104,7 +104,7 @@ SOLVERS = {
     "sysidentpy FROLS": Solver(
         sysidentpy_frols,
         "sysidentpy",
-        "selects all terms one by one; always with a constant, so held against lstsq with one",
+        "selects all terms one by one; always with a constant, so compared with lstsq with one",
         constant=True,
         environment=("sysidentpy==0.9.0", "numpy==2.3.5", "scipy==1.17.1"),
     ),

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
-from gtmbench.shipped import shipped_banks
+from gtmbench.shipped import read_shipped, shipped_banks
 
 _MOST_RESIDUALS = 50
 _DRIVEN_WHITENING_S = 1.5
@@ -66,7 +65,7 @@ class ResidualSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Bank:
-    """Residuals, the test that judges them, and whom it may suspect.
+    """Residuals, the test that judges them, and the sensors that it may suspect.
 
     Attributes
     ----------
@@ -78,9 +77,9 @@ class Bank:
     whitening_s : float
         Length of the whitening filters.
     attitude_from_gyros : bool
-        Whether attitude comes from a filter that the gyros drive, as on most aircraft: a gyro's fault then bends it,
-        so that what shows of it is how the filter's references pull the attitude back, and after an alarm no residual
-        that uses it tells of another fault. `driven` makes such a bank of any.
+        Whether the attitude comes from a filter that the gyros drive, as on most aircraft. A gyro's fault then bends
+        it, and shows only as the filter's references pull the attitude back. After an alarm no residual that uses the
+        attitude is evidence of another fault. `driven` turns any bank into such a bank.
 
     Examples
     --------
@@ -102,14 +101,14 @@ class Bank:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The measured channels it needs, outputs first."""
+        """The measured channels that it needs, outputs first."""
         outputs = [spec.output for spec in self.diagnostic]
         inputs = sorted({raw for spec in self.residuals for raw in spec.needs} - set(outputs))
         return (*outputs, *inputs)
 
     @property
     def diagnostic(self) -> tuple[ResidualSpec, ...]:
-        """The residuals that diagnoses stand on: all that aren't early."""
+        """The residuals that a diagnosis uses: all but the early ones."""
         return tuple(spec for spec in self.residuals if not spec.is_early)
 
     @property
@@ -117,8 +116,13 @@ class Bank:
         """The sensors that kinematics predict."""
         return tuple(spec.output for spec in self.residuals if spec.is_kinematic)
 
+    @property
+    def predicts_gyros_from_attitude(self) -> bool:
+        """Whether it needs to know if the gyros drive the attitude."""
+        return any(spec.output in GYROS and self.sources(spec) & set(ATTITUDE) for spec in self.residuals)
+
     def sources(self, spec: ResidualSpec) -> set[str]:
-        """Return the measured channels that a residual's prediction stands on."""
+        """Return the measured channels that a residual's prediction uses."""
         return {raw for name in spec.inputs for raw in raw_needs(name)}
 
     def affects(self, channel: str) -> tuple[str, ...]:
@@ -126,20 +130,18 @@ class Bank:
         return tuple(dict.fromkeys(spec.source for spec in self.residuals if channel in spec.needs))
 
     def check_channels(self, channels: Iterable[str]) -> None:
-        """Refuse a record that lacks a channel, and say what could be used instead."""
+        """Refuse a record that lacks a channel, and suggest what to use instead."""
         check_channels(f"bank {self.name}", self.channels, channels)
 
     def driven(self) -> Bank:
         """Return the bank for an attitude that the gyros drive.
 
-        What its references leave of a gyro's fault is slow beside their noise, so it takes longer filters to whiten.
+        The remainder of a gyro's fault is slow compared with the references' noise, so whitening takes longer filters.
 
         >>> load_bank("C").driven().attitude_from_gyros
         True
         """
         return replace(self, attitude_from_gyros=True, whitening_s=max(self.whitening_s, _DRIVEN_WHITENING_S))
-
-    disturbs = renamed("Bank.disturbs", "affects")
 
 
 def check_channels(name: str, needed: Iterable[str], channels: Iterable[str]) -> None:
@@ -176,11 +178,7 @@ def load_bank(source: str | Path) -> Bank:
     >>> bank.affects("psi")
     ('p', 'q', 'r')
     """
-    shipped = shipped_banks()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "bank", shipped))
-    table = read_toml(path, "bank")
+    path, table = read_shipped(source, "bank", shipped_banks())
     with naming(path):
         return bank_of(text("its name", path.stem), table)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.noise import second_order
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance
@@ -76,8 +75,6 @@ class CalibratedBank:
         learnt = 0 if self.knows_noise else second_order(self.sample_period_s)
         rows = self.operators[output].causal_order + self.whiteners[output].order + learnt + 1
         return round(rows * self.sample_period_s, 9)
-
-    doubts = renamed("BankMonitor.doubts", "uncertainties")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -292,6 +292,17 @@ def divided(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
     return [only.between(only.start_s, cut_s)], [only.between(cut_s, only.end_s)]
 
 
+def check_long(records: Sequence[Record]) -> float:
+    """Return how long the shortest of healthy records is; refuse one that is too short."""
+    shortest_s = min(map(len, records)) * records[0].sample_period_s
+    if shortest_s < _SHORTEST_S:
+        raise InputError(
+            f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
+            "better minutes"
+        )
+    return shortest_s
+
+
 def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
     """Return a plan for little flight: every stretch is left out in turn.
 
@@ -303,12 +314,7 @@ def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
         Where the records are too short.
     """
     period_s, samples = records[0].sample_period_s, sum(map(len, records))
-    shortest_s = min(map(len, records)) * period_s
-    if shortest_s < _SHORTEST_S:
-        raise InputError(
-            f"a healthy record of {shortest_s:.3g} s is too short to calibrate on; give at least {_SHORTEST_S:g} s, "
-            "better minutes"
-        )
+    shortest_s = check_long(records)
     _check_length(bank, samples * period_s)
     baseline_s = min(bank.statistic.baseline_s, shortest_s / _BASELINES)
     return Plan(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
-from gtmbench.channels import SENSORS
+from gtmbench.channels import GYROS, SENSORS
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, load_bank
 from gtmbench.errors import InputError
 
 AUTO = "auto"
-GYROS = ("p", "q", "r")
 _FROM = ("C", "B")  # the better relations first
 
 
@@ -61,20 +60,23 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     return bank.driven() if attitude_from_gyros else bank
 
 
-def unwatched(bank: Bank, channels: Collection[str]) -> tuple[str, ...]:
+def unwatched(bank: Bank, channels: Collection[str], lost: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Say of every gyro without a residual why, a sentence each: what its relations lack among some channels.
+
+    Why other channels are of no use is said where it is known: `lost`.
 
     >>> channels = ("p", "q", "r", "phi", "theta")
     >>> unwatched(composed_bank(channels), channels)
     ("r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it",)
     """
     watched = {spec.output for spec in bank.diagnostic}
-    return tuple(_why_not(gyro, bank, channels) for gyro in GYROS if gyro not in watched)
+    return tuple(_why_not(gyro, bank, channels, lost or {}) for gyro in GYROS if gyro not in watched)
 
 
-def _why_not(gyro: str, bank: Bank, channels: Collection[str]) -> str:
+def _why_not(gyro: str, bank: Bank, channels: Collection[str], lost: Mapping[str, str]) -> str:
     if gyro not in channels:
-        return f"{gyro} isn't watched: it isn't there"
+        why = lost.get(gyro, "it isn't there")
+        return f"{gyro} isn't watched: {why}"
     itself = " by itself" if gyro in bank.suspects else ""
     return f"{gyro} isn't watched{itself}: {_lacking(gyro, channels)} beside it"
 

@@ -42,10 +42,10 @@ class Signatures:
         One entry a residual: ``level`` (an error of the channel enters it), ``slope`` (only changes of the error do: a
         constant one cancels in a derivative) or empty.
     strength : shape (channels, outputs), optional
-        What a jam does: RMS of the whitened residual with the channel jammed from the middle of a healthy record on,
-        over its RMS on the same rows without; 1 where it changes nothing.
+        The effect of a jam: RMS of the whitened residual with the channel jammed from the middle of a healthy record
+        on, over its RMS on the same rows without the jam; 1 means no change.
     blind_spots : tuple of str
-        What the bank can't tell or can't see, a sentence each.
+        What the bank can't isolate or detect, a sentence each.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Signatures:
     blind_spots: tuple[str, ...] = field(repr=False)
 
     def table(self) -> pd.DataFrame:
-        """Return the matrix, channels as rows: the pattern, then the strengths as ``jam in p``, where there are any."""
+        """Return the matrix, channels as rows: the pattern, then any strengths as ``jam in p``."""
         import pandas as pd
 
         rows = [self.pattern[channel] for channel in self.channels]
@@ -75,19 +75,19 @@ class Signatures:
 
 
 def signatures(source: Bank | CalibratedBank, record: Record | None = None) -> Signatures:
-    """Work out the signatures of a bank or a monitor.
+    """Return the signatures of a bank or a monitor.
 
     Parameters
     ----------
     source : Bank or CalibratedBank
-        A bank tells the pattern; a monitor also what its tolerances and thresholds let pass.
+        A bank gives the pattern; a monitor also the faults below its tolerances and thresholds.
     record : Record, optional
-        Healthy, with the bank's channels: strengths are measured on it. Needs a monitor.
+        A healthy record with the bank's channels, on which strengths are measured. Needs a monitor.
 
     Raises
     ------
     InputError
-        Where a record is given without a monitor, lacks channels, or is too short for residuals in its second half.
+        If a record is given without a monitor, lacks channels, or is too short for residuals in its second half.
 
     Examples
     --------

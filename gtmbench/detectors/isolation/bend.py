@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.record import FloatArray, Record
 

@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from gtmbench.attitude import GYROS, AttitudeEstimator
-from gtmbench.channels import axis_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import GYROS, axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest

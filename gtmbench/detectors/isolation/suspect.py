@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own

@@ -1,14 +1,12 @@
-"""Excursions: stretches in which residuals say nothing, for the motion is beyond what the monitor knows.
+"""What comes of excursions: no residual is judged there, and what follows is held against what was before.
 
-Their rows are taken out of the residuals, so that what comes after is held against what was before. A score that would
-have risen in one is told, as an alarm that can't be: a fault there looks the same.
+A score that would have risen in one is told, as an alarm that can't be: a fault there looks the same.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,47 +14,13 @@ import numpy as np
 from gtmbench.clock import even_times_s
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.excursion import Excursion, rows_about, rows_of
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.scores import ResidualScore
 from gtmbench.method.alarms import rising
 from gtmbench.record import FloatArray, Record
 
 _SOON_S = 10.0  # after an excursion: what begins then may come of it
-
-
-@dataclass(frozen=True, kw_only=True)
-class Excursion:
-    """A stretch in which residuals say nothing.
-
-    Attributes
-    ----------
-    start_s, end_s : float
-    reason : str
-        What it is: ``touchdown``, ``reset``, ``motion beyond what was identified``.
-    settles_s : float
-        How long after it an alarm that began with it may be its own: estimators take their time.
-    is_judged : bool
-        Whether residuals are judged all the same: it is told, and nothing need come of it. Only an alarm that begins
-        there can't be told.
-    """
-
-    start_s: float
-    end_s: float
-    reason: str
-    settles_s: float = 10.0
-    is_judged: bool = False
-
-
-def rows_of(excursion: Excursion, record: Record) -> range:
-    """Return the rows of a record that an excursion covers."""
-    rows = rows_about(excursion, record.start_s, record.sample_period_s)
-    return range(min(rows.start, len(record)), min(rows.stop, len(record)))
-
-
-def rows_about(excursion: Excursion, start_s: float, period_s: float) -> range:
-    """Return the rows that an excursion covers of rows that begin at `start_s`, however many these are."""
-    first, last = ((time_s - start_s) / period_s for time_s in (excursion.start_s, excursion.end_s))
-    return range(max(math.ceil(first - 1e-6), 0), max(math.floor(last + 1e-6) + 1, 0))
 
 
 def blots(monitor: CalibratedBank, record: Record, excursions: Sequence[Excursion]) -> list[tuple[str, range]]:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, AttitudeEstimator, held
+from gtmbench.attitude import AttitudeEstimator, held
+from gtmbench.channels import ATTITUDE
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities

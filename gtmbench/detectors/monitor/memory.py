@@ -89,7 +89,9 @@ class Memory:
         self.stop += len(values)
 
     def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
-        """Put a residual beside rows that were taken, from `row` on."""
+        """Put a residual beside rows that were taken, from `row` on; of a whole record they stand there already."""
+        if self._whole is not None:
+            return
         begin = max(row - self.first, 0)
         for name, values in _beside(output, raw, spread).items():
             late = values[begin - (row - self.first) :]

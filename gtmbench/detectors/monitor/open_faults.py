@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.diagnosis import entered
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.readings import Habit
 from gtmbench.detectors.isolation.referee import Referee
-from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.monitor.scores import Crossing
 
 HORIZONS_S = (0.75, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import even_times_s
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
-from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
 from gtmbench.record import BoolArray, FloatArray, Record, joined, runs

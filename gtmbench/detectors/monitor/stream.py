@@ -21,10 +21,11 @@ import numpy as np
 from gtmbench.clock import lateness_s
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
-from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
+from gtmbench.detectors.monitor.alarms import span_rows
+from gtmbench.detectors.monitor.engine import Engine
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.rows import RowByRow
-from gtmbench.detectors.monitor.scores import Track, extend, reach_of
+from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.errors import InputError
 from gtmbench.record import BoolArray, FloatArray, Record, check_record
 
@@ -47,10 +48,10 @@ class BankStream:
     def __init__(self, monitor: CalibratedBank) -> None:
         self._monitor = monitor
         self._period_s = monitor.sample_period_s
-        self._tracks = {output: Track(monitor, output) for output in monitor.operators}
         self._reach = reach_of(monitor)
         self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
-        self._logic = AlarmLogic(monitor, self._memory, self._tracks)
+        self._engine = Engine(monitor, self._memory)
+        self._tracks, self._logic = self._engine.tracks, self._engine.logic
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
         self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are
 
@@ -118,15 +119,12 @@ class BankStream:
 
     def _take(self, values: FloatArray, there: BoolArray) -> tuple[Alarm, ...]:
         """Take samples by the functions that work on arrays."""
-        self._logic.missing.take(there)
         begin = self._memory.stop
         self._memory.take(values)
         stop = self._memory.stop
         first = max(begin - self._reach, 0)
         residuals = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
-        told = self._judged_of(residuals, first, range(begin, stop))
-        for output, row, raw, spread in extend(self._tracks, told, first, range(begin, stop)):
-            self._memory.put(output, row, raw, spread)
+        self._engine.take(self._judged_of(residuals, first, range(begin, stop)), first, range(begin, stop), there)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
@@ -136,9 +134,8 @@ class BankStream:
         return residuals
 
     def _went_on(self) -> tuple[Alarm, ...]:
-        told = self._logic.run(self._memory.stop)
-        for track in self._tracks.values():
-            track.forget()
+        told = self._engine.run(self._memory.stop)
+        self._engine.forget()
         if told and self._rows is not None:
             self._rows.is_stale = True  # rows may have been taken out
         return told

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files import count_lines
 from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
@@ -51,23 +53,24 @@ def read_csv(path: Path) -> RawLog:
         try:
             frame = _frame(path, layout)
         except ParserWarning as error:
-            raise InputError(
-                f"rows have more cells than the {len(layout.names)} that its first line names; is that the header?"
-            ) from error
-    series, ignored, notes = [], [], []
+            raise InputError(_more_cells(layout.names, layout.separator)) from error
+        if frame.empty:
+            raise InputError("it names columns, and holds no row of values below them")
+    frame, notes = _without_headers(frame, layout.names[0])
+    series, ignored = [], []
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")
     for place, name in enumerate(layout.names):
         if not name:
             continue
         values, note = _numbers(frame[place])
+        if note:
+            notes.append(f"column '{name}': {note}")
         if values is None:
             ignored.append(name)
             continue
         stated = "s" if note.startswith("dates") else layout.units[place]
         series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=stated))
-        if note:
-            notes.append(f"column '{name}': {note}")
     return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
 
 
@@ -104,6 +107,8 @@ def layout_of(path: Path) -> Layout:
         skipped += 1
     if fields and len(fields[0]) == len(names) + 1 and not fields[0][-1].strip():
         names.append("")  # rows that end in a separator
+    if fields and len(fields[0]) > len(names):
+        raise InputError(_more_cells(names, separator))
     units = (units + [""] * len(names))[: len(names)]
     comma = separator != "," and bool(fields) and any(re.fullmatch(r"\s*[-+]?\d*,\d+\s*", text) for text in fields[0])
     return Layout(
@@ -116,11 +121,16 @@ def layout_of(path: Path) -> Layout:
     )
 
 
+def _more_cells(names: Sequence[str], separator: str) -> str:
+    commas = " If decimals have commas, cells need semicolons between them." if separator == "," else ""
+    return f"rows have more cells than the {len(names)} that its first line names; is that the header?{commas}"
+
+
 def _encoding(head: bytes) -> str:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     if b"\0" in head:
-        raise InputError("it holds zero bytes: no text")
+        raise InputError("it holds zero bytes, so it is no table in text; export the log as CSV")
     try:
         head[: head.rfind(b"\n") + 1 or None].decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -156,6 +166,16 @@ def _frame(path: Path, layout: Layout) -> pd.DataFrame:
         )
 
 
+def _without_headers(frame: pd.DataFrame, first: str) -> tuple[pd.DataFrame, list[str]]:
+    """Return a table without the headers that stand between its rows, as of files put together, and a note on them."""
+    if frame[0].dtype.kind in "iuf":
+        return frame, []
+    again = frame[0].astype(str).str.strip() == first
+    if not again.any():
+        return frame, []
+    return frame.mask(again), [f"rows that repeat the header: {again.sum()}; were files put together?"]
+
+
 def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:
     """Return a column's numbers, None where it holds others, and what there is to say about it."""
     import pandas as pd
@@ -170,5 +190,8 @@ def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:
     numbers = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
     words = len(filled) - np.count_nonzero(np.isfinite(numbers))
     if len(filled) and words <= (1.0 - _MOSTLY) * len(filled):
-        return numbers, f"{words} cells hold no number and count as missing"
-    return None, ""
+        return numbers, f"{words} cells hold no number and count as missing" if words else ""
+    if words == len(filled):
+        return None, ""
+    odd = filled[pd.to_numeric(filled, errors="coerce").isna()]
+    return None, f"{words} of {len(filled)} cells hold no number, such as '{one_line(str(odd.iloc[0]))[:20]}'"

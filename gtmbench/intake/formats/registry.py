@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
-from gtmbench.checks import meant, one_line
+from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files import is_file
+from gtmbench.files import is_file, no_such
 from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
@@ -23,9 +23,12 @@ _PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", 
 _OURS = {
     ".rrd": "a recording, which `gtmbench view` opens",
     ".toml": "a scenario, which `gtmbench run` flies",
-    ".json": "results, or a monitor, which watches as --detector",
+    ".json": "results, or a monitor; a log is watched with one by `gtmbench monitor LOG --detector {}`",
 }
 _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
+_BOOK = re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04.{26}(\[Content_Types|_rels|docProps|xl/|mimetype)", re.DOTALL)
+_OTHERS = ((b"{", "JSON"), (b"[{", "JSON"), (b"<", "HTML or XML"), (b"%PDF", "PDF"), (b"MATLAB", "MATLAB"))
+_HEAD_BYTES = 64
 _READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and {FORMATS[-1].name}"
 
 
@@ -81,7 +84,7 @@ def _writer(path: Path) -> Callable[[Path, Path, Sequence[Cells]], None]:
 def _format(path: Path) -> Format:
     """Return the format of a file by its first bytes."""
     head = _head(path)
-    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")) and path.suffix.lower() in _WORKBOOKS:
+    if _BOOK.match(head) or (head.startswith(b"PK\x03\x04") and path.suffix.lower() in _WORKBOOKS):
         raise InputError(
             f"{path} is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line"
         )
@@ -89,12 +92,16 @@ def _format(path: Path) -> Format:
         if head.startswith(magic):
             raise InputError(f"{path} is packed by {packing}; unpack it first")
     if path.suffix.lower() in _OURS:
-        raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()]}; {_READ}")
+        raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()].format(path)}; {_READ}")
     for form in FORMATS:
         if head.startswith(form.magic):
             return form
     if any(path.suffix.lower() in form.suffixes for form in FORMATS):
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
+    begins = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    for magic, kind in _OTHERS:
+        if begins.startswith(magic):
+            raise InputError(f"{path} begins as a file of {kind} does, not as a log; export the log as CSV; {_READ}")
     return CSV
 
 
@@ -112,12 +119,13 @@ def _head(path: Path) -> bytes:
             raise InputError(f"{path} isn't a file; {_READ}")
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(16)
+            head = file.read(_HEAD_BYTES)
     except InputError:
         raise
     except FileNotFoundError as error:
-        beside = islice(path.parent.glob("*.*"), 1000) if path.parent.is_dir() else ()
-        raise InputError(f"{path}: no such file{meant(path.name, [each.name for each in beside])}") from error
+        raise InputError(no_such(path)) from error
+    except PermissionError as error:
+        raise InputError(f"{path} can't be read: its permissions don't allow it; type: chmod u+r {path}") from error
     except (OSError, ValueError) as error:  # ValueError: a zero in the name
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
     if size > LARGEST_FILE_BYTES:

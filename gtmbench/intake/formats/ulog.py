@@ -11,6 +11,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.channels import ATTITUDE
 from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
@@ -47,7 +48,7 @@ _DOCUMENTED = {
     **_axes("vehicle_acceleration", "xyz[{}]", "nx ny -nz", "m/s2"),
     **{
         ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
-        for angle, channel in zip(ANGLES, ("phi", "theta", "psi"), strict=True)
+        for angle, channel in zip(ANGLES, ATTITUDE, strict=True)
     },
     ("airspeed_validated", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
     ("airspeed", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),

@@ -32,18 +32,18 @@ _ITERATIONS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Bayesian:
-    """The mean of theta given the records, and its covariance, under a prior of what sensors do.
+    """The mean of theta given the records, and its covariance, under a prior from kinematics.
 
-    H = K^-1 + S / s^2, theta = theta_0 + H^-1 S G^-1 Phi'(y - Phi theta_0) / s^2, on slow motion; G = Phi'Phi, and S is
-    what of G isn't noise of the input that reproduces the sensor: the residual's own Gram matrix is taken off, for
-    noise that an input holds is no evidence for its gain. s^2 is the residual's variance; H^-1 is the covariance.
+    H = K^-1 + S / s^2, theta = theta_0 + H^-1 S G^-1 Phi'(y - Phi theta_0) / s^2, on slow motion. G = Phi'Phi, and S is
+    G without the noise of the input that reproduces the sensor: the residual's own Gram matrix is subtracted, because
+    noise of an input is no evidence for its gain. s^2 is the residual's variance; H^-1 is the covariance.
 
-    Beside least squares: equations that follow each other say the same of slow motion, so that five count as one, and
-    the prior's deviations are of the problem's scale, the RMS values of inputs and output.
+    It differs from least squares in two ways. Consecutive equations carry the same information on slow motion, so five
+    count as one. The prior's deviations scale with the problem, the RMS values of inputs and output.
 
-    Of an operator between readings of the same motion (p_att and p alone, either way) physics fixes more: its gain at 0
-    Hz is 1 and its curvature that of a central difference, unless the records contradict that decisively; its delay is
-    found, and the rest of it passes the least noise (`kinematic`).
+    For an operator between readings of the same motion (p_att and p alone, either way) physics fixes more. Its gain at
+    0 Hz is 1 and its curvature that of a central difference, unless the records decisively contradict that. Its delay
+    is estimated, and the rest passes the least noise (`kinematic`).
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class Bayesian:
     delay_s : float
         Deviation of the delay between these two, from 0.
     tap : float
-        Deviation of each of its Markov parameters beside.
+        Deviation of each of its further Markov parameters.
     free : float
-        Deviation of what all other inputs contribute, each over the output's RMS, from 0.
+        Deviation from 0 of the contributions of all other inputs, each over the output's RMS.
 
     Examples
     --------
@@ -86,12 +86,12 @@ class Bayesian:
         number("free", self.free, 0.0, above=True)
 
     def estimate(self, problem: Problem) -> Estimate:
-        """Return the mean and the covariance of the Markov parameters; samples of weight 0 bridge a gap, no more.
+        """Return the mean and the covariance of the Markov parameters; samples of weight 0 only bridge a gap.
 
         Raises
         ------
         InputError
-            Where there are too few complete windows of samples.
+            If there are too few complete windows of samples.
         """
         inputs = len(problem.inputs)
         blocks = [stretch.read(0, len(stretch)).T for stretch in problem.stretches if len(stretch) >= problem.lags]

@@ -32,8 +32,8 @@ class InstrumentalVariables:
         Shifts these lags to ``-d + delay .. r + delay``. With an unstable plant the lags of (3.55) are nearly useless
         at the noncausal end: delay by exactly the number of unstable poles, or better, give `past`.
     past, future : int
-        So many lags more on either side: over-determined. A `past` of 5 or more needs no knowledge of the poles, and
-        on example 3.2 it errs by 15 to 30 % less than the right delay.
+        The number of further lags on either side: over-determined. A `past` of 5 or more needs no knowledge of the
+        poles, and on example 3.2 it errs by 15 to 30 % less than the right delay.
     prefilter : pair of sequences of float, optional
         Numerator and denominator of L(q^-1) in (3.63), by falling powers of q; asymptotically stable.
 

@@ -28,10 +28,10 @@ class LeastSquares:
     ----------
     ridge : float or mapping from input to float, optional
         Standard deviation of white noise on the pseudo inputs, in their units: adds n sigma_i^2 ||H_.i||^2 (n
-        equations, all lags of input i), what such noise would add in the mean. One number stands for every input, in
-        its unit.
+        equations, all lags of input i), the mean contribution of such noise. One number applies to every input, in its
+        unit.
     truncate : float or mapping from input to float, optional
-        Likewise a noise level: directions of the regressor that wouldn't stand out of such noise are left out.
+        Likewise a noise level: directions of the regressor that such noise would hide are left out.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class LeastSquares:
         return self.reduced(problem, problem.triangle())
 
     def reduced(self, problem: Problem, equations: Triangle) -> Estimate:
-        """Return the estimate from equations that are reduced already."""
+        """Return the estimate from reduced equations."""
         if self.truncate is not None:
             levels = np.tile(noise_levels("truncate", self.truncate, problem), problem.lags)
             floor = np.sqrt(equations.weight)

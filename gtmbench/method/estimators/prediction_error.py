@@ -23,12 +23,13 @@ class PredictionError:
 
     epsilon(k) = A(q) (y_o(k) - sum over i = -d..r of H_i y_i(k-i)), equation (3.67), where A(q) stands for the inverse
     of G_w in (3.64): A(q) = 1 + a_1 q^-1 + ... + a_n q^-n. Long enough, it fits any noise spectrum; the inverse in the
-    source, (3.79), is noncausal and a full matrix, this one is causal and diagonal, each output on its own. Found by
-    turns: the H_i by least squares on data filtered by A, then A on the residual; but for rounding the criterion never
-    rises. Noise that is fed back from y_o to y_i (a closed loop) biases it all the same: use instruments there.
+    source, (3.79), is noncausal and a full matrix, this one is causal and diagonal, each output on its own. The H_i, by
+    least squares on data filtered by A, and A, on the residual, are estimated in turn; except for rounding the
+    criterion never rises. Noise that is fed back from y_o to y_i (a closed loop) still biases it: use instruments
+    there.
 
-    What it makes small is the innovations: the residual (4.11) may be larger than that of least squares, and drifts
-    where A comes near 1 - q^-1. Watch `innovations` of the operator, not its residual.
+    It minimises the innovations. The residual (4.11) may be larger than that of least squares, and drifts if A comes
+    near 1 - q^-1. Watch `innovations` of the operator, not its residual.
 
     All samples are filtered anew in each turn, so memory grows with the record.
 
@@ -37,7 +38,7 @@ class PredictionError:
     noise_order : int
         n; with 0 it is least squares.
     tolerance : float
-        Ends when the criterion falls by less than this share in an iteration.
+        The iteration ends when the criterion falls by less than this share.
     most_iterations : int
 
     Examples

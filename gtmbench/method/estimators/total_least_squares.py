@@ -40,9 +40,9 @@ class TotalLeastSquares:
     noise : float, mapping from channel to float, or array_like, optional
         Standard deviation of each channel's noise (one number: of every one), or their covariance matrix, pseudo inputs
         first, then pseudo outputs; in the channels' units. None: estimated as the mean level of each channel's spectrum
-        above half the Nyquist frequency, so what moves there must be noise.
+        above half the Nyquist frequency, so any signal there must be noise.
     rank : int, optional
-        How many directions are kept, instead of finding out.
+        The number of directions to keep; by default it is determined.
 
     Examples
     --------

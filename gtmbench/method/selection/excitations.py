@@ -23,16 +23,16 @@ _SHARE = 0.6  # of the sharpest drop, on a logarithmic axis: what a drop needs t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExcitationCount:
-    """The number of independent excitations, and what it was counted from.
+    """The number of independent excitations, and the evidence.
 
     Attributes
     ----------
     excitations : int or None
-        m; None where these channels don't bound it: it is at least their number less 1.
+        m; None if these channels don't bound it: then it is at least their number less 1.
     reason : str
         Why, with the figures.
     by_m : Series
-        Over m = 1..p-1: the RMS over the outputs of the relative residuals, for the m inputs that make it least.
+        Over m = 1..p-1: the RMS over the outputs of the relative residuals, for the best choice of m inputs.
     table : DataFrame
         One row for every choice of inputs and every output: m, inputs (a tuple), output, and relative_residual, the
         residual's RMS over the output's.
@@ -64,14 +64,14 @@ def count_excitations(
     gain: float = 1.5,
     weights: Weights = None,
 ) -> ExcitationCount:
-    """Predict the channels from every choice of m = 1..p-1 of them, and find the m beyond which little is gained.
+    """Count independent excitations: the m beyond which predicting channels from m others gains little.
 
-    With as many pseudo inputs as excitations the other sensors follow, down to noise; with fewer they don't; with more,
-    noise is averaged. So the curve `by_m` (which begins at 1 for m = 0) drops until m is reached and is nearly flat
-    from there on. m is the last step that is sizable: a drop by the factor `gain` or more, and on a logarithmic axis
-    at least 0.6 times as long as the sharpest.
+    All choices of m = 1..p-1 of p channels are tried. As many pseudo inputs as excitations predict the other sensors
+    down to noise; fewer don't, and more only average noise. So the curve `by_m` (which begins at 1 for m = 0) drops
+    until m is reached and is nearly flat from there on. m is the last sizable step: a drop by the factor `gain` or
+    more, and on a logarithmic axis at least 0.6 times as long as the sharpest.
 
-    Averaging alone stays below a `gain` of 1.5: of like sensors of one excitation, m inputs predict with a noise power
+    Averaging alone stays below a `gain` of 1.5: for like sensors of one excitation, m inputs predict with a noise power
     of 1 + 1/m, so the second gains sqrt(2 / 1.5) = 1.15, and any number of them less than sqrt(2) = 1.41. Unlike
     sensors gain more: where a zero lies near the unit circle the inverse is long and amplifies noise, and one sensor
     more can give a factor of 7 at an SNR of 1000. Such a step is short beside the sharpest, hence the second condition.
@@ -92,11 +92,11 @@ def count_excitations(
     Raises
     ------
     InputError
-        Where channels are missing, too many or too few, or the records are too short for p inputs.
+        If channels are missing, too many or too few, or the records are too short for p inputs.
 
     Notes
     -----
-    Residual powers are over the equations less the parameters, so short records feign no drop.
+    Residual powers are divided by the equations less the parameters, so short records show no false drop.
 
     Only independent excitations at many frequencies are counted. Sinusoids at f frequencies make 2 f numbers a sample,
     which 2 f lags of *one* sensor hold: one input then suffices, however many surfaces move (and noise decides what is

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InputChoice:
-    """Chosen pseudo inputs, and what they were chosen from.
+    """Chosen pseudo inputs, and the evidence.
 
     Attributes
     ----------
     inputs : tuple of str
-        In the order of choice; none where no candidate helps.
+        In the order of choice; empty if no candidate helps.
     reason : str
         Why, with the figures.
     table : DataFrame
-        One row a step, those that weren't taken too: step, input (the one that is added), for every output
-        ``rms_OUTPUT`` in its unit, gain (the factor by which the residual falls, geometric mean over the outputs), bic.
+        One row a step, including rejected ones: step, input (the one that is added), for every output ``rms_OUTPUT`` in
+        its unit, gain (the factor by which the residual falls, geometric mean over the outputs), bic.
 
     Examples
     --------
@@ -60,13 +60,13 @@ def select_inputs(
     most: int | None = None,
     weights: Weights = None,
 ) -> InputChoice:
-    """Add the candidate that lowers the residual most, again and again, and keep the steps up to the least BIC.
+    """Choose pseudo inputs greedily: add the candidate that lowers the residual most, up to the least BIC.
 
     Every step is one block orthogonalisation: all lags of the candidate that was taken are projected out of the other
     candidates and of the outputs. Several outputs count by the product of their residuals, so units don't matter.
 
-    Greedy: two inputs that help only together can be missed. BIC takes the residual as white; sensor noise on the
-    inputs makes redundant sensors useful, for they average it, and then they are chosen, too: see `gain`.
+    Because it is greedy, it can miss two inputs that help only together. BIC assumes a white residual. Redundant
+    sensors average the inputs' noise, so they are chosen, too: see `gain`.
 
     Parameters
     ----------
@@ -77,14 +77,14 @@ def select_inputs(
     causal_order, noncausal_order : int
         r and d.
     most : int, optional
-        How many inputs at most; all candidates unless told.
+        How many inputs at most (by default all candidates).
     weights : array_like, optional
         As for `identify`.
 
     Raises
     ------
     InputError
-        Where channels are missing or the records are too short for all candidates.
+        If channels are missing or the records are too short for all candidates.
 
     Examples
     --------

@@ -34,7 +34,7 @@ Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OrderChoice:
-    """A recommended r and d, and what it was chosen from.
+    """Recommended orders r and d, and the evidence.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class OrderChoice:
         Raises
         ------
         InputError
-            Where the table has no such column.
+            If the table has no such column.
         """
         if name not in self.table.columns[2:]:
             raise InputError(f"the table has no column '{name}'; it has {', '.join(self.table.columns[2:])}")
@@ -93,11 +93,11 @@ def select_orders(
 
     All members fit the same equations (4.8), those of the largest: k = r_max..l-d_max, means removed as by `identify`.
     With `validation`, the recommendation is the member of fewest parameters whose held-out residual is within 1 % of
-    the least: what lies so close is told apart by the draw of the noise. Without, it is the least BIC.
+    the least: differences so small depend on the noise draw. Without `validation` it is the least BIC.
 
-    AIC and BIC take the residuals as white, Gaussian and independent from output to output: sums over the outputs of
-    n log(residual power / output power), plus 2 or log(n) for each parameter that the data determine. Sensor noise on
-    the pseudo inputs makes the residual coloured, and both then ask for too much: hold out data if there are any.
+    AIC and BIC take the residuals as white, Gaussian and independent from output to output: sums over the outputs of n
+    log(residual power / output power), plus 2 or log(n) for each parameter that the data determine. Sensor noise on the
+    pseudo inputs makes the residual coloured, and both then choose too many parameters: hold out data if possible.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def select_orders(
     inputs, outputs : sequence of str
         Pseudo inputs and pseudo outputs.
     causal_orders, noncausal_orders : iterable of int, or int
-        Grid of r and d, in samples; 0 to 50 unless told.
+        Grid of r and d, in samples (by default 0 to 50).
     validation : Record or sequence of Record, optional
         Healthy measurements that nothing was identified on.
     weights : array_like, optional
@@ -115,7 +115,7 @@ def select_orders(
     Raises
     ------
     InputError
-        Where no order is given, or the largest can't be identified on the records.
+        If no order is given, or the largest can't be identified on the records.
 
     Notes
     -----

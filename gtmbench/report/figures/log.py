@@ -15,7 +15,7 @@ from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.scores import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS, colours
+from gtmbench.report.style import COLOURS, EVENTS, VERDICTS, colours
 from gtmbench.report.watched import (
     TINTS,
     State,
@@ -32,9 +32,9 @@ from gtmbench.report.watched import (
 )
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
-from gtmbench.report.words.log import outcome_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import WatchedLog
 
 if TYPE_CHECKING:
@@ -116,12 +116,23 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch],
 def _states(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
     """Draw what became of the log as one bar, and the remarks on it."""
     _bands(axis, parts, alpha=1.0)
+    _faults(axis, watched)
     ends = [time_s for remark in watched.log.remarks for time_s in (remark.start_s, remark.end_s, np.nan)]
     if ends:
         axis.plot(ends, np.full(len(ends), 0.5), "d-", color="k", ms=4, lw=1.0, label="remark")
     axis.set_ylim(0.0, 1.0)
     axis.set_yticks([])
     axis.grid(visible=False)
+
+
+def _faults(axis: Axes, watched: WatchedLog) -> None:
+    """Draw from when on a sensor had failed, or nobody can tell, over what became of the log."""
+    end_s = whole_of(watched)[1]
+    for label, outcome in (("failed", "failed"), ("cannot tell", "unknown")):
+        told = [each for each in watched.alarms if not each.has_passed and bool(each.doubt) == (outcome == "unknown")]
+        spans = [(began_s(each), max((each.ended_s or end_s) - began_s(each), 0.0)) for each in told[:MOST_ALARMS]]
+        if spans:
+            axis.broken_barh(spans, (0.0, 0.5), lw=0.0, facecolor=VERDICTS[outcome], label=label)
 
 
 def _bands(axis: Axes, parts: Sequence[Stretch], alpha: float) -> None:
@@ -191,7 +202,7 @@ def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
         _line(axis, watch.record.time_s, watch.residuals[output], span, tint)
     usual = 3.0 * rms_identified(watched.monitor).get(output, np.nan)
     for bound in (-usual, usual) if usual > 0.0 else ():
-        axis.axhline(bound, color="k", lw=0.8, ls="--", label="3 RMS where identified")
+        axis.axhline(bound, color="k", lw=0.8, ls="--", label="±3 RMS of the training part")
     axis.set_ylabel(textwrap.fill(f"residual of {output}", 18))
 
 
@@ -215,5 +226,5 @@ def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None
     """Give the figure its title and one legend."""
     one_legend(figure, axes, columns=5)
     title = title_text(watched.monitor)
-    said = textwrap.wrap(f"{printable(watched.log.path.name)}, {title}: {outcome_text(watched)}", _TITLE)
-    figure.suptitle("\n".join(said), fontweight="bold")
+    said = textwrap.wrap(f"{verdict_text(watched)} ({printable(watched.log.path.name)}, {title})", _TITLE)
+    figure.suptitle("\n".join(said), fontweight="bold", color=VERDICTS[watched.outcome.name.lower()])

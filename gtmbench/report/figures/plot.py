@@ -51,9 +51,9 @@ def plot(value: Any) -> Figure:
     ----------
     value
         A Record, FlightLog or LoopFlight shows its channels, those of one unit together; a Transmissibility its Markov
-        parameters; a Residual and a WindowedNorm themselves; a Watch its scores against their thresholds, its alarms,
-        and sensors beside what they should have read; a Trial the same about the onset; a Study the delay of every
-        trial; a WatchedLog what became of the log; an OrderChoice and an ExcitationCount what they were chosen from.
+        parameters; a Residual and a WindowedNorm themselves; a Watch its test statistics over their thresholds, its
+        alarms, and measured beside predicted readings; a Trial the same about the onset; a Study the delay of every
+        trial; a WatchedLog the treatment of the log; an OrderChoice and an ExcitationCount their evidence.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def plot(value: Any) -> Figure:
     Raises
     ------
     InputError
-        Where it is none of these.
+        If it is none of these.
 
     Examples
     --------

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmbench.channels import unit_of
-from gtmbench.detectors.virtual import ANGLES
+from gtmbench.channels import ATTITUDE, unit_of
 from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.rescued import TINTS, moments, shown_flight
@@ -114,7 +113,7 @@ def _parted(angle_deg: FloatArray) -> FloatArray:
 def _draw_channel(axis: Axes, rescue: Rescue, name: str, *, is_last: bool) -> None:
     for which in rescue.flights:
         flight = shown_flight(rescue, which)
-        values = _parted(flight[name]) if name in ANGLES else flight[name]
+        values = _parted(flight[name]) if name in ATTITUDE else flight[name]
         axis.plot(flight.time_s - rescue.onset_s, values, color=TINTS[which], lw=1.2)
     for time_s, _ in moments(rescue)["rescued"]:
         axis.axvline(time_s - rescue.onset_s, color=TINTS["rescued"], lw=0.8, ls=":")

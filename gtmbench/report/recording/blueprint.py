@@ -9,8 +9,7 @@ from itertools import cycle, groupby
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.attitude import ATTITUDE
-from gtmbench.channels import unit_of
+from gtmbench.channels import ATTITUDE, unit_of
 from gtmbench.detectors.protocol import Score, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault

@@ -13,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from gtmbench.channels import unit_of
+from gtmbench.channels import GYROS, unit_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files import atomic_write
 from gtmbench.record import FloatArray, Record, Span
@@ -27,7 +27,7 @@ Signal = tuple[FloatArray, FloatArray]  # times in s, values
 
 TIMELINE = "time"  # seconds of the flight, to the nanosecond
 GROUPS = {
-    "rates": ("p", "q", "r"),
+    "rates": GYROS,
     "wind": ("alpha", "beta"),
     "attitude": ("phi", "theta"),
     "heading": ("psi",),  # goes round, and nz is 1 g and more: what moves less would lie flat beside them
@@ -50,16 +50,27 @@ _MARKS = {
 
 @contextmanager
 def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it."""
+    """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it.
+
+    Rerun encodes into memory, and the file is written here: on a full disk its own writer ends without a word, and who
+    asks it to flush may wait for ever.
+
+    Raises
+    ------
+    GtmbenchError
+        Where the disk doesn't take all of it.
+    """
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
     with atomic_write(path) as aside:
-        recording.save(aside, default_blueprint=blueprint)
+        encoded = rr.binary_stream(recording)
+        recording.send_blueprint(blueprint, make_active=False, make_default=True)
         recording.send_recording_name(name)
         try:
             yield recording
+            aside.write_bytes(encoded.read() or b"")  # to its footer; it can be read once
         finally:
-            recording.disconnect()  # writes the footer
+            recording.disconnect()
 
 
 def times(time_s: FloatArray) -> rr.TimeColumn:

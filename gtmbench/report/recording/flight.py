@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from gtmbench.attitude import ATTITUDE
-from gtmbench.channels import SURFACES
+from gtmbench.channels import ATTITUDE, SURFACES
 from gtmbench.record import Record
 from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, rgb, set_time, times
 from gtmbench.report.scene import AIRCRAFT, Scene

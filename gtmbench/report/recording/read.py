@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed, shown
 from gtmbench.errors import InputError
-from gtmbench.files import check_size, is_file
+from gtmbench.files import LOGS, check_size, is_file, no_such
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,7 +22,7 @@ _LONGEST_S, _BYTES_PER_S = 60.0, 1e6  # it takes a second for 70 MB
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
-    """Return everything a recording holds as one long table, a row a sample, values bit for bit those of the study.
+    """Return a recording as one long table, a row a sample, with the study's values bit for bit.
 
     ==========  ======================================================================================
     column      holds
@@ -46,7 +46,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        Where it isn't a whole recording, or another application's.
+        If it isn't a whole recording, or another application's.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def recording_in(given: Path) -> Path:
     Raises
     ------
     InputError
-        Where a folder holds none, or several.
+        If a folder holds none, or several.
     """
     if not given.is_dir():
         return given
@@ -105,7 +105,9 @@ def _application(table: pa.Table) -> str:
 def _read(path: Path, *what: str) -> pa.Table:
     """Return what `rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
-        raise InputError(f"{path}: no such file; `gtmbench run` writes one")
+        raise InputError(no_such(path, "`gtmbench run` writes one"))
+    if path.suffix.lower() in LOGS:
+        raise InputError(f"{path} is no recording but, by its name, a log; watch it: gtmbench monitor {path}")
     check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S

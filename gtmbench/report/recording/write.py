@@ -71,7 +71,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from gtmbench.attitude import ATTITUDE
+from gtmbench.channels import ATTITUDE
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
@@ -123,9 +123,10 @@ from gtmbench.report.watched import (
 from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
-from gtmbench.report.words.log import event_text, outcome_text, remark_text
+from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 
@@ -374,4 +375,4 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
     end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []
-    return [*events, (end_s, severity, f"outcome: {outcome_text(watched)}")]
+    return [*events, (end_s, severity, f"outcome: {verdict_text(watched)}")]

@@ -9,10 +9,12 @@ import numpy as np
 import pandas as pd
 
 from gtmbench.parts import Parts
-from gtmbench.plain import dumps, plain
+from gtmbench.plain import dumps
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import false_alarm_figures
+from gtmbench.report.words.campaign import campaign_verdict
 
-SCHEMA = 1
+SOME_FAILED = 3  # an exit code
 _READ = [
     *("detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
     *("detected", "detection_delay_s", "isolated", "named_wrong", "kind_right", "mildest"),
@@ -20,7 +22,7 @@ _READ = [
 
 
 def campaign_results(parts: Parts) -> dict[str, Any]:
-    """Return what a campaign found, as one JSON-ready object, schema 1.
+    """Return what a campaign found, as one JSON-ready object, with the envelope of what is printed.
 
     `detectors` has an object a detector, `faults` one a detector and kind of fault. Rows with an error are counted as
     failed and as nothing else. Shares are of trials, delays of what was detected; what a detector doesn't claim to
@@ -30,26 +32,25 @@ def campaign_results(parts: Parts) -> dict[str, Any]:
     rows = rows[rows["mildest"].isna()]  # searches are scored by `gtmbench report`
     done = parts.done()
     by_detector = rows.groupby("detector", sort=False)
-    return dict(
-        plain(
-            {
-                "schema": SCHEMA,
-                "campaign": parts.facts["campaign"]["name"],
-                "title": parts.facts["campaign"]["title"],
-                "tasks": parts.tasks,
-                "tasks_done": len(done),
-                "rows": len(rows),
-                "failed": int(rows["error"].notna().sum()),
-                "detectors": [_detector(str(name), own) for name, own in by_detector],
-                "faults": [
-                    {"detector": name, "fault": fault, **_merits(own)}
-                    for name, of_detector in by_detector
-                    for fault, own in of_detector.groupby("fault", sort=False)
-                ],
-                "facts": parts.facts,
-            }
-        )
-    )
+    failed = int(rows["error"].notna().sum())
+    own = {
+        "campaign": parts.facts["campaign"]["name"],
+        "title": parts.facts["campaign"]["title"],
+        "tasks": parts.tasks,
+        "tasks_done": len(done),
+        "rows": len(rows),
+        "failed": failed,
+        "detectors": [_detector(str(name), own) for name, own in by_detector],
+        "faults": [
+            {"detector": name, "fault": fault, **_merits(own)}
+            for name, of_detector in by_detector
+            for fault, own in of_detector.groupby("fault", sort=False)
+        ],
+        "facts": parts.facts,
+    }
+    why = [{"text": f"{failed} of {len(rows)} rows failed; the column error says why"}] if failed else []
+    code = SOME_FAILED if failed else 0
+    return envelope("campaign", campaign_verdict(own), own, exit_code=code, findings=why)
 
 
 def _detector(name: str, rows: pd.DataFrame) -> dict[str, Any]:

@@ -6,18 +6,18 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gtmbench.channels import GYROS
 from gtmbench.columns import Column, Row
 from gtmbench.faults.additive import Bias
 from gtmbench.parts import Parts
 from gtmbench.plain import plain
+from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.watched import alarm_bound, passed_alarms
 from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.fleet import words_text
-from gtmbench.report.words.log import outcome_text
+from gtmbench.report.words.fleet import counts_text, words_text
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot import of_sensors, words_of
-from gtmbench.study.log.fleet import SCHEMA
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.self_check.motion import GYROS
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
 ERROR = "error"
@@ -59,7 +59,7 @@ def fleet_row(watched: WatchedLog) -> Row:
     segments = watched.log.segments
     row = {
         "outcome": watched.outcome.name.lower(),
-        "verdict": outcome_text(watched),
+        "verdict": verdict_text(watched),
         "certificate": certificate_text(watched.certificate),
         "start_s": segments[0].start_s,
         "end_s": segments[-1].end_s,
@@ -122,14 +122,17 @@ def exit_code(rows: Iterable[Row]) -> int:
 
 
 def fleet_results(parts: Parts) -> dict[str, Any]:
-    """Return a fleet as one JSON-ready object, schema 1; `logs` has a row a log, worst first, None for what isn't."""
-    rows = parts.read().to_pylist()
-    table = {
-        "schema": SCHEMA,
-        "study": "fleet",
-        "exit_code": exit_code(rows),
+    """Return a fleet as one JSON-ready object; `logs` has a row a log, worst first, None for what isn't."""
+    rows = worst_first(parts.read().to_pylist())
+    own = {
         "counts": {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in _OUTCOMES},
-        "logs": worst_first(rows),
+        "logs": rows,
         "versions": parts.facts["versions"],
     }
-    return dict(plain(table))
+    told = [
+        {"text": f"{row['log']}: {row['verdict'] or row['error']}", "log": row["log"], "outcome": row["outcome"]}
+        for row in rows
+        if row["outcome"] != "healthy"
+    ]
+    verdict = f"{counts_text(row['outcome'] for row in rows)}."
+    return envelope("monitor-fleet", verdict, own, exit_code=exit_code(rows), findings=told)

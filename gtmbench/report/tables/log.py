@@ -10,19 +10,21 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.pieces import deviation, rms
-from gtmbench.plain import plain
 from gtmbench.report.scores import level
-from gtmbench.report.tables.results import SCHEMA, versions
+from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.tables.results import versions
 from gtmbench.report.watched import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
+from gtmbench.report.words.autopilot import score_verdict
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
-from gtmbench.report.words.log import outcome_text
+from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.self_check.check import SelfCheck
@@ -31,22 +33,17 @@ from gtmbench.study.log.watched import WatchedLog
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
-    """Return a watched log as one JSON-ready object, schema 2; units stand in the names, or beside.
+    """Return a watched log as one JSON-ready object; units stand in the names, or beside.
 
     Times are the log's. `findings` has a row for every alarm that first told of a fault. `stretches` covers the log
     from its first sample to its last and says of every stretch whether it was watched, or why not; `residuals` has a
     row for every score, or residual, on every record that the monitor was given.
     """
-    table = {
-        "schema": SCHEMA,
-        "study": "log",
+    own = {
         "outcome": watched.outcome.name.lower(),
-        "exit_code": int(watched.outcome),
-        "verdict": outcome_text(watched),
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
         "hardly_watched": watched.hardly_watched,
-        "findings": [_finding(alarm, _watch_of(alarm, watched)) for alarm in watched.alarms],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
@@ -64,14 +61,13 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
-    return dict(plain(table))
+    code, findings = int(watched.outcome), _findings(watched)
+    return envelope("monitor", verdict_text(watched), own, exit_code=code, findings=findings)
 
 
 def contents_results(contents: LogContents) -> dict[str, Any]:
-    """Return what a log holds as one JSON-ready object, schema 2."""
-    table = {
-        "schema": SCHEMA,
-        "study": "contents",
+    """Return what a log holds as one JSON-ready object."""
+    own = {
         "log": contents.path.name,
         "format": contents.kind,
         "span_s": contents.span_s,
@@ -82,7 +78,7 @@ def contents_results(contents: LogContents) -> dict[str, Any]:
         "columns": [asdict(column) for column in contents.columns],
         "versions": versions(),
     }
-    return dict(plain(table))
+    return envelope("monitor-list", contents_verdict(contents), own)
 
 
 def _excursion(excursion: Excursion) -> Mapping[str, Any]:
@@ -159,13 +155,10 @@ def _comparison(watched: WatchedLog) -> Mapping[str, Any] | None:
 
 
 def score_results(scores: ScoredLog) -> dict[str, Any]:
-    """Return a log that was scored on its own truth as one JSON-ready object, schema 2; times are the log's."""
-    table = {
-        "schema": SCHEMA,
-        "study": "log score",
+    """Return a log that was scored on its own truth as one JSON-ready object; times are the log's."""
+    own = {
         "outcome": scores.watched.outcome.name.lower(),
-        "exit_code": int(scores.watched.outcome),
-        "verdict": outcome_text(scores.watched),
+        "log_verdict": verdict_text(scores.watched),
         "failures": [_scored(row) for row in scores.rows],
         "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],
         "false_words": [asdict(word) for word in scores.false_words],
@@ -175,7 +168,8 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
         "monitor": facts(scores.watched.monitor),
         "versions": versions(),
     }
-    return dict(plain(table))
+    code, findings = int(scores.watched.outcome), _findings(scores.watched)
+    return envelope("score", score_verdict(scores), own, exit_code=code, findings=findings)
 
 
 def _scored(row: Scored) -> Mapping[str, Any]:
@@ -200,10 +194,14 @@ def _watch_of(alarm: Alarm, watched: WatchedLog) -> Watch | None:
     return next((watch for watch in watched.watches if any(alarm is each for each in watch.alarms)), None)
 
 
+def _findings(watched: WatchedLog) -> list[Mapping[str, Any]]:
+    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in watched.alarms]
+
+
 def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
     nothing = Judgement(time_s=alarm.time_s, sensor=None, candidates=())
     return {
-        "verdict": alarm.verdict,
+        "text": alarm.verdict,
         "alarm_s": alarm.time_s,
         "began_s": began_s(alarm),
         "isolated_s": alarm.isolated_s,

@@ -1,11 +1,8 @@
-"""Tables as Markdown, and how a cell says what share of trials came out well."""
+"""Tables as Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
-
-from gtmbench.study.scores.intervals import exact_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,48 +24,3 @@ def markdown(frame: pd.DataFrame) -> str:
     return "\n".join(
         "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |" for line in lines
     )
-
-
-def grouped(
-    rows: pd.DataFrame, by: Mapping[str, str], cells: Mapping[str, Callable[[pd.DataFrame], object]]
-) -> pd.DataFrame:
-    """Return a line a group of rows, in the order in which they come.
-
-    Parameters
-    ----------
-    rows : DataFrame
-    by : mapping
-        Columns that say of which group a row is, by the names that they have in the table.
-    cells : mapping
-        By name, what is said of a group's rows.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> rows = pd.DataFrame({"kind": ["jam", "drift", "jam"], "delay_s": [0.2, 6.0, 0.4]})
-    >>> print(markdown(grouped(rows, {"fault": "kind"}, {"trials": len, "worst (s)": lambda of: of["delay_s"].max()})))
-    | fault | trials | worst (s) |
-    | ----- | ------ | --------- |
-    | jam   | 2      | 0.4       |
-    | drift | 1      | 6.0       |
-    """
-    import pandas as pd
-
-    return pd.DataFrame(
-        [
-            dict(zip(by, key, strict=True)) | {name: cell(own) for name, cell in cells.items()}
-            for key, own in rows.groupby(list(by.values()), sort=False, observed=True)
-        ]
-    )
-
-
-def share_text(hits: int, trials: int) -> str:
-    """Write a share with its 95 % interval; a dash where nothing was tried.
-
-    >>> share_text(322, 324)
-    '99.4 % [97.8, 99.9] of 324'
-    """
-    if not trials:
-        return "-"
-    low, high = exact_interval(hits, trials)
-    return f"{100 * hits / trials:.1f} % [{100 * low:.1f}, {100 * high:.1f}] of {trials}"

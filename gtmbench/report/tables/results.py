@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -16,33 +16,43 @@ from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.plain import dumps, plain
+from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.version import __version__
 
-SCHEMA = 2
 _PER = {"": "", "s": "_s", "sqrt(s)": "_sqrt_s", "g": "_g"}  # behind a unit that is divided by it
 _LIBRARIES = ("jsbsim", "numpy", "scipy", "pandas", "rerun-sdk")
 
 
 def results(study: Study) -> dict[str, Any]:
-    """Return a study as one JSON-ready object, schema 2; units stand in the names.
+    """Return a study as one JSON-ready object; units stand in the names.
 
-    `detectors` has an object a detector, `trials` a row a detector and trial. Where one detector watched, what is said
-    of it stands on top as well.
+    `detectors` has an object a detector, `trials` a row a detector and trial.
     """
-    detectors = [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
     table = {
-        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
         "trim": asdict(study.baseline.trim),
-        **(detectors[0] if len(detectors) == 1 else {}),
-        "detectors": detectors,
+        "detectors": [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines],
         "trials": [trial.row() for trial in study.trials],
         "setup": _setup(study),
         "versions": versions(),
         "seed": study.baseline.setup.seed,
     }
     return dict(plain(table))
+
+
+def unexpected(trials: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return of some trials' rows those that went otherwise than their scenarios expect, as findings."""
+    named = ("detector", "scenario", "fault", "channel")
+    return [
+        {
+            "text": f"{row['detector']}, {row['fault']} of {row['channel']}: {'; '.join(row['unexpected'])}",
+            **{name: row[name] for name in named},
+        }
+        for row in trials
+        if row["unexpected"]
+    ]
 
 
 def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
@@ -125,20 +135,22 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was injected and what was found, a column a figure, with its unit in the name."""
+    """Return what was injected and what was found, a column a figure, with its unit in the name.
+
+    The columns are those of the fault that was injected, whatever the detector; what it found of another kind is told
+    in one cell.
+    """
     injected = _headers(row["fault"], row["channel"])
+    figures = {**row["severity"], **row["settings"]}
+    columns = {f"injected_{injected.get(name, name)}": value for name, value in figures.items()}
+    own = ["onset_s", *(injected.get(name, name) for name in figures)]
     found = _headers(row["kind"], next(iter(row["candidates"]), row["channel"]))
-    columns = {
-        f"injected_{injected.get(name, name)}": value for name, value in {**row["severity"], **row["settings"]}.items()
-    }
-    for estimate in row["parameters"]:
-        header = found.get(estimate["name"], estimate["name"])
-        columns |= {
-            f"found_{header}": estimate["value"],
-            f"error_of_{header}": estimate["error"],
-            f"true_{header}": estimate["true"],
-        }
-    return columns
+    told = {found.get(estimate["name"], estimate["name"]): estimate for estimate in row["parameters"]}
+    for header in own:
+        estimate = told.pop(header, {})
+        columns |= {f"found_{header}": estimate.get("value")}
+        columns |= {f"error_of_{header}": estimate.get("error"), f"true_{header}": estimate.get("true")}
+    return columns | {"found_else": named({header: estimate["value"] for header, estimate in told.items()})}
 
 
 def _headers(kind: str | None, channel: str) -> dict[str, str]:

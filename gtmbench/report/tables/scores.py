@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.report.words.scores import (
     rate_words,
     seconds_words,
@@ -17,10 +18,9 @@ from gtmbench.report.words.scores import (
 )
 from gtmbench.report.words.units import counted
 from gtmbench.study.scores.compare import Rank
-from gtmbench.study.scores.intervals import Estimate, Rate, Share
-from gtmbench.study.scores.scoring import Confusion, Delays, DetectorScores, Merits, Scores
+from gtmbench.study.scores.intervals import Estimate, Share
+from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
 
-SCHEMA = 1
 _MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
 
 
@@ -35,6 +35,9 @@ class Cell(NamedTuple):
         """What it holds: a number, which is sorted as one, a name, or words."""
         is_figure = isinstance(self.key, float) or self.text == "-"
         return "number" if is_figure else "name" if self.key is not None else "words"
+
+
+Line = dict[str, Cell]  # by column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,13 @@ class Table:
     note: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+
+    @classmethod
+    def of(cls, title: str, note: str, lines: Iterable[Line]) -> Table:
+        """Return the table of lines that have the same columns."""
+        rows = list(lines)
+        columns = tuple(rows[0]) if rows else ()
+        return cls(title=title, note=note, columns=columns, rows=tuple(tuple(row.values()) for row in rows))
 
     def markdown(self) -> str:
         """Return it as Markdown."""
@@ -78,61 +88,46 @@ def tables(scores: Scores) -> list[Table]:
 
 def _detectors(scores: Scores) -> Table:
     places = {rank.detector: rank for rank in scores.ranks}
-    rows = []
-    for one in ordered(scores):
-        found, place = one.merits, places.get(one.name)
-        row = (
-            place_cell(place.best, place.worst) if place else Cell("-"),
-            Cell(one.name, one.name),
-            _rate(one.false_alarms),
-            *_shares([found.detected, found.in_time] if found else [None, None]),
-            *_delays(found.delays if found else None)[1:3],
-            *_naming(found)[:2],
-            Cell("no score: " + one.no_score if one.no_score else _failed(found)),
-        )
-        rows.append(row)
-    return Table(
-        title="Detectors",
-        note="Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; "
+
+    def line(one: DetectorScores) -> Line:
+        place = places.get(one.name)
+        return {
+            "place": place_cell(place.best, place.worst) if place else Cell("-"),
+            "detector": Cell(one.name, one.name),
+            "false alarms an hour": Cell(rate_words(one.false_alarms), _key(one.false_alarms.value)),
+            **_detection(one.merits),
+            **_sensors(one.merits),
+            "remark": Cell("no score: " + one.no_score if one.no_score else _failed(one.merits)),
+        }
+
+    return Table.of(
+        "Detectors",
+        "Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; "
         f"in time: within {scores.deadline_s:g} s. Delays are those of the detected. A place such as 1-2 is shared: no "
         "test tells those apart.",
-        columns=(
-            "place",
-            "detector",
-            "false alarms an hour",
-            "detected",
-            "in time",
-            "median (s)",
-            "95 % (s)",
-            "right sensor",
-            "wrong sensor",
-            "remark",
-        ),
-        rows=tuple(rows),
+        map(line, ordered(scores)),
     )
 
 
 def _luck_table(scores: Scores) -> Table:
-    rows = [
-        (
-            Cell(one.name, one.name),
-            Cell(f"{one.luck.within:.2f}", one.luck.within),
-            range_cell(one.luck.median_s),
-            Cell("{} to {}".format(*one.luck.detected), float(one.luck.detected[0])),
-            Cell("{} to {}".format(*one.luck.alarmed), float(one.luck.alarmed[0])),
-            place_cell(one.luck.place.best, one.luck.place.worst) if one.luck.place else Cell("-"),
-        )
-        for one in ordered(scores)
-        if one.luck
-    ]
-    return Table(
-        title="Luck of the calibration",
-        note="Calibrated on other such flights 95 % of a detector's thresholds stay within so many times (thresholds "
+    return Table.of(
+        "Luck of the calibration",
+        "Calibrated on other such flights 95 % of a detector's thresholds stay within so many times (thresholds "
         "drawn anew from its flights, with replacement). The rest is what its figures would be with all thresholds "
         "lower by that much, and higher: by when half of all faults are detected, how many are, in how many healthy "
         "records there is an alarm, and the places that it may have.",
-        columns=("detector", "within (times)", "half within (s)", "detected", "healthy records with an alarm", "place"),
-        rows=tuple(rows),
+        (
+            {
+                "detector": Cell(one.name, one.name),
+                "within (times)": Cell(f"{one.luck.within:.2f}", one.luck.within),
+                "half within (s)": range_cell(one.luck.median_s),
+                "detected": Cell("{} to {}".format(*one.luck.detected), float(one.luck.detected[0])),
+                "healthy records with an alarm": Cell("{} to {}".format(*one.luck.alarmed), float(one.luck.alarmed[0])),
+                "place": place_cell(one.luck.place.best, one.luck.place.worst) if one.luck.place else Cell("-"),
+            }
+            for one in ordered(scores)
+            if one.luck
+        ),
     )
 
 
@@ -147,52 +142,46 @@ def range_cell(ends_s: tuple[float, float]) -> Cell:
 
 
 def _delay_table(scores: Scores) -> Table:
-    rows = [
-        (Cell(one.name, one.name), *_delays(one.merits.delays), *_samples(one.merits.delays))
-        for one in ordered(scores)
-        if one.merits and one.merits.delays
-    ]
-    return Table(
-        title="Delays",
-        note="Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
+    return Table.of(
+        "Delays",
+        "Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
         "waited for samples to come. Windows: the part of the mean in which the window that alarmed fills with broken "
         "samples; the rest has passed before it began.",
-        columns=(
-            "detector",
-            "mean (s)",
-            "median (s)",
-            "95 % (s)",
-            "worst (s)",
-            "look-ahead (s)",
-            "windows (s)",
-            "median (samples)",
-            "worst (samples)",
+        (
+            {
+                "detector": Cell(one.name, one.name),
+                "mean (s)": _estimate(found.mean),
+                "median (s)": _estimate(found.median),
+                "95 % (s)": _estimate(found.most),
+                "worst (s)": _seconds(found.worst),
+                "look-ahead (s)": _seconds(found.look_ahead),
+                "windows (s)": _seconds(found.windows),
+                "median (samples)": _samples(found.median.value),
+                "worst (samples)": _samples(found.worst),
+            }
+            for one in ordered(scores)
+            if one.merits and (found := one.merits.delays)
         ),
-        rows=tuple(rows),
     )
 
 
-def _samples(found: Delays) -> list[Cell]:
-    samples = [round(value / SAMPLE_PERIOD_S) for value in (found.median.value, found.worst)]
-    windows = Cell("-") if found.windows is None else Cell(f"{found.windows:.2f}", found.windows)
-    return [windows, *[Cell(f"{value}", float(value)) for value in samples]]
-
-
 def _names_table(scores: Scores) -> Table:
-    rows = [
-        (
-            Cell(one.name, one.name),
-            *_shares([own.right, own.wrong, own.undecided, own.missed, own.axis_right, own.kind_right]),
-        )
-        for one in ordered(scores)
-        if one.merits and (own := one.merits.naming)
-    ]
-    return Table(
-        title="Names",
-        note="Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all "
+    return Table.of(
+        "Names",
+        "Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all "
         "that is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
-        columns=("detector", "right sensor", "wrong sensor", "can't tell", "missed", "axis right", "kind right"),
-        rows=tuple(rows),
+        (
+            {
+                "detector": Cell(one.name, one.name),
+                **_sensors(one.merits),
+                "can't tell": _share(own.undecided),
+                "missed": _share(own.missed),
+                "axis right": _share(own.axis_right),
+                "kind right": _share(own.kind_right),
+            }
+            for one in ordered(scores)
+            if one.merits and (own := one.merits.naming)
+        ),
     )
 
 
@@ -218,30 +207,41 @@ def _failed(found: Merits | None) -> str:
     return f"{counted(found.failed, 'trial')} failed: missed" if found and found.failed else ""
 
 
-def _rate(found: Rate) -> Cell:
-    return Cell(rate_words(found), _key(found.value))
+def _detection(found: Merits | None) -> Line:
+    """Return how many faults are detected, and how soon."""
+    delays = found.delays if found else None
+    return {
+        "detected": _share(found.detected if found else None),
+        "in time": _share(found.in_time if found else None),
+        "median (s)": _estimate(delays.median if delays else None),
+        "95 % (s)": _estimate(delays.most if delays else None),
+    }
 
 
-def _shares(found: Sequence[Share | None]) -> list[Cell]:
-    return [Cell("-") if one is None else Cell(share_words(one), _key(one.value)) for one in found]
+def _sensors(found: Merits | None) -> Line:
+    """Return how often the sensor that is named is the broken one, and how often it isn't."""
+    naming = found.naming if found else None
+    return {
+        "right sensor": _share(naming.right if naming else None),
+        "wrong sensor": _share(naming.wrong if naming else None),
+    }
 
 
-def _delays(found: Delays | None) -> list[Cell]:
-    """Return mean, median, 95 %, worst and look-ahead."""
-    if found is None:
-        return [Cell("-")] * 5
-    plain = [Cell(f"{value:.2f}", value) for value in (found.worst, found.look_ahead)]
-    return [*map(_seconds, (found.mean, found.median, found.most)), *plain]
+def _share(found: Share | None) -> Cell:
+    return Cell("-") if found is None else Cell(share_words(found), _key(found.value))
 
 
-def _seconds(found: Estimate) -> Cell:
-    return Cell(seconds_words(found), found.value)
+def _estimate(found: Estimate | None) -> Cell:
+    return Cell("-") if found is None else Cell(seconds_words(found), found.value)
 
 
-def _naming(found: Merits | None) -> list[Cell]:
-    """Return right, wrong, undecided, and the kind."""
-    own = found.naming if found else None
-    return _shares([own.right, own.wrong, own.undecided, own.kind_right] if own else [None] * 4)
+def _seconds(value: float | None) -> Cell:
+    return Cell("-") if value is None else Cell(f"{value:.2f}", value)
+
+
+def _samples(value_s: float) -> Cell:
+    samples = round(value_s / SAMPLE_PERIOD_S)
+    return Cell(f"{samples}", float(samples))
 
 
 def _key(value: float | None) -> float | None:
@@ -249,25 +249,23 @@ def _key(value: float | None) -> float | None:
 
 
 def _pairs(scores: Scores) -> Table:
-    rows = [
-        (
-            Cell(pair.first, pair.first),
-            Cell(pair.second, pair.second),
-            Cell(f"{pair.sooner}", float(pair.sooner)),
-            Cell(f"{pair.later}", float(pair.later)),
-            Cell(f"{pair.tied}", float(pair.tied)),
-            Cell(_advantage(pair.advantage), pair.advantage.value),
-            Cell(f"{pair.p:.2g}", pair.p),
-            Cell(pair.better or "can't be told apart", pair.better or ""),
-        )
-        for pair in scores.comparisons
-    ]
-    return Table(
-        title="Which is sooner",
-        note="On the very same trials, in how many the first of two alarmed sooner, in how many later; one that misses "
+    return Table.of(
+        "Which is sooner",
+        "On the very same trials, in how many the first of two alarmed sooner, in how many later; one that misses "
         "is later. Flights are what a permutation test draws; p is corrected for all pairs (Holm).",
-        columns=("first", "second", "first sooner", "second sooner", "tie", "advantage", "p", "sooner"),
-        rows=tuple(rows),
+        (
+            {
+                "first": Cell(pair.first, pair.first),
+                "second": Cell(pair.second, pair.second),
+                "first sooner": Cell(f"{pair.sooner}", float(pair.sooner)),
+                "second sooner": Cell(f"{pair.later}", float(pair.later)),
+                "tie": Cell(f"{pair.tied}", float(pair.tied)),
+                "advantage": Cell(_advantage(pair.advantage), pair.advantage.value),
+                "p": Cell(f"{pair.p:.2g}", pair.p),
+                "sooner": Cell(pair.better or "can't be told apart", pair.better or ""),
+            }
+            for pair in scores.comparisons
+        ),
     )
 
 
@@ -279,59 +277,49 @@ def _advantage(found: Estimate) -> str:
 
 def _split(scores: Scores, by: str) -> Table:
     """Return a line a detector and kind of fault, or channel."""
-    rows = [
+
+    def line(one: DetectorScores, name: str, found: Merits) -> Line:
+        naming, delays = found.naming, found.delays
+        return {
+            "detector": Cell(one.name, one.name),
+            by: Cell(name.replace("_", " "), name),
+            "trials": Cell(f"{found.trials}", float(found.trials)),
+            **_detection(found),
+            "worst (s)": _seconds(delays.worst if delays else None),
+            **_sensors(found),
+            "can't tell": _share(naming.undecided if naming else None),
+            "kind right": _share(naming.kind_right if naming else None),
+        }
+
+    return Table.of(
+        {"fault": "Kinds of faults", "channel": "Channels that break"}[by],
+        "As above, of each alone; of several faults in one record it is the first.",
         (
-            Cell(one.name, one.name),
-            Cell(name.replace("_", " "), name),
-            Cell(f"{found.trials}", float(found.trials)),
-            *_shares([found.detected, found.in_time]),
-            *_delays(found.delays)[1:4],
-            *_naming(found),
-        )
-        for one in scores.detectors
-        for name, found in (one.faults if by == "fault" else one.channels).items()
-    ]
-    return Table(
-        title={"fault": "Kinds of faults", "channel": "Channels that break"}[by],
-        note="As above, of each alone; of several faults in one record it is the first.",
-        columns=(
-            "detector",
-            by,
-            "trials",
-            "detected",
-            "in time",
-            "median (s)",
-            "95 % (s)",
-            "worst (s)",
-            "right sensor",
-            "wrong sensor",
-            "can't tell",
-            "kind right",
+            line(one, name, found)
+            for one in scores.detectors
+            for name, found in (one.faults if by == "fault" else one.channels).items()
         ),
-        rows=tuple(rows),
     )
 
 
 def _smallest(scores: Scores) -> Table:
-    rows = [
-        (
-            Cell(one.name, one.name),
-            Cell(found.fault.replace("_", " "), found.fault),
-            Cell(found.channel, found.channel),
-            Cell(found.parameter, found.parameter),
-            Cell(severity_words(found), found.severity.value),
-            Cell(severity_unit(found)),
-            Cell(f"{found.found.hits} of {found.found.of}", _key(found.found.value)),
-        )
-        for one in scores.detectors
-        for found in one.smallest
-    ]
-    return Table(
-        title="Smallest faults that are detected",
-        note="From which severity on a fault is detected in 90 % of the searches, one a flight and onset, at the "
+    return Table.of(
+        "Smallest faults that are detected",
+        "From which severity on a fault is detected in 90 % of the searches, one a flight and onset, at the "
         "thresholds that the detectors have; 'found' counts the searches in which any severity was detected.",
-        columns=("detector", "fault", "channel", "parameter", "smallest", "unit", "found"),
-        rows=tuple(rows),
+        (
+            {
+                "detector": Cell(one.name, one.name),
+                "fault": Cell(found.fault.replace("_", " "), found.fault),
+                "channel": Cell(found.channel, found.channel),
+                "parameter": Cell(found.parameter, found.parameter),
+                "smallest": Cell(severity_words(found), found.severity.value),
+                "unit": Cell(severity_unit(found)),
+                "found": Cell(f"{found.found.hits} of {found.found.of}", _key(found.found.value)),
+            }
+            for one in scores.detectors
+            for found in one.smallest
+        ),
     )
 
 
@@ -358,11 +346,18 @@ def confusions(scores: Scores) -> list[Table]:
     ]
 
 
+def first_and_rest(lines: Sequence[str]) -> tuple[str, list[dict[str, str]]]:
+    """Return what a campaign comes to as a verdict, and what else is said of it as findings."""
+    return lines[0], [{"text": line} for line in lines[1:]]
+
+
 def scores_results(scores: Scores, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return scores as one JSON-ready object, schema 1; a detector without a score has None for it, and says why."""
+    """Return scores as one JSON-ready object; a detector without a score has None for it, and says why."""
+    verdict, findings = first_and_rest(verdict_lines(scores))
     return {
-        "schema": SCHEMA,
-        "verdict": verdict_lines(scores),
+        "verdict": verdict,
+        "findings": findings,
+        "schema_version": SCHEMA_VERSION,
         "target_per_hour": scores.target_per_hour,
         "deadline_s": scores.deadline_s,
         "detectors": scores.detectors,

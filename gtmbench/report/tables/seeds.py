@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.plain import plain
-from gtmbench.report.tables.results import SCHEMA, false_alarm_figures, versions
+from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.report.tables.results import false_alarm_figures, versions
 from gtmbench.report.words.judgement import severity_text
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Study, Trial
@@ -63,19 +64,24 @@ class SeedTable:
 
     def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
         """Return the columns of the table, its rows as text, and which columns are numbers."""
-        figures = self.figures()
-        several = len({row["detector"] for row in figures}) > 1
-        isolates = any(row["isolated"] is not None for row in figures)
         right = ["detected", "median delay (s)", "worst delay (s)", "isolated", "kind right"]
-        columns = ["fault", "channel", "severity", *right[: 5 if isolates else 3]]
         rows = []
-        for row in figures:
-            named = [_count(row[name], row["detected"]) for name in ("isolated", "kind_right")] if isolates else []
+        for row in self.figures():
+            named = [_count(row[name], row["detected"]) for name in ("isolated", "kind_right")]
             delays = [or_dash(row[name], ".2f") for name in ("median_delay_s", "worst_delay_s")]
             what = row["fault"] if row["fault"] == row["scenario"] else f"{row['scenario']}: {row['fault']}"
             cells = [what, row["channel"], row["severity_of_first_seed"], _count(row["detected"], row["trials"])]
-            rows.append([*([row["detector"]] if several else []), *cells, *delays, *named])
-        return (["detector", *columns] if several else columns), rows, right
+            rows.append([row["detector"], *cells, *delays, *named])
+        return ["detector", "fault", "channel", "severity", *right], rows, right
+
+    def verdict(self) -> str:
+        """Say in a sentence what every detector found over all seeds."""
+        told = [
+            f"{row['detector']}: {_count(row['detected'], row['trials'])} faults detected, "
+            f"{counted(row['false_alarms'], 'false alarm')} in {row['healthy_hours']:.2f} h of healthy flight"
+            for row in self.totals()
+        ]
+        return f"{counted(len(self.seeds), 'seed')}: {'; '.join(told)}."
 
     def summary_lines(self) -> list[str]:
         """Return a line a detector: what was detected, false alarms, hours watched."""
@@ -98,7 +104,7 @@ class SeedTable:
     def results(self) -> dict[str, Any]:
         """Return all of it as one JSON-ready object."""
         table = {
-            "schema": SCHEMA,
+            "schema_version": SCHEMA_VERSION,
             "seeds": self.seeds,
             "detectors": self.totals(),
             "faults": self.figures(),

@@ -9,7 +9,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
 from gtmbench.report.words.units import counted
 from gtmbench.study.log.autopilot import SENSORS, Beside, beside, of_sensors, words_of
-from gtmbench.study.log.truth import Scored, ScoredLog, scored
+from gtmbench.study.log.truth import NAMED, Scored, ScoredLog, scored
 from gtmbench.study.log.watched import WatchedLog
 
 _MOST = 6
@@ -114,6 +114,19 @@ def _parting_text(alarm: Alarm) -> str:
     what = f"{alarm.source} part{by}" if " and " in alarm.source else f"{alarm.source} stands still"
     known = "" if alarm.isolated_s is None else f", known at {alarm.isolated_s:.2f} s"
     return f"{what} at {alarm.time_s:.2f} s, since about {alarm.onset_s:.2f} s: {alarm.verdict}{known}"
+
+
+def score_verdict(scores: ScoredLog) -> str:
+    """Say in a sentence how many of the failures that a log says were injected were found."""
+    trials = scores.trials
+    if not trials:
+        return "Cannot score: no injected failure lies in what was watched."
+    found = [row for row in trials if row.alarm is not None]
+    named = sum(row.said == NAMED for row in found)
+    return (
+        f"{len(found)} of {counted(len(trials), 'injected failure')} found, {named} with the right sensor named; "
+        f"{_false_text(len(scores.false_alarms), 'alarm')}."
+    )
 
 
 def score_report(scores: ScoredLog) -> list[str]:

@@ -40,9 +40,16 @@ def _seconds(campaign: Campaign, detectors: int) -> float:
     return calibration + campaign.flights * duration_s * _FLOWN + watched + asked + sought
 
 
+def plan_verdict(plan: Mapping[str, Any]) -> str:
+    """Say in a sentence what a campaign would fly, and about how long that takes."""
+    flights, rows = counted(plan["flights"], "flight"), counted(plan["rows"], "row")
+    return f"{plan['campaign']} would fly {flights} for {rows}, in about {_time(plan['about_hours'])}."
+
+
 def plan_lines(plan: Mapping[str, Any]) -> list[str]:
     """Say what a campaign would fly."""
     return [
+        plan_verdict(plan),
         f"{plan['campaign']}: {plan['title']}",
         f"{counted(plan['flights'], 'flight')}, a task each; {counted(plan['trials'], 'trial')} and "
         f"{counted(plan['healthy_records'], 'healthy record')}, watched by {', '.join(plan['detectors'])}: "
@@ -71,9 +78,7 @@ def _time(hours: float) -> str:
 
 def fault_rows(results: Mapping[str, Any]) -> tuple[list[str], list[list[str]], list[str]]:
     """Return the columns of the table at a campaign's end, its rows, a detector and kind of fault, and the numbers."""
-    asked = any(row["isolated"] is not None for row in results["faults"])
-    columns = ["detector", "fault", "detected", "median (s)", "worst (s)"]
-    columns += ["right sensor", "wrong sensor", "kind right"] * asked
+    columns = ["detector", "fault", "detected", "median (s)", "worst (s)", "right sensor", "wrong sensor", "kind right"]
     rows = []
     for row in results["faults"]:
         cells = [
@@ -83,9 +88,19 @@ def fault_rows(results: Mapping[str, Any]) -> tuple[list[str], list[list[str]], 
             or_dash(row["median_delay_s"], ".2f"),
             or_dash(row["worst_delay_s"], ".2f"),
         ]
-        cells += [or_dash(row[name], "d") for name in ("isolated", "named_wrong", "kind_right")] * asked
+        cells += [or_dash(row[name], "d") for name in ("isolated", "named_wrong", "kind_right")]
         rows.append(cells)
     return columns, rows, columns[2:]
+
+
+def campaign_verdict(results: Mapping[str, Any]) -> str:
+    """Say in a sentence what every detector of a campaign found."""
+    told = [
+        f"{row['name']} detected {or_dash(row['detected'], 'd')} of {row['trials']} with "
+        f"{counted(row['false_alarms'], 'false alarm')}"
+        for row in results["detectors"]
+    ]
+    return f"{results['campaign']}: {'; '.join(told) or 'no trial of a detector stands in it'}."
 
 
 def summary_lines(results: Mapping[str, Any]) -> list[str]:

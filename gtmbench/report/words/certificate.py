@@ -14,21 +14,24 @@ _NAMES = {"scale_factor": "scale error"}
 
 
 def certificate_text(certificate: Certificate) -> str:
-    """Say in a line what bias of each sensor would have been seen.
+    """Say in a sentence from which size on a bias of each sensor would have been detected.
 
     >>> row = Smallest(sensor="r", kind="bias", size=0.8412, share=0.9, within_s=10.0)
     >>> certificate_text(Certificate(rows=(row,), watched_s=134.2))
-    'a bias of r above 0.84 deg/s would have been seen within 10 s in 90 % of the 134.2 s watched'
+    'A bias above r 0.84 deg/s would have been detected within 10 s (at 90 % of start times).'
     """
     rows = [row for row in certificate.rows if row.kind == "bias"]
     if not rows:
-        return f"what would have been seen can't be told: {certificate.missing}"
-    seen = [f"of {row.sensor} above {size_text(row, row.size)}" for row in rows if row.size is not None]
+        return f"Nobody can tell which faults would have been detected: {certificate.missing}."
+    seen = [row for row in rows if row.size is not None]
+    units = {unit_text(row) for row in seen}
+    sizes = [f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else _two(row.size or 0.0)}" for row in seen]
     blind = " or ".join(row.sensor for row in rows if row.size is None)
-    within = f"would have been seen within {rows[0].within_s:g} s in {_share(SHARE)} of the {_watched(certificate)}"
+    within = f"would have been detected within {rows[0].within_s:g} s (at {_share(SHARE)} of start times)"
     if not seen:
-        return f"no bias of {blind}, however large, {within}"
-    return f"a bias {', '.join(seen)} {within}" + (f"; none of {blind}" if blind else "")
+        return f"No bias of {blind}, however large, {within}."
+    unit = f" {units.pop()}".rstrip() if len(units) == 1 else ""
+    return f"A bias above {', '.join(sizes)}{unit} {within}" + (f"; none of {blind}." if blind else ".")
 
 
 def certificate_lines(certificate: Certificate) -> list[str]:
@@ -50,12 +53,16 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         if len(limits) > 1
         else ""
     )
-    lines = [f"seen {within} in {_share(SHARE)} of the {_watched(certificate)}, from this size on:", *_aligned(table)]
+    lines = [
+        f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
+        f"{_watched(certificate)}:",
+        *_aligned(table),
+    ]
     if any(row.size is None for row in rows):
-        lines.append("  in ... %: not even the largest that was tried would have been seen more often")
+        lines.append("  in ... %: even the largest fault tried would have been detected this rarely")
     dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
     if dead:
-        lines.append(f"  {', '.join(dead)} going dead would not have been seen in {_share(SHARE)} of it")
+        lines.append(f"  {', '.join(dead)} going dead would not have been detected at {_share(SHARE)} of start times")
     if any(row.time_constant_s is not None for row in rows):
         lines.append(
             f"  The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "

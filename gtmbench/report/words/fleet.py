@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gtmbench.channels import GYROS
 from gtmbench.intake.events import Event
 from gtmbench.report.words.units import counted, duration_text
-from gtmbench.study.log.self_check.motion import GYROS
 
-_OUTCOMES = {"failed": "failed", "unknown": "can't tell", "error": "error", "healthy": "nothing found"}
+_OUTCOMES = {"failed": "failed", "unknown": "cannot tell", "error": "not read", "healthy": "no fault found"}
 HEAD = ("log", "outcome", "verdict", "bias seen", "false/h", "autopilot")
 RIGHT = ("false/h",)
 _WIDTHS = {"log": 26, "outcome": 13, "bias seen": 14, "false/h": 7, "autopilot": 28}  # characters
@@ -41,7 +41,7 @@ def counts_text(outcomes: Iterable[str]) -> str:
     """Say how many logs came out how.
 
     >>> counts_text(["healthy", "failed", "error", "healthy"])
-    '4 logs: 1 failed, 1 error, 2 nothing found'
+    '4 logs: 1 failed, 1 not read, 2 no fault found'
     """
     counts = Counter(outcomes)
     parts = [f"{counts[outcome]} {text}" for outcome, text in _OUTCOMES.items() if counts[outcome]]
@@ -53,17 +53,14 @@ def full_lines(row: Mapping[str, Any]) -> list[str]:
     if row["outcome"] == "error":
         return [_error(row)]
     autopilot = [] if row["autopilot"] is None else [f"autopilot: {row['autopilot']}"]
-    told = [row["verdict"], *([] if row["certificate"] in row["verdict"] else [row["certificate"]])]
+    told = [row["verdict"], row["certificate"]]
     watched = f"{duration_text(row['watched_hours'])} watched of {row['start_s']:.2f} to {row['end_s']:.2f} s"
     return [*told, *autopilot, f"{watched}, by {row['monitor']}, at {row['rate_hz']:.4g} Hz"]
 
 
 def _cells(row: Mapping[str, Any]) -> dict[str, str]:
     """Return what a table shows of a row; what another column says is left out of the verdict."""
-    if row["outcome"] == "error":
-        told = _error(row)
-    else:
-        told = row["verdict"].removeprefix("could not tell: ").removesuffix(f"; {row['certificate']}")
+    told = _error(row) if row["outcome"] == "error" else row["verdict"].removeprefix("Cannot tell: ")
     seen = [_size(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
     bias = " ".join(seen) if {*seen} != {"-"} else "-"
     bound = _size(row["false_alarms_per_hour_at_most"])

@@ -179,7 +179,7 @@ def alarm_text(alarm: Alarm) -> str:
 
 
 def source_text(alarm: Alarm, watch: Watch) -> str:
-    """Say what rose: ``residual of p, mean 0.16 s``; nothing of a detector with one score, or none, and one test.
+    """Say what rose: ``residual of p (mean 0.16 s)``; nothing of a detector with one score, or none, and one test.
 
     Where samples are missing: ``missing samples of p``.
     """
@@ -189,8 +189,8 @@ def source_text(alarm: Alarm, watch: Watch) -> str:
         return f"missing samples of {alarm.source}"
     source = f"residual of {alarm.source}" if alarm.source in watch.residuals else alarm.source
     if alarm.test == OUTSIDE:
-        return f"{source}, which isn't judged there"
-    return f"{source}, {alarm.test}" if alarm.test else source
+        return f"{source} (not judged there)"
+    return f"{source} ({alarm.test})" if alarm.test else source
 
 
 def counting_alarm(trial: Trial) -> Alarm | None:

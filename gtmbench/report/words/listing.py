@@ -7,19 +7,20 @@ import shlex
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import CHANNELS
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import LogChannel, LogContents
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.report.words.log import events_lines
+from gtmbench.report.words.units import counted
 from gtmbench.shipped import shipped_banks
 
 _KINDS = (
-    ("gyros", ("p", "q", "r")),
-    ("attitude", ("phi", "theta", "psi")),
-    ("accelerometers", ("nx", "ny", "nz")),
+    ("gyros", GYROS),
+    ("attitude", ATTITUDE),
+    ("accelerometers", ACCELEROMETERS),
     ("air data", ("alpha", "beta", "tas")),
     ("others", tuple(CHANNELS)),
 )
@@ -34,7 +35,7 @@ def listing_lines(contents: LogContents, width: int) -> list[str]:
     A kind of sensor is a line; columns that are no channel aren't listed.
     """
     width = max(width, _LEAST_WIDTH)
-    lines = [_head(contents), *([f"no time: {contents.no_time}"] if contents.no_time else contents.notes)]
+    lines = [contents_verdict(contents), *([f"no time: {contents.no_time}"] if contents.no_time else contents.notes)]
     lines += _sensor_lines(contents.channels, width)
     useless = [] if contents.no_time else [each for each in contents.channels if each.why_not]
     bad = [f"not usable: {each.name}, {each.why_not}" for each in useless]
@@ -48,9 +49,11 @@ def listing_lines(contents: LogContents, width: int) -> list[str]:
     return [part for line in lines for part in _wrapped(line, width)]
 
 
-def _head(contents: LogContents) -> str:
-    span = "" if contents.span_s is None else f"{contents.span_s[0]:.2f}..{contents.span_s[1]:.2f} s, "
-    return f"{contents.path.name}: {contents.kind}, {span}{len(contents.columns)} columns (--all lists them)"
+def contents_verdict(contents: LogContents) -> str:
+    """Say in a sentence what a log is."""
+    span = "" if contents.span_s is None else f" from {contents.span_s[0]:.2f} to {contents.span_s[1]:.2f} s"
+    columns = counted(len(contents.columns), "column")
+    return f"{contents.path.name} ({contents.kind}){span} has {columns}; --all lists them."
 
 
 def _sensor_lines(channels: Sequence[LogChannel], width: int) -> list[str]:

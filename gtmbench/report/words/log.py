@@ -10,10 +10,10 @@ import numpy as np
 
 from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
-from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready
-from gtmbench.faults.additive import Bias
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
@@ -24,16 +24,16 @@ from gtmbench.report.watched import (
     alarm_bound,
     began_s,
     disarmed_by,
-    faults_of,
     passed_alarms,
     stretches,
 )
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
-from gtmbench.report.words.certificate import certificate_lines, certificate_text
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
+from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.self_check.explained import Explained
 from gtmbench.study.log.watched import Outcome, WatchedLog
 
@@ -43,8 +43,13 @@ _MOST_EVENTS = 8
 _TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 
 
-def log_report(watched: WatchedLog) -> list[str]:
-    """Return the report line by line; the last lines are the outcome and what it is worth."""
+def log_report(watched: WatchedLog, width: int = 80) -> list[str]:
+    """Return the verdict and what follows it (`summary_lines`), then every detail, line by line."""
+    return [*summary_lines(watched, width), "", *detail_lines(watched)]
+
+
+def detail_lines(watched: WatchedLog) -> list[str]:
+    """Return everything that is known of a watched log beside its verdict."""
     return [
         *_log_lines(watched.log),
         *_remark_lines(watched.log.remarks),
@@ -57,63 +62,11 @@ def log_report(watched: WatchedLog) -> list[str]:
         *autopilot_lines(watched),
         *injection_lines(watched),
         *_unwatched_lines(watched),
-        *(f"note: {reason}" for reason in watched.reasons if watched.outcome is not Outcome.UNKNOWN),
+        *(f"note: {reason}" for reason in watched.reasons),
         *(f"note: {note}" for note in watched.check.notes),
-        outcome_text(watched),
         *certificate_lines(watched.certificate),
         *_worth_lines(watched),
     ]
-
-
-def outcome_text(watched: WatchedLog) -> str:
-    """Say in a line what the log comes to.
-
-    Every fault with the time of its alarm; or that none was found, and from which size on one would have been seen; or
-    why it can't be told.
-    """
-    if watched.outcome is Outcome.UNKNOWN:
-        why = [*_doubts(watched), *_unseen(watched), *watched.reasons] or ["no stretch is long enough to be watched"]
-        return f"could not tell: {'; '.join(why)}"
-    faults = faults_of(watched).values()
-    passed = passed_alarms(watched)
-    alarms = f" ({counted(passed, 'alarm')} that nothing explains)" if passed else ""
-    return "; ".join(map(_fault_text, faults)) or f"no fault found{alarms}; {certificate_text(watched.certificate)}"
-
-
-def _unseen(watched: WatchedLog) -> list[str]:
-    """Say whose silence says nothing."""
-    lines = []
-    for name in watched.hardly_watched if watched.watches else ():
-        row = watched.certificate.of(name, Bias.kind)
-        from_size = "no bias" if row is None or row.size is None else f"no bias below {row.size:.2g} {unit_of(name)}"
-        lines.append(f"{name} is hardly watched, {from_size} would have been seen")
-    return lines
-
-
-def _doubts(watched: WatchedLog) -> list[str]:
-    """Say which alarms may be no fault's, a line a doubt."""
-    doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
-    lines = []
-    for doubt in dict.fromkeys(alarm.doubt for alarm in doubtful):
-        same = [alarm for alarm in doubtful if alarm.doubt == doubt]
-        told = ", ".join(f"of {alarm.source} at {alarm.time_s:.2f} s" for alarm in same[:_MOST_SPANS])
-        more = f" and {len(same) - _MOST_SPANS} more" if len(same) > _MOST_SPANS else ""
-        lines.append(f"{doubt} (alarm {told}{more})")
-    return lines
-
-
-def _fault_text(same: Sequence[Alarm]) -> str:
-    first, at = same[0], f"at {same[0].time_s:.2f} s"
-    if len(same) > 1:
-        often = f"{len(same)} alarms" if first.last is None else f"found {len(same)} times"
-        at += f" ({often}, last at {same[-1].time_s:.2f} s)"
-    if first.last is None:
-        return f"something failed {at}"
-    named = not first.verdict.startswith("undecided")
-    if named:
-        return f"{first.verdict} {at}"
-    why = f" - {first.last.reason}" if first.last.reason else ""
-    return f"something failed {at}, {first.verdict}{why}"
 
 
 def _alarms_text(watched: WatchedLog) -> str:
@@ -204,7 +157,7 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
     origin += attitude_lines(watched.attitude)
-    told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, BankMonitor) else []
+    told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, CalibratedBank) else []
     return [title, *origin, *told, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
 
 
@@ -342,7 +295,7 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
         return [bound, "that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
-    slower = "the drifts above" if isinstance(watched.monitor, BankMonitor) else "it can tell"
+    slower = "the drifts above" if predicts(watched.monitor) else "it can tell"
     return [
         bound,
         f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",

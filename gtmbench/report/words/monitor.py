@@ -9,7 +9,8 @@ from typing import Any
 from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank.isolability import isolability
-from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
+from gtmbench.detectors.bank_detector import BankMonitor
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.detectors.windowed_norm import NormMonitor
@@ -110,7 +111,7 @@ def rms_identified(monitor: Monitor | Detector) -> dict[str, float]:
 
 def title_text(monitor: Monitor | Detector) -> str:
     """Name a monitor, or a detector: a bank as one, others by their names."""
-    return f"bank {monitor.name}" if isinstance(monitor, (BankMonitor, BankDetector)) else monitor.name
+    return basis_of(monitor).title
 
 
 def monitor_lines(monitor: Monitor, watch: Watch) -> list[str]:

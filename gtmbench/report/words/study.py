@@ -13,6 +13,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text, kind_text, severity_text, trial_text
 from gtmbench.report.words.monitor import monitor_lines
 from gtmbench.report.words.units import counted, or_dash
+from gtmbench.study.rescue import Rescue
 from gtmbench.study.trial import Baseline, Study, Trial
 
 
@@ -25,26 +26,19 @@ def title(baseline: Baseline) -> str:
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
     """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
 
-    Columns that say nothing are left out: the detector where there is one, the scenario where it is called like its
-    fault, isolation where no detector names a sensor. Where one does, time and sizes of alarms make room for it.
+    The columns are the same whatever the detector. What was flown may leave out three: the scenario where it is called
+    like its fault, further faults and departures where there are none.
     """
     rows = [_cells(trial) for trial in study.trials]
     left_out: set[str] = set()
-    if len(study.baselines) == 1:
-        left_out.add("detector")
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
         left_out.add("scenario")
     if not any(trial.also for trial in study.trials):
         left_out.add("also")
     if not any(trial.events for trial in study.trials):
-        left_out.add("departed after (s)")
-    if any(baseline.monitor.suspects for baseline in study.baselines):
-        left_out |= {"alarm (s)", "peak ratio", "altered"}
-    else:
-        left_out |= {"isolated after (s)", "kind"}
+        left_out.add("departed (s)")
     columns = [name for name in rows[0] if name not in left_out]
-    delays = ("alarm (s)", "delay (s)", "departed after (s)", "isolated after (s)")
-    numbers = ("severity", *delays, "peak ratio", "altered")
+    numbers = ("severity", "delay (s)", "departed (s)", "named (s)", "peak")
     return columns, [[row[name] for name in columns] for row in rows], [name for name in columns if name in numbers]
 
 
@@ -56,12 +50,10 @@ def _cells(trial: Trial) -> dict[str, str]:
         "channel": trial.channel,
         "severity": severity_text(trial),
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
-        "alarm (s)": or_dash(trial.alarm_time_s, ".2f"),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
-        "departed after (s)": or_dash(_departed_after_s(trial), ".2f"),
-        "isolated after (s)": or_dash(trial.isolation_delay_s, ".2f"),
-        "peak ratio": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
-        "altered": f"{100.0 * trial.altered_share:.1f} %",
+        "departed (s)": or_dash(_departed_after_s(trial), ".2f"),
+        "named (s)": or_dash(trial.isolation_delay_s, ".2f"),
+        "peak": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
@@ -91,6 +83,42 @@ def _kind(trial: Trial) -> str:
     likeliest = trial.candidates[0] if trial.candidates else trial.channel
     kind = kind_text(trial.kind, values, errors, unit_of(likeliest), trial.partner, trial.injected)
     return kind + ("" if trial.kind_right or trial.kind == UNKNOWN else " (wrong)")
+
+
+def study_verdict(study: Study) -> str:
+    """Say in a sentence what every detector found, and how often it alarmed without a fault."""
+    told = [_detector_verdict(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
+    if len(told) == 1:
+        return f"{told[0]}."
+    return f"{'; '.join(f'{each.detector}: {said}' for each, said in zip(study.baselines, told, strict=True))}."
+
+
+def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
+    stuck = [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
+    if stuck:
+        return f"Cannot tell: {listed(stuck)} stood above the threshold before anything failed"
+    found = f"{sum(trial.detected for trial in trials)} of {counted(len(trials), 'fault')} detected"
+    named = ""
+    if baseline.monitor.suspects:
+        wrong = sum(bool(trial.named_wrong) for trial in trials)
+        right = f", {sum(bool(trial.isolated) for trial in trials)} sensors named rightly"
+        named = f"{right}, {wrong} wrongly" if wrong else f"{right}, none wrongly"
+    alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
+    differing = sum(bool(trial.unexpected) for trial in trials)
+    otherwise = f"; {differing} not as its scenario expects" if differing else ""
+    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
+
+
+def rescue_verdict(rescue: Rescue) -> str:
+    """Say in a sentence whether flying without the broken sensor saved the aircraft."""
+    since = rescue.onset_s
+    told = {
+        name: "flies on" if flight.departed_s is None else f"departs {flight.departed_s - since:.1f} s after the onset"
+        for name, flight in rescue.flights.items()
+    }
+    saved = rescue.rescued.departed_s is None and rescue.unaided.departed_s is not None
+    first = "Saved" if saved else "Not saved" if rescue.rescued.departed_s is not None else "No need to save it"
+    return f"{first}: without accommodation the aircraft {told['unaided']}, with it the aircraft {told['rescued']}."
 
 
 def summary_lines(study: Study) -> list[str]:

@@ -6,13 +6,15 @@ and it doesn't matter who ends when.
 
 from __future__ import annotations
 
+import os
 import pickle
+import platform
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gtmbench.cluster import check_cluster, completed_on_cluster
+from gtmbench.cluster import check_cluster, completed_on_cluster, difference
 from gtmbench.errors import InputError
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.parts import Parts, Shard, parts_in
@@ -58,29 +60,28 @@ def campaign(
     source : str, Path or Campaign
         A TOML file, or the name of one of the package's (``ci``).
     out : str or Path
-        The folder of its parts, one a flight, which are written as they are finished.
+        The folder of its parts, one a flight, each written when finished.
     detectors : sequence of str
-        That watch beside those that it names, as `find_detector` takes them.
+        They watch in addition to its own, as `find_detector` takes them.
     jobs : int
         Processes. The caller's main module is imported by each of them, so a script needs its
         ``if __name__ == "__main__":``.
     resume : bool
-        Go on with what stands in the folder.
+        Continue the run in the folder.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     GtmbenchError
-        As `conduct` does. A trial that fails is a row with its `error`.
+        As `conduct`. A failed trial is a row with its `error`.
 
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
     >>> import gtmbench as gb
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     rows = gb.campaign("dissertation", out=Path(folder, "out"))
+    ...     rows = gb.campaign("dissertation", out=f"{folder}/out")
     >>> trials = rows[rows["fault"].notna()]
     >>> len(trials), int(trials["detected"].sum()), int(rows["false_alarms"].sum())
     (15, 15, 0)
@@ -112,33 +113,28 @@ def conduct(
     campaign : Campaign
     out : Path
         The folder of the parts; made where there is none.
-    jobs : int
-        Processes on this machine. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
+    jobs, resume, progress
+        As `campaign` takes them.
     shard : Shard, optional
         Only these tasks; other shards may be at work in the folder at the same time.
     scheduler : str, optional
         The address of a Dask scheduler whose workers do the tasks instead.
     tls : Path, optional
         A folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
-    resume : bool
-        Whether the folder may hold parts already.
     yes : bool
         Whether more than ten million trials are meant.
-    progress : callable
-        Told the step, how many are done, and of how many.
 
     Raises
     ------
     InputError
-        Where the campaign can't be meant, or the folder is of another one, or in use.
+        If the campaign can't be meant, or the folder is of another one, or in use.
     GtmbenchError
-        Where it ends before its end; what is finished stays.
+        If it ends before its end; what is finished stays.
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
     if scheduler is not None:
-        check_cluster(scheduler, tls)
+        check_cluster(scheduler, tls, versions)
     files = _files(campaign, detectors)
     facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
     with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
@@ -201,12 +197,11 @@ def done(work: Work) -> pa.Table:
     Raises
     ------
     InputError
-        Where this isn't the gtmbench that the work comes from: its rows would be others.
+        If this isn't the gtmbench that the work comes from: its rows would be others.
     """
-    if dict(work.versions) != versions():
-        differs = {name: (was, versions().get(name)) for name, was in work.versions if versions().get(name) != was}
-        said = ", ".join(f"{name} {here} instead of {there}" for name, (there, here) in differs.items())
-        raise InputError(f"a worker has {said}; rows of both don't mix: install the same everywhere")
+    if differs := difference(dict(work.versions), versions()):
+        here = f"process {os.getpid()} on {platform.node()}"
+        raise InputError(f"a worker ({here}) has {differs}; rows of both don't mix: install the same everywhere")
     return table_of(rows_of(_task(work.files, work.task), _watchers(work.files, work.watchers)))
 
 

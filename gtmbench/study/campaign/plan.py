@@ -14,12 +14,11 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import keys, naming, number, shown, table_of, text
+from gtmbench.checks import boolean, keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_file, read_toml
 from gtmbench.plain import plain
-from gtmbench.shipped import shipped_campaigns
+from gtmbench.shipped import read_shipped, shipped_campaigns
 from gtmbench.study.calibration import OWN
 from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
 from gtmbench.study.campaign.searches import Search, searches_of
@@ -40,27 +39,27 @@ _ANY_FAULT = {"kind": "dropout", "channels": ["p"], "onset_s": 0.0}  # a scenari
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """What is flown, broken and watched: scenarios times axes.
+    """A campaign: scenarios times axes, with faults and detectors.
 
     Attributes
     ----------
     name, title : str
     scenarios : tuple of Scenario
-        What breaks, and on which flight; an axis takes the place of a scenario's own setting.
+        The faults and their flights; an axis replaces a scenario's own setting.
     axes : mapping of str to sequence
-        By the names of `AXES`: the values that multiply the scenarios.
+        Values that multiply the scenarios, by the names of `AXES`.
     healthy : mapping of str to sequence, or None
-        Axes of further flights, on which nothing breaks: those that it doesn't name are the campaign's.
+        Axes of further healthy flights; axes that it doesn't name are the campaign's.
     detectors : tuple of str
-        What watches, as a data file may name it.
+        The detectors, as a data file may name them.
     isolate : bool
-        Whether it is asked which sensor failed and how, or only whether and when there was an alarm.
+        Whether detectors also isolate and diagnose, or only detect.
     calibration : CalibrationFlights
-        What detectors are calibrated on that aren't tied to an excitation, once an aircraft and attitude.
+        The calibration flights of detectors that aren't tied to an excitation, once per aircraft and attitude.
     false_alarms_per_hour : float or None
-        Wanted of those; None: as they do.
+        The rate to calibrate these for; None: their own.
     searches : tuple of Search
-        For the smallest faults that are detected, on every flight on which something breaks.
+        Searches for the smallest detected faults, on every flight with faults.
 
     Examples
     --------
@@ -82,10 +81,10 @@ class Campaign:
     searches: tuple[Search, ...] = ()
 
     def watched_by(self, detectors: Sequence[str]) -> Campaign:
-        """Return it with other detectors beside its own.
+        """Return the campaign with further detectors.
 
-        Scenarios that state neither snr nor noise have the T2's noise where anything but their own operator watches, as
-        in a study.
+        As in a study, scenarios that state neither snr nor noise have the T2's noise if any detector but their own
+        operator watches.
         """
         everyone = tuple(dict.fromkeys((*self.detectors, *detectors)))
         others = any(detector != OWN for detector in everyone)
@@ -93,7 +92,7 @@ class Campaign:
         return replace(self, detectors=everyone, scenarios=scenarios)
 
     def tasks(self) -> Iterator[Task]:
-        """Give the tasks, one a flight, in an order that stays: the first axis named varies slowest."""
+        """Yield the tasks, one a flight, in a fixed order: the first axis varies slowest."""
         numbers = itertools.count()
         for setup, faults in self._setups():
             for breaking, axes in self._blocks():
@@ -125,22 +124,22 @@ class Campaign:
 
     @property
     def flights(self) -> int:
-        """How many flights there are, which is how many tasks."""
+        """The number of flights, which is the number of tasks."""
         return sum(count(axes) for _, axes in self._blocks()) * len(self._setups())
 
     @property
     def trials(self) -> int:
-        """How many faults every detector is tried on, healthy records not among them."""
+        """The number of faults that every detector is tried on, without healthy records."""
         return sum(len(scenario.faults) for scenario in self.scenarios) * self._broken_records()
 
     @property
     def searches_made(self) -> int:
-        """How many searches every detector is tried in."""
+        """The number of searches for every detector."""
         return len(self.searches) * self._broken_records() * len(self._setups())
 
     @property
     def search_trials(self) -> int:
-        """How many trials these take at most; each is one row."""
+        """The greatest number of trials of these searches; each is one row."""
         return sum(search.trials for search in self.searches) * self._broken_records() * len(self._setups())
 
     def _broken_records(self) -> int:
@@ -149,7 +148,7 @@ class Campaign:
 
     @property
     def records(self) -> int:
-        """How many healthy records every detector watches."""
+        """The number of healthy records that every detector watches."""
         return sum(
             count(axes) * len(healthy_seeds(setup, noise_seeds(axes)))
             for setup, _ in self._setups()
@@ -163,7 +162,7 @@ class Campaign:
 
     @property
     def told_apart(self) -> tuple[tuple[str, str], ...]:
-        """Every aircraft that is flown with every attitude that it has: detectors are calibrated for each."""
+        """Every pair of aircraft and attitude; detectors are calibrated for each."""
         flown = [
             pair
             for _, axes in self._blocks()
@@ -175,7 +174,7 @@ class Campaign:
         return tuple(dict.fromkeys(flown))
 
     def facts(self) -> dict[str, Any]:
-        """Return all that rows hang on, as plain values."""
+        """Return everything that determines the rows, as plain values."""
         return {
             "name": self.name,
             "title": self.title,
@@ -193,7 +192,7 @@ class Campaign:
         }
 
     def check_kept_apart(self) -> None:
-        """Refuse flights that detectors are calibrated on: what was seen there is no test.
+        """Refuse calibration flights among the flights of the test.
 
         Raises
         ------
@@ -222,7 +221,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     ----------
     source : str or Path
     detectors : sequence of str
-        That watch beside those that it names.
+        They watch in addition to its own.
 
     Raises
     ------
@@ -236,11 +235,7 @@ def load_campaign(source: str | Path, *, detectors: Sequence[str] = ()) -> Campa
     >>> campaign.flights, campaign.trials, campaign.detectors
     (1, 15, ('dissertation',))
     """
-    shipped = shipped_campaigns()
-    path = shipped.get(str(source), Path(source))
-    if not is_file(path):
-        raise InputError(no_file(source, "campaign", shipped))
-    table = read_toml(path, "campaign")
+    path, table = read_shipped(source, "campaign", shipped_campaigns())
     with naming(path):
         campaign = _campaign(path.stem, table)
     return campaign.watched_by(detectors)
@@ -257,9 +252,6 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
     detectors = _names("detectors", own.get("detectors", [OWN]))
     for python in filter(is_python, detectors):
         for_data_file(python)  # refuses it
-    isolate = own.get("isolate", True)
-    if not isinstance(isolate, bool):
-        raise InputError(f"isolate is {shown(isolate)}; it must be true or false")
     calibration, rate = _calibration(own.get("calibration", {}))
     campaign = Campaign(
         name=name,
@@ -268,7 +260,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         axes=axes,
         healthy=healthy,
         detectors=detectors,
-        isolate=isolate,
+        isolate=boolean("isolate", own.get("isolate", True)),
         calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),

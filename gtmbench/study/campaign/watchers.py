@@ -12,8 +12,7 @@ import numpy as np
 
 from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import naming
-from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.files import load_monitor, save_monitor
+from gtmbench.detectors.files import kind_of, load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
@@ -130,7 +129,7 @@ def _spreads(monitors: Monitors) -> dict[str, float]:
 
 def _restoring(detector: Detector | Monitor) -> Detector | None:
     """Return who restores a monitor's file; a bank's needs nobody, and of little flight isn't quite the recipe's."""
-    return detector if is_recipe(detector) and not isinstance(detector, BankDetector) else None
+    return detector if is_recipe(detector) and kind_of(detector) != "bank" else None
 
 
 def _learns(detector: Detector | Monitor) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from gtmbench.channels import GYROS
 from gtmbench.checks import naming
 from gtmbench.detectors.auto import AutoDetector
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
@@ -13,6 +14,8 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.names import guess
+from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.origin import FROM_LOG, check_attitude, origin_in_logs, rests_on_attitude, with_origin
@@ -40,13 +43,20 @@ def bank_for_logs(
     reads = [read_log(log) for log in logs]
     contents = [log_contents(read, mapping=mapping) for read in reads]
     there = [name for name in contents[0].usable if all(name in each.usable for each in contents)]
+    for read, content in zip(reads, contents, strict=True):
+        if not set(GYROS) & set(content.usable):
+            named = [channel.name for channel in content.channels if channel.name in GYROS]
+            open_log(read, mapping=mapping, needs=named or GYROS)  # says what is wrong with them
     with naming(reads[0].path):
         if contents[0].no_time:
             raise InputError(contents[0].no_time)
         composed_bank(there)  # refused before samples are looked at
     known = origin_in_logs(reads, mapping) if origin is None else origin
     bank = composed_bank(there, attitude_from_gyros=known.is_driven)
-    return BankDetector(bank=bank), unwatched(bank, there)
+    doubts = [each for content in contents for each in content.columns if each.why_not]
+    lost = {guess(each.name).channel: f"column '{each.name}' {each.why_not}" for each in doubts}
+    lost |= {each.name: each.why_not for content in contents for each in content.channels if each.why_not}
+    return BankDetector(bank=bank), unwatched(bank, there, lost)
 
 
 def recipe_for_logs(
@@ -66,4 +76,4 @@ def recipe_for_logs(
     origin = origin_in_logs(reads, mapping, attitude=attitude, spans=[(-math.inf, math.inf)])
     if isinstance(recipe, AutoDetector):
         recipe, _ = bank_for_logs(reads, mapping, origin)
-    return (with_origin(recipe, origin), origin) if isinstance(recipe, BankDetector) else (recipe, None)
+    return (with_origin(recipe, origin), origin) if rests_on_attitude(recipe) else (recipe, None)

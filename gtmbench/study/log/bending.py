@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, OWN, USUAL_S, AttitudeEstimator, held
+from gtmbench.attitude import OWN, USUAL_S, AttitudeEstimator, held
+from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.checks import meant
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
@@ -17,7 +18,7 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples
-from gtmbench.method.time_constant import ACCELEROMETERS, TimeConstant, time_constant_of
+from gtmbench.method.time_constant import TimeConstant, time_constant_of
 from gtmbench.study.log.origin import FROM_LOG, origin_in_logs
 
 FOLLOWS = "follows"

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from gtmbench.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
-from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
-from gtmbench.detectors.monitor.excursions import Excursion, blots, blotted
-from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
+from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.monitor.superposition import Superposition
+from gtmbench.detectors.predicting import PredictingMonitor, predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
@@ -144,6 +145,7 @@ class Certificate:
 class _Place:
     """Where a fault is put on a sensor: a time of a record that was watched, and by when it has to alarm."""
 
+    monitor: PredictingMonitor
     on: Superposition
     onset_s: float
     within_s: float
@@ -156,12 +158,12 @@ class _Place:
 
     def names(self, fault: Fault) -> bool:
         """Tell whether the fault's sensor is named, and no other, when the record about it is watched anew."""
-        record, monitor, sensor = self.on.record, self.on.residual.monitor, self.on.sensor
+        record, sensor = self.on.record, self.on.sensor
         row = self.on.alarm_row(fault, self.within_s)
-        if row is None or not isinstance(monitor, BankMonitor):
+        if row is None:
             return False
-        before_s = monitor.bank.statistic.looks_back(record.sample_period_s) * record.sample_period_s + _ARMING_S
-        until_s = record.time_at(row) + monitor.look_ahead_of(sensor) + _JUDGED_S
+        before_s = self.monitor.basis.looks_back_s + _ARMING_S
+        until_s = record.time_at(row) + self.on.residual.ahead * record.sample_period_s + _JUDGED_S
         about = record.between(max(self.onset_s - before_s, record.start_s), min(until_s, record.end_s))
         broken = inject(about, fault)
         if self.on.estimator is not None:
@@ -169,7 +171,7 @@ class _Place:
                 broken = self.on.estimator.bent(about, broken)
             except InputError:  # beyond Euler angles, where nobody names anything
                 return False
-        said = monitor.watch(broken, outside=self.outside).faults
+        said = self.monitor.watch(broken, outside=self.outside).faults
         return {alarm.sensor for alarm in said if alarm.sensor is not None and alarm.time_s >= self.onset_s} == {sensor}
 
 
@@ -214,8 +216,9 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     Parameters
     ----------
     monitor : Monitor or Detector
-        Of a bank, or there is no certificate.
+        One that predicts sensors, or there is no certificate.
     watches : sequence of Watch
+        Its own.
     named : bool
         Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
         named: seconds.
@@ -234,40 +237,40 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     >>> bias.within_s, bias.share >= 0.9, 0.01 < bias.size < 0.2
     (10.0, True, True)
     """
-    told = [watch for watch in watches if isinstance(watch, BankWatch)]
-    if not isinstance(monitor, BankMonitor) or len(told) < len(watches):
+    if not predicts(monitor):
         return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
-    sensors = [spec.output for spec in monitor.bank.diagnostic if spec.output in monitor.bank.suspects]
+    sensors = [sensor for sensor in monitor.basis.predicts if sensor in monitor.suspects]
     if not sensors:
         return Certificate(missing="no sensor that may be suspected has a residual of its own")
-    seconds = [float(np.count_nonzero(watch.armed)) * monitor.sample_period_s for watch in told]
+    seconds = [3600.0 * watch.armed_hours for watch in watches]
     if not any(seconds):
         return Certificate(missing="at no time was an alarm possible")
     longest_s = round(_HALF * max(seconds), 1)
     if longest_s <= 0.0:
         return Certificate(missing="too little of it was watched")
     within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
-    onsets = {of: _onsets(told, of) for of in within_s.values()}
+    onsets = {of: _onsets(watches, of) for of in within_s.values()}
     rows = []
     for sensor in sensors:
-        on = [superposition(watch, sensor) for watch in told]
+        on = [monitor.superposition(watch, sensor) for watch in watches]
         through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
-        rows += _of_sensor(through, told, within_s, onsets, named=named)
+        rows += _of_sensor(monitor, through, watches, within_s, onsets, named=named)
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
 
 
-def _estimators(monitor: BankMonitor, sensor: str) -> tuple[AttitudeEstimator | None, ...]:
+def _estimators(monitor: PredictingMonitor, sensor: str) -> tuple[AttitudeEstimator | None, ...]:
     """Return what may make the attitude that follows a sensor: the slowest and the fastest; None where nothing does."""
-    bank = monitor.bank
-    if not bank.attitude_from_gyros or sensor not in GYROS or not {"phi", "theta"} <= set(bank.channels):
+    is_driven = monitor.basis.attitude_from_gyros
+    if not is_driven or sensor not in GYROS or not {"phi", "theta"} <= set(monitor.channels):
         return (None,)
     return tuple(AttitudeEstimator(time_constant_s=tau) for tau in (SLOWEST_S, FASTEST_S))
 
 
 def _of_sensor(
+    monitor: PredictingMonitor,
     through: Sequence[Sequence[Superposition]],
-    watches: Sequence[BankWatch],
+    watches: Sequence[Watch],
     within_s: Mapping[Kind, float],
     onsets: Mapping[float, Sequence[tuple[int, int]]],
     *,
@@ -282,6 +285,7 @@ def _of_sensor(
         places[of] = [
             [
                 _Place(
+                    monitor=monitor,
                     on=each[i],
                     onset_s=watches[i].record.time_at(row),
                     within_s=of,
@@ -339,8 +343,7 @@ def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[
     watches : sequence of Watch
         What it was worked out for.
     """
-    monitor = watches[0].monitor if watches else None
-    asked = {*GYROS} & {*monitor.bank.kinematic} if isinstance(monitor, BankMonitor) else set()
+    asked = {*GYROS} & {*basis_of(watches[0].monitor).kinematic} if watches else set()
     names = []
     for row in certificate.rows:
         if row.kind == Bias.kind and row.sensor in asked:
@@ -365,22 +368,6 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
         there = np.flatnonzero(able[i][rows])
         onsets.append((i, rows.start + int(there[chosen - int(ends[place])])))  # counted from the end
     return onsets
-
-
-def superposition(watch: BankWatch, sensor: str) -> Superposition:
-    """Return a sensor's own residual on a record that a bank watched."""
-    assert isinstance(watch.monitor, BankMonitor)
-    out = [each for each in blots(watch.monitor, watch.record, watch.outside) if each[0] == sensor]
-    raw = blotted({sensor: watch.residuals[sensor]}, out)[sensor]
-    spread = watch.spread.get(sensor)
-    return Superposition(
-        sensor=sensor,
-        record=watch.record,
-        residual=ChangedResidual(
-            monitor=watch.monitor, output=sensor, raw=raw, spread=spread, before=watch.before.get(sensor)
-        ),
-        armed=watch.scores[sensor].armed,
-    )
 
 
 def _most(kind: Kind, on: Sequence[Superposition], large: float) -> float:

@@ -152,14 +152,16 @@ def _meant(source: str) -> list[Path]:
         if path.is_dir():
             logs = sorted(_within(path), key=_in_order)
             if not logs:
-                raise InputError(f"{path} is a folder without logs; give one with, or files, or a pattern")
+                raise InputError(f"{path} is a folder that holds no log; give one that does, or a log")
             return logs
         if not path.exists() and _WILD.search(source):
             matches = map(Path, glob.iglob(source, recursive=True))  # noqa: PTH207  absolute ones, too
             logs = sorted((match for match in matches if is_file(match)), key=_in_order)
             if not logs:
-                raise InputError(f"no file is called as {source}; give a folder, files, or a pattern")
+                raise InputError(f"no file is called as {source}; give a folder, a log, or another pattern")
             return logs
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # a name that is too long, a zero in it
         raise InputError(f"{one_line(source)[:200]}: {one_line(str(error))}") from error
     return [path]

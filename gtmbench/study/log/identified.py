@@ -15,6 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import residuals_of
+from gtmbench.detectors.bank.calibration import check_long
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
@@ -155,11 +156,17 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     ----------
     detector : Detector
     stretches : Stretches
+
+    Raises
+    ------
+    InputError
+        Where one is too short.
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
     specs = [] if bank is None else [spec for spec in bank.residuals if spec.is_kinematic]
     if bank is None or not specs:
         return stretches
+    check_long(stretches.records)
     period_s = stretches.records[0].sample_period_s
     least = max(_LEAST_LEFT * stretches.samples, _LEAST_S / period_s)
     for doubt in _told(stretches):

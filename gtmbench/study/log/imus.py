@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
-from gtmbench.detectors.monitor.excursions import Excursion
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog

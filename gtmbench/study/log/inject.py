@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import ATTITUDE, GYROS, AttitudeEstimator
-from gtmbench.channels import unit_of
+from gtmbench.attitude import AttitudeEstimator
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
@@ -24,20 +24,20 @@ from gtmbench.study.log.origin import FROM_LOG
 
 @dataclass(frozen=True, kw_only=True)
 class ChangedColumn:
-    """What became of a column of a log.
+    """The change of one column of a log.
 
     Attributes
     ----------
     channel, unit : str
-        Which channel it is, and that channel's unit.
+        The channel, and its unit.
     column : str
         Its name in the log.
     samples, changed : int
-        How many there are, and how many are others now.
+        The number of samples, and of changed samples.
     first_s, last_s : float or None
-        When the first and the last of these are, on the log's clock; None where there is none.
+        The times of the first and the last changed sample, on the log's clock; None without any.
     sample_period_s : float
-        The nominal one, which faults that carry something on from sample to sample go by.
+        The nominal sample period in seconds, for faults that carry a state from sample to sample.
 
     Examples
     --------
@@ -70,13 +70,12 @@ def inject_log(
     mapping: Sequence[str] = (),
     attitude: str | AttitudeEstimator = FROM_LOG,
 ) -> tuple[ChangedColumn, ...]:
-    r"""Break a recorded flight, CSV or Parquet: write it to `out` with faults, one after the other, and nothing else.
+    r"""Write a recorded flight, CSV or Parquet, with faults to `out`; nothing else changes.
 
-    A fault acts on the samples as they stand in the file, at their own times: what grows with time grows with the
-    stamps, what is carried from sample to sample (a slew limit, a lag) goes by the column's nominal sample period.
-    Samples that are missing stay so. A channel that a fault only reads is taken as its last sample told. Where the
-    gyros drive the attitude, phi, theta and psi become what their estimator makes of the broken gyros, and faults of
-    these act on that.
+    Faults act one after the other on the samples in the file, at their own times. Effects that grow with time use the
+    stamps; effects from sample to sample (a slew limit, a lag) use the column's nominal sample period. Missing samples
+    stay missing. A channel that a fault only reads holds its last sample. If the gyros drive the attitude, phi, theta
+    and psi become the estimator's result on the broken gyros, and faults of these act on that.
 
     Parameters
     ----------
@@ -87,14 +86,15 @@ def inject_log(
     mapping : sequence of str
         As `open_log` takes it.
     attitude : str or AttitudeEstimator
-        Whether it follows a gyro's fault: "own", it stays as it is; "follows", an estimator makes it of the broken
-        gyros, whose time constant is the log's own where it shows, else 5 s; "follows:2.5", or an estimator; "auto", it
-        follows where the gyros drive it, which is assumed where nothing shows otherwise.
+        Whether the attitude follows a gyro's fault. "own": it is unchanged. "follows": an estimator computes it from
+        the broken gyros, with the log's own time constant if it shows, else 5 s. "follows:2.5", or an estimator: with
+        that time constant in seconds. "auto": it follows if the gyros drive it, which is assumed unless something shows
+        otherwise.
 
     Raises
     ------
     InputError
-        Where the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
+        If the log can't be read or written, lacks a channel, or a fault begins outside of it, or where a bent
         attitude passes +-85 deg of pitch; nothing is written.
 
     Examples

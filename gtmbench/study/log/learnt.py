@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
 
-from gtmbench.detectors.bank_detector import BankDetector, calibrate
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
-from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.progress import Progress
 from gtmbench.record import Record, Span
 from gtmbench.study.calibration import with_provenance
@@ -20,8 +19,6 @@ from gtmbench.study.log.identified import LeftOut, undisturbed
 from gtmbench.study.log.opened import Opened
 from gtmbench.study.log.records import outside, whole_s
 from gtmbench.study.log.self_check.check import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
-
-_RATE, _RATE_OF_ENERGY = 0.002, 1.0  # false alarms an hour, wanted where nobody says
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +69,7 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
         findings += tuple(stretches.reasons)
         moved = (record for part in parts for record in outside(part.motion, stretches.left_out_of(part.log)))
         provenance = healthy.provenance | {"regime": Regime.of(moved).table}
-        rate = _rate(watcher, opened.asked.false_alarms_per_hour)
+        rate = opened.asked.false_alarms_per_hour
         monitor = _calibrated(watcher, stretches.records, rate, provenance, progress)
         check = check_identified(check, monitor, stretches.records)
     check = _in_all_of_it(check, healthy)
@@ -98,13 +95,6 @@ def _in_all_of_it(check: SelfCheck, healthy: Healthy) -> SelfCheck:
     return replace(whole, explained=check.explained) if whole.causes else check
 
 
-def _rate(detector: Detector, wanted: float | None) -> float | None:
-    """Return the false-alarm rate to ask for; of a detector that isn't a bank, only what somebody wants."""
-    if wanted is not None or not isinstance(detector, BankDetector):
-        return wanted
-    return _RATE_OF_ENERGY if detector.bank.statistic.name == "energy" else _RATE
-
-
 def _calibrated(
     detector: Detector,
     records: Sequence[Record],
@@ -112,14 +102,14 @@ def _calibrated(
     provenance: Mapping[str, object],
     progress: Progress,
 ) -> Monitor:
-    """Calibrate on a log's healthy stretches: a bank always with caution, for one flight excites few directions."""
-    if isinstance(detector, BankDetector):
-        return calibrate(
-            records,
-            bank=detector.bank,
-            false_alarms_per_hour=rate,
-            estimator=Bayesian(),
-            provenance=provenance,
-            progress=progress,
-        )
+    """Calibrate on a log's healthy stretches: in its own way for one flight, where a detector has one."""
+    if isinstance(detector, _LearnsOnFlight):
+        return detector.calibrate_on_flight(records, rate, provenance=provenance, progress=progress)
     return with_provenance(detector.calibrate(records, rate, progress=progress), provenance)
+
+
+@runtime_checkable
+class _LearnsOnFlight(Protocol):
+    def calibrate_on_flight(
+        self, records: Sequence[Record], rate: float | None, *, provenance: Mapping[str, object], progress: Progress
+    ) -> Monitor: ...

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from gtmbench.attitude import ATTITUDE, GYROS
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.clock import SLACK
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
-from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import InputError
 from gtmbench.intake.live import live_chunks
@@ -17,19 +17,19 @@ from gtmbench.record import Record
 
 
 def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = ()) -> Iterator[tuple[Alarm, ...]]:
-    """Give what a monitor says of a table's rows as they come in, on the monitor's clock: a piece after the other.
+    """Yield a monitor's alarms on a table's rows as they arrive, piece by piece, on the monitor's clock.
 
-    Rows are laid on it as a log's are, whatever their rate, jitter and loss; one waits for the few behind it that it
-    depends on. Alarms are those of `watch_log`, in the end to the last digit: the same engine hears the same samples,
-    and where the motion turns out to be beyond what was identified, what was said in the tenths of a second before is
-    said anew. What looks at a log as a whole isn't there: the self-check, other beginnings, other IMUs, the
-    certificate, the verdict. After a gap a fresh stream begins, and its alarms are counted anew. Where the monitor
-    hears gyros and the whole attitude, the first 24 s settle how they are installed, and are heard then.
+    Rows are laid on the clock as in a log, whatever their rate, jitter and loss; a row waits for the few later rows
+    that it depends on. In the end the alarms equal those of `watch_log` to the last digit, because the same engine
+    reads the same samples. If the motion turns out to be beyond that of identification, alarms of the last tenths of a
+    second are reported again. Steps that need the whole log are missing: the self-check, other beginnings, other IMUs,
+    the certificate, the verdict. After a gap a fresh stream begins, and its alarms are counted anew. If the monitor
+    reads gyros and the whole attitude, the first 24 s determine their installation, and are watched afterwards.
 
     Parameters
     ----------
     path : str or Path
-        A Parquet table, all channels with the same stamps; not much slower than the monitor.
+        A Parquet table in which all channels have the same stamps; not much slower than the monitor.
     monitor : Monitor
         Calibrated before.
     mapping : sequence of str
@@ -38,12 +38,12 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     Yields
     ------
     tuple of Alarm
-        Of each piece: those that are new, and those of which more is known, by the same number.
+        For each piece: new alarms, and alarms with new judgements under the same number.
 
     Raises
     ------
     InputError
-        Where the log has to be opened as a whole, saying why; where the monitor has no rate of its own.
+        If the log must be opened as a whole, with the reason, or the monitor has no rate of its own.
 
     Examples
     --------
@@ -64,7 +64,8 @@ def watch_live(path: str | Path, monitor: Monitor, *, mapping: Sequence[str] = (
     period_s = monitor.sample_period_s
     if period_s is None or not monitor.channels:
         raise InputError(f"{monitor.name} has no rate, or no channels, of its own; open the log as a whole")
-    witnesses = (*WITNESSES, *GYROS, *ATTITUDE) if hasattr(monitor, "bank") else ()
+    read = basis_of(monitor).witnesses
+    witnesses = (*read, *GYROS, *ATTITUDE) if read else ()
     stream: Stream | None = None
     learner = Learner(period_s, expected_of(monitor)) if has_motion(monitor) else None
     due_s, corrector = 0.0, None

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.detectors.auto import AutoDetector
-from gtmbench.detectors.bank_detector import BankDetector, BankMonitor
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.errors import InputError
@@ -152,17 +152,17 @@ def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor,
     unwatched: tuple[str, ...] = ()
     if isinstance(watcher, AutoDetector):
         watcher, unwatched = bank_for_logs(reads, asked.mapping, origin)
-    if not isinstance(watcher, BankDetector) or not rests_on_attitude(watcher):
+    if not rests_on_attitude(watcher):
         return watcher, None, unwatched
     return with_origin(watcher, origin), origin, unwatched
 
 
 def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, tuple[str, ...]]:
     """Return whose attitude a monitor was calibrated for, and a word where the log shows that its own is another."""
-    if not rests_on_attitude(monitor):
+    calibrated_for = basis_of(monitor).attitude_from_gyros
+    if calibrated_for is None:
         return None, ()
-    assert isinstance(monitor, BankMonitor)
-    told = Origin(is_driven=monitor.bank.attitude_from_gyros, why="as the monitor was calibrated")
+    told = Origin(is_driven=calibrated_for, why="as the monitor was calibrated")
     seen = origin_in_log(log)
     if seen.is_assumed or seen.is_driven == told.is_driven:
         return told, ()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
-from gtmbench.attitude import ATTITUDE, DRIVEN, GYROS, OWN
+from gtmbench.attitude import DRIVEN, OWN
+from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant
-from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
@@ -93,15 +93,14 @@ def rests_on_attitude(watcher: Detector | Monitor) -> bool:
     >>> rests_on_attitude(find_detector("C"))
     True
     """
-    bank = getattr(watcher, "bank", None)
-    return isinstance(bank, Bank) and any(
-        spec.output in GYROS and bank.sources(spec) & set(ATTITUDE) for spec in bank.residuals
-    )
+    return basis_of(watcher).attitude_from_gyros is not None
 
 
-def with_origin(watcher: BankDetector, origin: Origin) -> BankDetector:
-    """Return a bank that knows whether the gyros drive the attitude."""
-    bank = watcher.bank
-    if bank.attitude_from_gyros == origin.is_driven:
-        return watcher
-    return replace(watcher, bank=bank.driven() if origin.is_driven else replace(bank, attitude_from_gyros=False))
+def with_origin(watcher: Detector, origin: Origin) -> Detector:
+    """Return a detector that knows whether the gyros drive the attitude, where it rests on that."""
+    return watcher.for_attitude(is_driven=origin.is_driven) if isinstance(watcher, _KnowsAttitude) else watcher
+
+
+@runtime_checkable
+class _KnowsAttitude(Protocol):
+    def for_attitude(self, *, is_driven: bool) -> Detector: ...

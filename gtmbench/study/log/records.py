@@ -9,18 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.detectors.bank.bank import check_channels
-from gtmbench.detectors.isolation.case import WITNESSES
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.intake.times import unit_hint
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S
+from gtmbench.intake.units import unit
 from gtmbench.record import Record, Span, runs
 
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
+_SLOWEST_HZ = 2.5  # of what compares gyros with an attitude: at 2 Hz a dead gyro isn't seen any more
 _SLOW_S, _FEWEST = 1.0, 10  # samples so far apart, and so few of them, are a mistaken clock's
 
 
@@ -38,12 +41,14 @@ def open_for(
     Raises
     ------
     InputError
-        Where it can't be read, or lacks a channel: saying what looks like it, or which banks the log allows.
+        Where it can't be read, is too slow, or lacks a channel: saying what looks like it, or which banks the log
+        allows.
     """
-    witnesses = WITNESSES if hasattr(watcher, "bank") else ()
-    read = read_log(path)
+    basis, read = basis_of(watcher), read_log(path)
     try:
-        return open_log(read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=witnesses)
+        log = open_log(
+            read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=basis.witnesses
+        )
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):
@@ -52,14 +57,26 @@ def open_for(
             mapped = {text.partition("=")[0].strip() for text in mapping}
             there = mapped | {column.channel for column in columns} | {column.name for column in columns}
             try:
-                check_channels(_called(watcher), watcher.channels, there)
+                check_channels(basis.title, watcher.channels, there)
             except InputError as lacking:
                 raise InputError(f"{read.path}: {lacking}") from error
         raise
+    if basis.kinematic:
+        _check_rate(log)
+    return log
 
 
-def _called(watcher: Detector | Monitor) -> str:
-    return f"bank {watcher.name}" if hasattr(watcher, "bank") else f"'{watcher.name}'"
+def _check_rate(log: FlightLog) -> None:
+    """Refuse a log that comes too seldom to compare gyros with an attitude; its time may be in another unit."""
+    hz = 1.0 / log.sample_period_s
+    if hz < _SLOWEST_HZ:
+        time = next((source for source in log.sources if source.channel == "time"), None)
+        stated = None if time is None else unit(time.unit)
+        hint = "" if time is None or stated is None else unit_hint(time.column, stated.factor / hz)
+        raise InputError(
+            f"{log.path} has {hz:.3g} sample{'s' * (hz != 1.0)} a second; at least {_SLOWEST_HZ:g} are needed, better "
+            f"10 or more{hint or '; if its stamps are milliseconds, type --map time=COLUMN:ms'}"
+        )
 
 
 def whole_s(log: FlightLog) -> Span:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
-from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.monitor.regime import Regime
+from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.progress import Progress
 from gtmbench.record import Record, Span
@@ -88,10 +88,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     if said.check.stops or not is_ready(monitor):
         return replace(said, findings=(*said.check.stops, *_installed(said.installation), *said.findings))
     log, before = learnt.opened.log, learnt.before
-    watches = [
-        steady(monitor, watch, before) if isinstance(monitor, BankMonitor) and isinstance(watch, BankWatch) else watch
-        for watch in said.watches
-    ]
+    watches = [steady(monitor, watch, before) for watch in said.watches] if predicts(monitor) else list(said.watches)
     comparison, side_by_side = None, learnt.opened.imus
     if watches and side_by_side is not None:
         watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
@@ -121,7 +118,7 @@ def _watches(
     for part in parts:
         tell = _seconds(progress, done_s, total_s, part.sample_period_s)
         tell("watch", 0, len(part))
-        if isinstance(monitor, BankMonitor):
+        if predicts(monitor):
             watches.append(monitor.watch(part, outside=excursions, before=before, progress=tell))
         else:
             watches.append(monitor.watch(part))
@@ -141,7 +138,7 @@ def _seconds(progress: Progress, before_s: float, total_s: float, period_s: floa
 
 def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
     """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
-    if not isinstance(monitor, BankMonitor):
+    if not predicts(monitor):
         return ()
     regime = Regime.told(monitor.provenance)
     return tuple(excursion for record in left.motion for excursion in regime.excursions(record, left.log.events))

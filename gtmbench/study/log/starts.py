@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.detectors.predicting import PredictingMonitor
+from gtmbench.detectors.protocol import Watch
 from gtmbench.record import Record
 
 DOUBT = "it hangs on where watching began"
@@ -20,18 +21,18 @@ _SOON_S = 5.0  # apart, two alarms tell of one thing
 _MOST = 6  # alarms that are looked at anew: of more, the log says enough
 
 
-def steady(monitor: BankMonitor, watch: BankWatch, before: Record | None = None) -> BankWatch:
+def steady(monitor: PredictingMonitor, watch: Watch, before: Record | None = None) -> Watch:
     """Return a watch with doubts of what isn't said again when watching begins elsewhere.
 
     Parameters
     ----------
-    monitor : BankMonitor
+    monitor : PredictingMonitor
         One that is cautious; others are calibrated for such chances.
-    watch : BankWatch
+    watch : Watch
     before : Record, optional
         On which it had learnt the noise.
     """
-    if not monitor.is_cautious:
+    if not monitor.basis.is_cautious:
         return watch
     accusing = [alarm for alarm in watch.faults if not alarm.has_passed and not alarm.doubt and alarm.test != MISSING]
     if not accusing:
@@ -50,7 +51,7 @@ def _doubted(alarm: Alarm) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
-def _is_said_again(monitor: BankMonitor, watch: BankWatch, alarm: Alarm, before: Record | None) -> bool:
+def _is_said_again(monitor: PredictingMonitor, watch: Watch, alarm: Alarm, before: Record | None) -> bool:
     for record in _begun_elsewhere(monitor, watch.record, alarm):
         said = monitor.watch(record, outside=watch.outside, before=before).faults
         if not any(_tells_the_same(other, alarm) for other in said):
@@ -58,11 +59,10 @@ def _is_said_again(monitor: BankMonitor, watch: BankWatch, alarm: Alarm, before:
     return True
 
 
-def _begun_elsewhere(monitor: BankMonitor, record: Record, alarm: Alarm) -> Iterator[Record]:
+def _begun_elsewhere(monitor: PredictingMonitor, record: Record, alarm: Alarm) -> Iterator[Record]:
     """Give the record up to the alarm's last judgement, begun later."""
     assert alarm.last is not None
-    looks_back_s = monitor.bank.statistic.looks_back(monitor.sample_period_s) * monitor.sample_period_s
-    first_s = max(record.start_s, alarm.onset_s - looks_back_s - _SETTLED_S)
+    first_s = max(record.start_s, alarm.onset_s - monitor.basis.looks_back_s - _SETTLED_S)
     for later_s in _LATER_S:
         if alarm.onset_s - first_s - later_s >= _SETTLED_S:
             yield record.between(first_s + later_s, min(alarm.last.time_s + monitor.look_ahead_s, record.end_s))

@@ -87,7 +87,7 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredLog:
-    """A log with failures that were injected, watched and scored.
+    """A log with injected failures, watched and scored.
 
     Attributes
     ----------
@@ -95,9 +95,9 @@ class ScoredLog:
     rows : tuple of Scored
         One a failure, in time.
     false_alarms : tuple of Alarm
-        Ours that accuse a sensor outside of all windows.
+        Our alarms that accuse a sensor outside of all windows.
     false_words : tuple of Event
-        The autopilot's of a gyro or accelerometer, likewise.
+        The autopilot's messages on a gyro or accelerometer outside of all windows.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class ScoredLog:
 
     @property
     def trials(self) -> tuple[Scored, ...]:
-        """Those that are scored."""
+        """The rows that are scored."""
         return tuple(row for row in self.rows if not row.why_not)
 
 
@@ -141,19 +141,19 @@ def score_log(
     attitude: str = FROM_LOG,
     progress: Progress = silent,
 ) -> ScoredLog:
-    r"""Watch a log and score what was said on the failures that it says were injected.
+    r"""Watch a log and score the verdicts on the injected failures that it records.
 
     Parameters
     ----------
     path, detector, mapping, rate_hz, attitude, progress
         As `watch_log` takes them.
     healthy : sequence of (start, end), str or Path
-        Likewise; without any, what lies before the first failure, 300 s at most.
+        As in `watch_log`; by default the log before the first failure, 300 s at most.
 
     Raises
     ------
     InputError
-        Where the log says of no failure, can't be watched, or a healthy span holds one.
+        If the log records no failure, can't be watched, or a healthy span holds a failure.
 
     Examples
     --------

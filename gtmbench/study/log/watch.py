@@ -34,7 +34,7 @@ def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float
     inputs, outputs : sequence of str
         Pseudo inputs (channels, or names of `PSEUDO_INPUTS`) and pseudo outputs.
     look_s : float
-        r Ts and d Ts: how far they look back and ahead.
+        r Ts and d Ts, in seconds: how far they look back and ahead.
 
     Examples
     --------
@@ -68,15 +68,15 @@ def watch_log(
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
 
-    A monitor (or a plain function) watches all of it. A detector is first calibrated on what is `healthy`, a bank with
-    caution, as a short record wants it, and watches the rest. A log that isn't what it expects isn't watched: `check`
-    says why.
+    A monitor (or a plain function) watches all of it. A detector is first calibrated on the `healthy` part and watches
+    the rest; a bank allows for the uncertainty of a short record. A log that isn't what the monitor expects isn't
+    watched, and `check` says why.
 
     Parameters
     ----------
     path : str or Path
         As `open_log` takes it.
-    detector : Detector, Monitor, Bank, or what names one
+    detector : Detector, Monitor, Bank, or a name
         As `find_detector` takes it; ``auto`` is the bank that the channels of the log, and of the healthy ones, allow.
     healthy : sequence of (start, end), str or Path
         For a detector: spans of this log in seconds (ends may be infinite), or other logs, read alike. Without any, the
@@ -84,21 +84,22 @@ def watch_log(
     mapping : sequence of str
         As `open_log` takes it.
     rate_hz : float, optional
-        For a detector: to resample to; without it the slowest channel's, 100 at most. A monitor has its own.
+        For a detector: the rate to resample to, in Hz; by default the slowest channel's, 100 at most. A monitor has its
+        own.
     false_alarms_per_hour : float, optional
-        Wanted of a detector; of a bank 0.002, and 1 of one that is judged by its residuals' energy, as
-        `bank_between`'s: most of that is the model's error, whose tail half a minute doesn't bound further.
+        The rate to calibrate for. By default 0.002 for a bank, and 1 for one that is judged by its residuals' energy,
+        as `bank_between`'s: most of that energy is the model's error, whose tail half a minute doesn't bound further.
     attitude : str
-        For a bank that predicts gyros from the attitude: whether the gyros drive it, ``driven``, as an estimator's, or
-        it is of its ``own``. ``auto`` is what the format documents, else what the samples show: driven where they don't
-        show that it is of its own. A monitor keeps what it was calibrated with.
+        For a bank that predicts gyros from the attitude: ``driven`` if the gyros drive it through an estimator, ``own``
+        if it is independent. ``auto`` uses the format's documentation, otherwise the samples: driven unless they show
+        that it is independent. A monitor keeps the setting of its calibration.
     progress : callable
-        Told the step, how many are done, and of how many.
+        Called with the step, the number done and the total.
 
     Raises
     ------
     InputError
-        Where a log can't be read, lacks channels, or holds too little that is healthy.
+        If a log can't be read, lacks channels, or holds too little that is healthy.
 
     Examples
     --------

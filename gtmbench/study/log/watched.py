@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
-from gtmbench.deprecation import renamed
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
@@ -23,9 +22,9 @@ from gtmbench.study.log.self_check.check import SelfCheck
 
 
 class Outcome(IntEnum):
-    """What a log comes to; the value is the command's exit code.
+    """The outcome for a log; the value is the command's exit code.
 
-    Unknown: nothing could have alarmed, or a score couldn't, or the log isn't what the monitor expects.
+    Unknown: nothing could have alarmed, or a test statistic couldn't, or the log isn't what the monitor expects.
 
     Examples
     --------
@@ -41,34 +40,36 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WatchedLog:
-    """What a monitor said of a log.
+    """The result of a monitor on a log.
 
     Attributes
     ----------
     log : FlightLog
     monitor : Monitor or Detector
-        The detector as it came where the self-check stopped it before it was calibrated.
+        The given detector, if the self-check stopped it before calibration.
     identified_s : tuple of (start, end)
-        The spans of this log that the monitor was identified and calibrated on; empty where it came ready.
+        The spans of this log that the monitor was identified and calibrated on, in seconds; empty for a ready monitor.
     watches : tuple of Watch
-        One a stretch that was watched, in time.
+        One a watched stretch, in order of time.
     reasons : tuple of str
-        Why it can't be told, where it can't; what limits what was said, where it can.
+        Why it can't tell, or what limits the verdict.
     certificate : Certificate
-        What would have been seen: the smallest faults that would have alarmed.
+        The smallest faults that would have been detected.
     check : SelfCheck
         Whether the log is what the monitor expects.
     excursions : tuple of Excursion
-        The stretches in which nothing can be told: the motion is beyond what was identified.
+        The stretches without a verdict, because the motion is beyond that of identification.
     left_out : tuple of LeftOut
-        What of the healthy spans, and of other logs, wasn't identified on.
+        The parts of the healthy spans, and of other logs, that weren't identified on.
     comparison : Comparison or None
-        What several IMUs say of each other; None where the log has one, or they can't be compared.
+        The comparison of several IMUs; None if the log has one, or they can't be compared.
     installation : Installation or None
-        Lag, clocks, scales and axes of gyros and attitude that were undone before a monitor heard them; None where it
-        was identified on this log, or doesn't hear them all.
+        Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
+        was identified on this log, or doesn't read them all.
     attitude : Origin or None
-        Whether its attitude was taken for one that the gyros drive, and why; None of what doesn't rest on one.
+        Whether the attitude was taken for one that the gyros drive, and why; None if the monitor doesn't use one.
+    is_assumed_healthy : bool
+        Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
 
     Examples
     --------
@@ -97,6 +98,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
+    is_assumed_healthy: bool = False
 
     def _repr_html_(self) -> str:
         facts = {
@@ -109,26 +111,27 @@ class WatchedLog:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm that first told of a fault, in time; those that count to another's fault are left out."""
+        """The first alarm of each fault, in order of time."""
         told = [alarm for watch in self.watches for alarm in watch.faults]
         return tuple(sorted([*told, *further(told, self.comparison)], key=lambda alarm: alarm.time_s))
 
     @property
     def armed_hours(self) -> float:
-        """Hours watched: how long an alarm was possible."""
+        """Hours in which an alarm was possible."""
         return sum(watch.armed_hours for watch in self.watches)
 
     @property
     def stuck_above(self) -> tuple[str, ...]:
-        """The scores that stood above their thresholds all through a stretch: nothing is told of them."""
+        """The test statistics that stayed above their thresholds throughout a stretch, and so give no verdict."""
         scores = [score for watch in self.watches for score in watch.scores.values() if score.is_stuck_above]
         return tuple(dict.fromkeys(score.name for score in scores))
 
     @property
     def outcome(self) -> Outcome:
-        """Failed where an alarm is left to explain; unknown where nothing could have alarmed, or a score couldn't.
+        """Failed if an alarm is left to explain; unknown if nothing, or not every statistic, could have alarmed.
 
-        Unknown, too, where an alarm may be no fault's, or silence says nothing: by the self-check, or the certificate.
+        It is also unknown if an alarm may be no fault's, or silence proves nothing by the self-check or the
+        certificate.
         """
         left = [alarm for alarm in self.alarms if not alarm.has_passed]
         if any(not alarm.doubt for alarm in left):
@@ -138,14 +141,12 @@ class WatchedLog:
 
     @property
     def hardly_watched(self) -> tuple[str, ...]:
-        """The gyros whose silence says nothing, by the certificate."""
+        """The gyros whose silence proves nothing, by the certificate."""
         return hardly_watched(self.certificate, self.watches)
 
     def with_names(self) -> WatchedLog:
-        """Return the same with a certificate that says what would have been named, too: that takes seconds."""
+        """Return the same with a certificate that also says which faults would have been named; takes seconds."""
         return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
-
-    findings = renamed("WatchedLog.findings", "alarms")
 
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:
@@ -166,4 +167,5 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         installation=said.installation,
         attitude=learnt.opened.attitude,
+        is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
     )

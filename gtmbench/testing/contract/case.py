@@ -10,12 +10,13 @@ from typing import Any, cast
 import numpy as np
 
 from gtmbench.bench.sensors import measure
+from gtmbench.channels import GYROS
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
+from gtmbench.faults.additive import Drift
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.kinds import Drift
 from gtmbench.intake.resampling import decimate
 from gtmbench.method.problem import as_records
 from gtmbench.record import Record
@@ -97,7 +98,7 @@ def contract_case(
     recipe = given if is_recipe(given) else None
     monitor = recipe.calibrate(healthy) if recipe is not None else cast(Monitor, given)
     channel = next(name for name in (*monitor.channels, *last.channels) if name in last)
-    channel = next((name for name in ("p", "q", "r") if name in (monitor.channels or ("p",))), channel)
+    channel = next((name for name in GYROS if name in (monitor.channels or ("p",))), channel)
     return Case(
         detector=recipe,
         monitor=monitor,

@@ -19,17 +19,18 @@ CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
 def check_detector(
     detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> None:
-    """Fail where a detector breaks the contract.
+    """Fail if a detector breaks the contract.
 
     Parameters
     ----------
     detector : Detector, Monitor, Bank, callable or str
         Whatever `gtmbench.find_detector` finds, or could return.
     records : sequence of Record
-        Healthy, two or more of one flight or several: it is calibrated on all but the last, which is watched. Unless
-        told, what the T2's sensors read on a flight of two minutes, at 50 Hz, thrice, and the surface commands.
+        Two or more healthy records of one flight or several. The detector is calibrated on all but the last, which it
+        watches. By default three records of the T2's sensors on a flight of two minutes, at 50 Hz, with the surface
+        commands.
     fault : Fault or sequence of Fault
-        Injected into the last record; the detector has to alarm on it. Unless told, two steep drifts, of 12 s each.
+        Injected into the last record; the detector must alarm on it. By default two steep drifts, of 12 s each.
 
     Raises
     ------

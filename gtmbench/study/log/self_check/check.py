@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
 from gtmbench.pieces import pieces
@@ -49,6 +48,8 @@ class Cause:
     changes : tuple of Change
         What has to be undone.
     text : str
+    why : str
+        How much of the motion the attitude explains with that undone, and as it is.
     to_type : str
         The options under which the log reads as it should; "" where there are none.
     """
@@ -56,6 +57,7 @@ class Cause:
     log: str
     changes: tuple[Change, ...]
     text: str
+    why: str
     to_type: str
 
 
@@ -135,8 +137,8 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
         named = [_cause(part, guess) for guess in found]
         if named:
-            stops.append(f"{at}: {_either(named)}; {_better(part, found[0])}")
-        elif where == IDENTIFIED and is_doubtful(tried, _asked(watcher)):
+            stops.append(f"{at}: {_either(named)}; {named[0].why}")
+        elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
             stops.append(f"{at}: gyros and attitude don't tell of one motion; {nothing_found_text()}")
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
@@ -149,19 +151,20 @@ def _cause(part: Part, guess: Guess) -> Cause:
         log=part.log.path.name,
         changes=guess.changes,
         text=cause_text(guess.changes),
+        why=_better(part, guess),
         to_type=mapping_for(guess, sources),
     )
 
 
 def _better(part: Part, guess: Guess) -> str:
     now = as_it_is(part.motion)
-    said = f"undone, the attitude explains {fits_text(guess.fits)} of the motion"
-    return said if now is None else f"{said}, as it is {fits_text(now.fits)}"
+    said = f"with that undone, the attitude explains {fits_text(guess.fits)} of the motion"
+    return said if now is None else f"{said}; as it is, {fits_text(now.fits)}"
 
 
 def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Record]) -> SelfCheck:
     """Return a check with what a monitor's residuals explain where it was identified."""
-    if not isinstance(monitor, CalibratedBank) or not records:
+    if not predicts(monitor) or not records:
         return check
     explained = explained_where_identified(monitor, records)
     stops = [unexplained_text(each) for each in explained if each.is_blind]
@@ -178,7 +181,7 @@ def check_watched(
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
     silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
     doubts = (*check.doubts, *(f"{text}; no alarm tells of it" for text in silent))
-    if not isinstance(monitor, CalibratedBank):
+    if not predicts(monitor):
         return replace(check, doubts=doubts)
     before = {each.output: each for each in check.explained}
     explained = explained_where_watched(monitor, watches)
@@ -254,25 +257,14 @@ def _concerns(watcher: Detector | Monitor, guess: Guess) -> bool:
     return bool(touched & {*watcher.channels, "time"})
 
 
-def bank_in(watcher: Detector | Monitor) -> Bank | None:
-    """Return a detector's bank, if it is one."""
-    return watcher.bank if isinstance(watcher, (BankDetector, CalibratedBank)) else None
-
-
 def rests_on_motion(watcher: Detector | Monitor) -> bool:
     """Tell whether a detector compares sensors with what kinematics say that they read."""
-    return bool(_asked(watcher))
-
-
-def _asked(watcher: Detector | Monitor) -> tuple[str, ...]:
-    """Return the sensors that a pseudo input of a detector's bank reads as."""
-    bank = bank_in(watcher)
-    return () if bank is None else bank.kinematic
+    return bool(basis_of(watcher).kinematic)
 
 
 def _notes(watcher: Detector | Monitor) -> tuple[str, ...]:
     """Say what isn't checked."""
-    asked = _asked(watcher)
+    asked = basis_of(watcher).kinematic
     why = "the log has no whole attitude" if asked else "nothing says what its sensors should read"
     what = f"that channels live and that of {', '.join(asked)} motion is explained" if asked else "that channels live"
     return (f"self-check: {what}, no more, for {why}: signs, units, axes, lags and the time base weren't tried",)

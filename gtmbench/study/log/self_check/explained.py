@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
+from gtmbench.detectors.predicting import PredictingMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.method.pseudo_inputs import reproduces
 from gtmbench.pieces import deviation
 from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import slow_pieces
@@ -60,25 +59,22 @@ class Explained:
         return not self.is_shown and not self.is_calm
 
 
-def explained_where_identified(bank: CalibratedBank, records: Sequence[Record]) -> list[Explained]:
-    """Return what every residual of a sensor explains of the records that a bank stands on."""
+def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Record]) -> list[Explained]:
+    """Return what every residual of a sensor explains of the records that a monitor stands on."""
     found = []
-    for spec in bank.bank.diagnostic:
-        residuals = [
-            residuals_of(bank.bank, record, bank.operators, [spec.output]).raw[spec.output] for record in records
-        ]
-        signals = [record[spec.output] for record in records]
-        found.append(_explained(bank, spec.output, "identified", residuals, signals))
+    for sensor in monitor.basis.predicts:
+        residuals = [monitor.residual(record, sensor) for record in records]
+        found.append(_explained(monitor, sensor, "identified", residuals, [record[sensor] for record in records]))
     return found
 
 
-def explained_where_watched(bank: CalibratedBank, watches: Sequence[Watch]) -> list[Explained]:
-    """Return what every residual of a sensor explains of what a bank watched."""
+def explained_where_watched(monitor: PredictingMonitor, watches: Sequence[Watch]) -> list[Explained]:
+    """Return what every residual of a sensor explains of what a monitor watched."""
     found = []
-    for spec in bank.bank.diagnostic if watches else ():
-        residuals = (watch.residuals[spec.output] for watch in watches)  # one by one: they are let go
-        signals = [watch.record[spec.output] for watch in watches]
-        found.append(_explained(bank, spec.output, "watched", residuals, signals))
+    for sensor in monitor.basis.predicts if watches else ():
+        residuals = (watch.residuals[sensor] for watch in watches)  # one by one: they are let go
+        signals = [watch.record[sensor] for watch in watches]
+        found.append(_explained(monitor, sensor, "watched", residuals, signals))
     return found
 
 
@@ -98,7 +94,7 @@ def _moments(values: FloatArray, readings: FloatArray) -> tuple[float, float, fl
 
 
 def _explained(
-    bank: CalibratedBank, output: str, where: str, residuals: Iterable[FloatArray], signals: Iterable[FloatArray]
+    monitor: PredictingMonitor, output: str, where: str, residuals: Iterable[FloatArray], signals: Iterable[FloatArray]
 ) -> Explained:
     squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
@@ -112,13 +108,13 @@ def _explained(
         rows += count
     alike = against / max(float(np.sqrt(squares[1] * squares[2])), 1e-300)
     residual, signal, _, whole = np.sqrt(squares / rows).tolist()
-    usual = float(np.asarray(bank.operators[output].rms_residual).ravel()[0])
+    usual = float(np.asarray(monitor.operators[output].rms_residual).ravel()[0])
     return Explained(
         output=output,
         where=where,
         share=1.0 - residual / signal if signal > 0.0 else float("nan"),
         residual=residual,
         signal=signal,
-        is_asked=any(reproduces(name, output) for name in bank.operators[output].inputs),
+        is_asked=output in monitor.basis.kinematic,
         is_calm=(alike > _AGAINST and residual <= _NOISE * whole) or (where == "watched" and whole <= _LOUDER * usual),
     )

@@ -1,0 +1,1 @@
+"""Recorded flights: their logs as flown, broken and misread, and what is said of each."""

@@ -1,0 +1,113 @@
+"""``gtmbench verify``: whether files still hold what was written."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.errors import InputError, NoteWarning
+from gtmbench.files import SUMS, is_file, is_folder, read_sums
+
+_ALTERED = 1
+
+
+class _Told(NamedTuple):
+    """A file, and what is wrong with it; empty where it holds what was written."""
+
+    path: Path
+    wrong: str
+
+
+@click.command("verify")
+@click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
+@common_options
+def verify_command(paths: tuple[Path, ...], as_json: bool, quiet: bool) -> int:
+    """Say whether files still hold what was written: folders of results or parts, monitors, baselines.
+
+    Of a folder every file that its SHA256SUMS names, every part, every monitor. What carries no digest, or isn't
+    named there, can't be told, and is refused.
+
+    Exit codes: 0 all do; 1 one was altered, damaged or is missing; 2 it can't be told of one.
+    """
+    told = [each for path in paths for each in _told_of(path)]
+    wrong = [each for each in told if each.wrong]
+    if as_json:
+        print_json({"files": len(told), "altered": {str(each.path): each.wrong for each in wrong}})
+    else:
+        for each in wrong:
+            echo(f"{each.path}: {each.wrong}")
+        if not quiet and not wrong:
+            echo(f"{len(told)} files hold what was written")
+    return _ALTERED if wrong else 0
+
+
+def _told_of(path: Path) -> Iterator[_Told]:
+    if is_folder(path):
+        yield from _folder(path)
+    elif not is_file(path):
+        raise InputError(f"{path}: no such file or folder")
+    elif path.suffix == ".json" and _is_monitor(path):
+        yield _monitor(path)
+    elif path.suffix == ".toml":
+        yield _baseline(path)
+    else:
+        sums = path.parent / SUMS
+        if not is_file(sums) or path.name not in (known := read_sums(sums)):
+            raise InputError(f"{path}: nothing says what it held: it is no monitor and no baseline, and in no {SUMS}")
+        yield _summed(path, known[path.name])
+
+
+def _folder(folder: Path) -> Iterator[_Told]:
+    from gtmbench.parts import holds_parts, read_parts
+
+    monitors = [path for path in sorted(folder.glob("*.json")) if _is_monitor(path)]
+    if not is_file(folder / SUMS) and not holds_parts(folder) and not monitors:
+        raise InputError(f"{folder} holds neither {SUMS}, nor parts, nor monitors, so nothing says what it held")
+    if is_file(folder / SUMS):
+        for name, digest in read_sums(folder / SUMS).items():
+            yield _summed(folder / name, digest)
+    if holds_parts(folder):
+        parts = read_parts(folder)
+        damaged = parts.damaged()
+        yield from (_Told(parts.path(number), damaged[number]) for number in damaged)
+        yield from (_Told(path, "") for path in folder.glob("part-*.parquet") if path not in map(parts.path, damaged))
+    yield from map(_monitor, monitors)
+
+
+def _summed(path: Path, digest: str) -> _Told:
+    try:
+        with path.open("rb") as file:
+            is_same = hashlib.file_digest(file, "sha256").hexdigest() == digest
+    except OSError as error:
+        return _Told(path, error.strerror or str(error))
+    return _Told(path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")
+
+
+def _is_monitor(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b'"gtmbench monitor"' in file.read(200)
+
+
+def _monitor(path: Path) -> _Told:
+    from gtmbench.detectors.files import check_monitor
+
+    try:
+        check_monitor(path)
+    except InputError as error:
+        return _Told(path, str(error).removeprefix(f"{path}: "))
+    return _Told(path, "")
+
+
+def _baseline(path: Path) -> _Told:
+    from gtmbench.check.baseline import read_reference
+
+    reference = read_reference(path)
+    if reference.note and not reference.altered:
+        warnings.warn(NoteWarning(f"{path} {reference.note}"), stacklevel=2)
+    return _Told(path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")

@@ -1,0 +1,263 @@
+"""The verdict on a watched log: its first line, and the few that follow it.
+
+The first line says what happened. Then come, a label each: why and from when, how sure that is, what could not be
+watched, from which size on a fault would have been detected, what the monitor was learnt from, what was read as what,
+and what to type next. Everything else is details (`gtmbench.report.words.log`).
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from gtmbench.channels import unit_of
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.protocol import is_ready
+from gtmbench.detectors.virtual import ANGLES
+from gtmbench.record import Span
+from gtmbench.report.watched import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
+from gtmbench.report.words.certificate import certificate_text
+from gtmbench.report.words.judgement import kind_text, source_text
+from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.units import counted, duration_text
+from gtmbench.study.log.watched import Outcome, WatchedLog
+
+SENSORS = {
+    "p": "roll gyro",
+    "q": "pitch gyro",
+    "r": "yaw gyro",
+    "phi": "bank angle",
+    "theta": "pitch angle",
+    "psi": "heading",
+    "alpha": "angle-of-attack vane",
+    "beta": "sideslip vane",
+    "nx": "forward accelerometer",
+    "ny": "lateral accelerometer",
+    "nz": "vertical accelerometer",
+    "tas": "airspeed",
+}
+_LABEL = 13  # characters, with the space behind
+_LINES = 2  # a label has no more
+_FEW = 2  # alarms that are told one by one where more of them tell nothing
+_SHORT_S = 0.05  # of what wasn't watched: less isn't told
+_MOST = 3  # faults, doubts or spans that are told one by one
+_NOT_WATCHED = {
+    State.IDENTIFIED: "learnt from",
+    State.ARMING: "arming",
+    State.DISARMED: "after an alarm",
+    State.LOST: "samples missing",
+    State.ENDS: "record's end",
+    State.OUTSIDE: "motion beyond what was learnt",
+    State.LEFT_OUT: "left out",
+    State.GAP: "gaps",
+}
+
+
+def sensor_text(name: str) -> str:
+    """Name a sensor as an engineer does.
+
+    >>> sensor_text("q"), sensor_text("strain_3")
+    ('pitch gyro (q)', 'strain_3')
+    """
+    return f"{SENSORS[name]} ({name})" if name in SENSORS else name
+
+
+def verdict_text(watched: WatchedLog) -> str:
+    """Say in one sentence what happened: which sensor failed and when, that no fault was found, or why nobody can tell.
+
+    The time is when the fault began, as far as its kind or the test tells.
+    """
+    if watched.outcome is Outcome.UNKNOWN:
+        return f"Cannot tell: {'; '.join(causes(watched))}."
+    faults = [same for same in faults_of(watched).values() if not same[0].doubt]
+    if faults:
+        told = [_fault_text(same) for same in faults[:_MOST]]
+        more = f"; and {len(faults) - _MOST} more" if len(faults) > _MOST else ""
+        return f"{_capital('; '.join(told))}{more}."
+    passed = passed_alarms(watched)
+    alarms = f" {_capital(counted(passed, 'alarm'))} had nothing left to explain." if passed else ""
+    watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
+    return f"No fault found in {watched_of}.{alarms}"
+
+
+def causes(watched: WatchedLog) -> list[str]:
+    """Return why a log's verdict is that nobody can tell, the weightiest first."""
+    wrong = list(dict.fromkeys(cause.text for cause in watched.check.causes))
+    if wrong:
+        return [" or ".join(wrong)]
+    if watched.check.stops:
+        return [_without_place(watched.check.stops[0], watched)]
+    doubts = [doubt_text([alarm for alarm in watched.alarms if alarm.doubt])] if _is_doubted(watched) else []
+    weak = [*doubts, *_unseen(watched)]
+    return weak or list(watched.reasons[:1]) or ["no stretch is long enough to be watched"]
+
+
+def doubt_text(doubtful: Sequence[Alarm]) -> str:
+    """Say which alarms may be no fault, and what else may have raised them."""
+    told = _listed([f"{alarm.source} at {alarm.time_s:.1f} s" for alarm in doubtful], most=_FEW)
+    doubts = _listed(list(dict.fromkeys(alarm.doubt for alarm in doubtful)), "or", most=_FEW)
+    return f"{counted(len(doubtful), 'alarm')} ({told}) may be no fault: {doubts}"
+
+
+def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
+    """Return the verdict and the lines that follow it, as wide as a screen."""
+    labelled = [
+        ("Why", _why(watched)),
+        ("How sure", _certainty(watched)),
+        ("Not watched", _not_watched(watched)),
+        ("Sensitivity", [certificate_text(watched.certificate)] if watched.watches else []),
+        ("Learnt from", _learnt(watched)),
+        ("Read as", _read(watched)),
+        ("Next", _next(watched)),
+    ]
+    lines = textwrap.wrap(verdict_text(watched), width)
+    for label, sentences in labelled:
+        if sentences:
+            lines += textwrap.wrap(
+                f"{label:{_LABEL}}{' '.join(sentences)}",
+                width,
+                subsequent_indent=" " * _LABEL,
+                break_on_hyphens=False,
+                max_lines=_LINES,
+                placeholder=" ...",
+            )
+    return lines
+
+
+def _fault_text(same: Sequence[Alarm]) -> str:
+    """Say who failed, when and how; of a fault that is found again, how often."""
+    first = same[0]
+    at = f"at {began_s(first):.1f} s"
+    if len(same) > 1:
+        at += f" (found {len(same)} times, last at {same[-1].time_s:.1f} s)"
+    judged = first.last
+    if judged is None:
+        return f"something failed {at}"
+    if judged.sensor is None:
+        who = "the attitude" if set(judged.candidates) <= set(ANGLES) else "a sensor"
+        return f"{who} failed {at}: cannot tell which of {_listed(judged.candidates, 'or')}"
+    if judged.swapped:
+        return f"the {sensor_text(judged.sensor)} and the {sensor_text(str(judged.partner))} have changed places {at}"
+    imu = f" of {judged.imu}" if judged.imu else ""
+    parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
+    unit = unit_of(judged.sensor)
+    known = judged.kind is not None and judged.kind != UNKNOWN
+    kind = f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else ""
+    return f"the {sensor_text(judged.sensor)}{imu} failed {at}{kind}"
+
+
+def _why(watched: WatchedLog) -> list[str]:
+    if watched.check.causes:
+        return [_sentence(cause.why) for cause in watched.check.causes[:1]]
+    told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults if not alarm.has_passed]
+    lines = []
+    for alarm, watch in told[:_MOST]:
+        source = source_text(alarm, watch) or "test statistic"
+        reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
+        named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
+        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
+    return lines
+
+
+def _certainty(watched: WatchedLog) -> list[str]:
+    """Say what a verdict is worth."""
+    bound = alarm_bound(watched)
+    if watched.outcome is not Outcome.HEALTHY or bound is None:
+        decided = [alarm for alarm in watched.alarms if alarm.sensor is not None and not alarm.doubt]
+        if not decided:
+            return []
+        late_s = max((alarm.isolated_s or alarm.time_s) - alarm.time_s for alarm in decided)
+        return [f"Decided {late_s:.1f} s after the alarm; no other sensor explains it."]
+    seen = "No false alarm" if not passed_alarms(watched) else f"{counted(passed_alarms(watched), 'false alarm')}"
+    return [
+        f"{seen} in {duration_text(watched.armed_hours)} (95 %: at most {bound:.{int(bound < 10.0)}f} an hour). "
+        "A fault from the first sample on is learnt as healthy."
+    ]
+
+
+def _not_watched(watched: WatchedLog) -> list[str]:
+    lengths = [(each.state, each.duration_s) for each in stretches(watched)]
+    total = {state: sum(length_s for its, length_s in lengths if its is state) for state in _NOT_WATCHED}
+    largest = sorted((state for state in total if total[state] >= _SHORT_S), key=lambda state: -total[state])
+    parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
+    rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
+    others = [f"others {rest_s:.1f}"] if rest_s >= _SHORT_S else []
+    return [f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else []
+
+
+def _learnt(watched: WatchedLog) -> list[str]:
+    monitor, spans = watched.monitor, watched.identified_s
+    title = _capital(title_text(monitor))
+    if not is_ready(monitor):
+        return [f"Nothing: {title_text(monitor)} was not calibrated."]
+    if spans:
+        chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
+        return [f"{_spans(spans)} of this log{chosen} ({title_text(monitor)})."]
+    logs = monitor.provenance.get("logs")
+    named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
+    return [f"{_listed(named)} ({title_text(monitor)})." if named else f"{title} came calibrated."]
+
+
+def _read(watched: WatchedLog) -> list[str]:
+    log = watched.log
+    own = [name for name in watched.monitor.channels if name in log.channels] or list(log.channels)
+    columns: dict[str, list[str]] = {}
+    for source in log.sources:
+        if source.channel in own:
+            table = source.column.split(".")[0] if "." in source.column else ""
+            columns.setdefault(table, []).append(source.channel)
+    from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
+    what = "; ".join(from_) or ", ".join(own)
+    return [f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
+
+
+def _next(watched: WatchedLog) -> list[str]:
+    """Say what to type."""
+    typed = list(dict.fromkeys(cause.to_type for cause in watched.check.causes if cause.to_type))
+    if typed:
+        return [f"Add {' or '.join(typed)}"]
+    if watched.outcome is Outcome.UNKNOWN and watched.identified_s:
+        return ["--identify SPAN|LOG for more healthy flight; --details for the rest."]
+    if watched.outcome is Outcome.FAILED:
+        return ["--figure F.png or --record F.rrd to see it; --details for the rest."]
+    return ["--details for the rest, with the sizes of detectable faults."]
+
+
+def _unseen(watched: WatchedLog) -> list[str]:
+    """Say whose silence says nothing."""
+    names = watched.hardly_watched if watched.watches else ()
+    return [f"a fault of {_listed(names, 'or')} would hardly have been detected"] if names else []
+
+
+def _without_place(reason: str, watched: WatchedLog) -> str:
+    """Return a reason without the log's name and where in it that is."""
+    place, _, what = reason.partition(": ")
+    return what if place.startswith(watched.log.path.name) and what else reason
+
+
+def _is_doubted(watched: WatchedLog) -> bool:
+    return any(alarm.doubt for alarm in watched.alarms)
+
+
+def _length_s(watched: WatchedLog) -> float:
+    return sum(len(segment) * segment.sample_period_s for segment in watched.log.segments)
+
+
+def _spans(spans: Iterable[Span]) -> str:
+    return _listed([f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans])
+
+
+def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
+    """Write a list: ``p, q or phi``; of a long one how many more there are."""
+    if len(names) > most:
+        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return f" {word} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _sentence(text: str) -> str:
+    return f"{_capital(text.rstrip('.'))}."

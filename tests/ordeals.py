@@ -1,0 +1,461 @@
+"""What becomes of files: bits flipped, disks full, two writers, interruptions. ``python -m tests.ordeals --help``.
+
+Every ordeal runs the commands as a user would, in sessions of their own, forked from a process that has imported
+everything, and holds what they leave against what an undisturbed run leaves, byte for byte. It prints a line a failure
+and one of figures; it ends with 1 where anything failed. Small disks are tmpfs, which only root mounts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import gtmbench as gb
+from gtmbench.check.baseline import new_baseline, read_reference, write_figures
+from gtmbench.check.figures import figures_of
+from gtmbench.files import SUMS, read_sums
+from gtmbench.parts import read_parts
+from gtmbench.study.run import run_study
+from gtmbench.study.scenario import load_scenario
+from tests.campaigns import TINY
+from tests.test_campaign_cluster import Cluster
+from tests.test_check import SHORT
+
+ROOT = Path(__file__).parent.parent
+FORKS = """
+import json, os, sys
+import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
+import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.run
+from gtmbench.cli.app import main
+for line in sys.stdin:
+    told = json.loads(line)
+    process = os.fork()
+    if not process:
+        os.setsid()
+        os.chdir(told["folder"])
+        for number, name in ((1, "out"), (2, "err")):
+            os.dup2(os.open(told[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+        main(told["arguments"])
+    print(process, flush=True)
+    print(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), flush=True)
+"""
+WATCH = ("--inputs", "p", "--outputs", "q", "--look", "0.2")
+COMMANDS = {
+    "run": ["run", "short.toml", "--out", "study", "--force"],
+    "campaign": ["campaign", "tiny.toml", "--out", "out", "--jobs", "2", "--resume"],
+    "monitor": [
+        "monitor",
+        "log.csv",
+        *WATCH,
+        "--identify",
+        "0:30",
+        "--record",
+        "m.rrd",
+        "--figure",
+        "m.png",
+        "--save",
+        "m.json",
+        "--force",
+    ],
+    "fleet": ["monitor", "logs", *WATCH, "--identify", "0:30", "--out", "fleet", "--resume"],
+    "calibrate": ["calibrate", "log.csv", "--detector", "limits", "--out", "c.json", "--force"],
+    "inject": ["inject", "log.csv", "--fault", "fault.toml", "--out", "broken.csv", "--force"],
+    "fly": ["fly", "--duration", "60", "--out", "f.parquet", "--force"],
+    "report": ["report", "done", "--out", "r.html", "--force"],
+    "diff": ["diff", "a.rrd", "b.rrd", "--overlay", "o.rrd", "--force"],
+    "check": ["check", "mine.toml", "--update"],
+}
+FOUND = {"diff": 1, "monitor": 3, "fleet": 3}  # exit codes that are as good as 0 here: what was found
+ENDINGS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGXCPU)  # the last: a limit of time
+FAULT = '[[faults]]\nkind = "bias"\nchannels = ["p"]\nonset_s = 20.0\nsize = 3.0\n'
+MB = 1 << 20
+
+
+class Forks:
+    """Runs of the command line, one at a time, each a session of its own."""
+
+    def __init__(self):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-c", FORKS]
+        self._server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+
+    def begin(self, arguments, folder, err):
+        told = {"arguments": [*arguments, "-q"], "folder": str(folder), "out": os.devnull, "err": str(err)}
+        self._server.stdin.write(json.dumps(told).encode() + b"\n")
+        self._server.stdin.flush()
+        return int(self._server.stdout.readline())
+
+    def code(self):
+        return int(self._server.stdout.readline())
+
+    def run(self, arguments, folder, err):
+        self.begin(arguments, folder, err)
+        return self.code()
+
+    def end(self):
+        self._server.stdin.close()
+        self._server.wait()
+
+
+def prepare(given, forks):
+    """Make what the commands are given."""
+    given.mkdir()
+    for name, text in (("short", SHORT), ("tiny", TINY), ("fault", FAULT)):
+        (given / f"{name}.toml").write_text(text)
+    (given / "logs").mkdir()
+    truth = gb.fly(excitation="multisine", duration_s=60.0, seed=1)
+    for seed, name in enumerate(("log", "logs/a", "logs/b", "logs/c")):
+        record = gb.measure(truth, snr=50, seed=seed).select(["p", "q", "r", "phi", "theta", "psi"])
+        gb.write_log(record, given / f"{name}.csv")
+    scenario = load_scenario(given / "short.toml")
+    text = new_baseline(given / "mine.toml", scenarios=[str(given / "short.toml")], detector=None)
+    write_figures(given / "mine.toml", text, seed=1, groups=figures_of(run_study([scenario])))
+    err = given / "err"
+    assert forks.run(["campaign", "tiny.toml", "--out", "done"], given, err) == 0, err.read_text()
+    for seed, name in ((1, "a"), (2, "b")):
+        code = forks.run(["run", "short.toml", "--no-figures", "--seed", str(seed), "--out", name], given, err)
+        assert code == 0, err.read_text()
+        (given / name / "study.rrd").rename(given / f"{name}.rrd")
+        shutil.rmtree(given / name)
+    err.unlink()
+
+
+def left_by(folder):
+    """Return the bytes of every file that stands there and isn't given; of recordings, whether they are whole."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return {
+        path.relative_to(folder).as_posix(): content_of(path)
+        for path in files
+        if path.name not in ("ballast", "err") and not path.is_relative_to(folder / "logs")
+    }
+
+
+def content_of(path):
+    if path.suffix == ".rrd":
+        content = path.read_bytes()
+        return f"a recording that is {'whole' if b'RRF2FOOT' in content[-12:] else 'cut'}"
+    if path.name == SUMS:
+        sums = read_sums(path)
+        return [(name, None if name.endswith(".rrd") else digest) for name, digest in sums.items()]
+    return path.read_bytes()
+
+
+def place(folder, given):
+    """Make a folder to work in, with what is given as links, but what is changed in its place."""
+    folder.mkdir(exist_ok=True)
+    for path in given.iterdir():
+        if path.name == "mine.toml":
+            shutil.copy(path, folder)
+        else:
+            (folder / path.name).symlink_to(path)
+
+
+class Ordeals:
+    """Ordeals of the commands, and what undisturbed runs of them leave, in how much time."""
+
+    def __init__(self, folder, seed):
+        self.folder, self.draw = folder, np.random.default_rng(seed)
+        self.forks, self.failed = Forks(), 0
+        prepare(folder / "given", self.forks)
+        self.left, self.took_s, self.size = {}, {}, {}
+
+    def learn(self, name):
+        """Return what an undisturbed run leaves."""
+        if name not in self.left:
+            work, err = self.folder / f"reference-{name}", self.folder / "err"
+            place(work, self.folder / "given")
+            began = time.monotonic()
+            code = self.forks.run(COMMANDS[name], work, err)
+            self.took_s[name] = time.monotonic() - began
+            assert code in (0, FOUND.get(name)), (name, code, err.read_text())
+            self.left[name] = left_by(work)
+            self.size[name] = sum((work / each).stat().st_size for each in self.left[name])
+        return self.left[name]
+
+    def hold(self, what, *checks):
+        """Count an ordeal that was failed, and say how."""
+        wrong = [said for said, holds in checks if not holds]
+        if wrong:
+            self.failed += 1
+            print(f"FAILED {what}: {'; '.join(wrong)}", flush=True)
+
+    def differs(self, name, folder):
+        """Say by name which files aren't those of an undisturbed run."""
+        left, meant = left_by(folder), self.learn(name)
+        return sorted(each for each in {*left, *meant} if left.get(each) != meant.get(each))
+
+    def count(self, number):
+        """Say now and then how far it is."""
+        if number % 20 == 0:
+            print(f"... {number}, {self.failed} failed, {time.strftime('%H:%M:%S')}", flush=True)
+
+    def said(self, err):
+        lines = [line for line in err.read_text().splitlines() if not line.startswith("note: ")]
+        return lines, len(lines) == 1 and lines[0].startswith("gtmbench: ")
+
+    def disk(self, tries):
+        """Give every command in turn a disk of 1 to 64 MB, of which little is free."""
+        full = 0
+        for number in range(tries):
+            self.count(number)
+            name = list(COMMANDS)[number % len(COMMANDS)]
+            self.learn(name)
+            need = self.size[name]
+            size = int(MB * 2 ** self.draw.uniform(0, 6))
+            work, err = self.folder / "disk", self.folder / "err"
+            work.mkdir(exist_ok=True)
+            subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", work], check=True)
+            try:
+                place(work, self.folder / "given")
+                before = left_by(work)
+                if name in ("inject", "calibrate", "fly", "report"):
+                    (work / COMMANDS[name][COMMANDS[name].index("--out") + 1]).write_text("before")
+                    before = left_by(work)
+                free = shutil.disk_usage(work).free
+                ballast = max(0, free - int(self.draw.uniform(0, 1.3) * need))
+                (work / "ballast").write_bytes(bytes(ballast))
+                code = self.forks.run(COMMANDS[name], work, err)
+                what = f"{name} on {size / MB:.0f} MB, {(free - ballast) / MB:.2f} free, exit {code}"
+                lines, is_one = self.said(err)
+                if code in (0, FOUND.get(name)):
+                    self.hold(what, (f"other files: {self.differs(name, work)}", not self.differs(name, work)))
+                else:
+                    full += 1
+                    stands = all(left_by(work).get(each) == content for each, content in before.items())
+                    self.hold(
+                        what,
+                        ("another exit code", code == 2),
+                        (f"not one line: {lines}", is_one),
+                        ("no file and reason", "No space left on device" in " ".join(lines)),
+                        ("what stood there doesn't", stands),
+                    )
+                    (work / "ballast").unlink()
+                    if size > 3 * need + 2 * MB:
+                        again = self.forks.run(COMMANDS[name], work, err)
+                        self.hold(f"{what}, again", (f"exit {again}", again in (0, FOUND.get(name))))
+                        self.hold(f"{what}, again", (f"{self.differs(name, work)}", not self.differs(name, work)))
+            finally:
+                subprocess.run(["umount", "-l", work], check=True)
+        print(f"disk: {tries} tries, {full} of them too full, {self.failed} failed", flush=True)
+
+    def writers(self, tries):
+        """Begin a command twice, the second some time later, while the first is at work."""
+        other, told = Forks(), 0
+        shard = ["campaign", "tiny.toml", "--out", "out", "--shard", "1/2"]
+        for number in range(tries):
+            self.count(number)
+            name = ("run", "campaign", "fleet", "report", "shard")[number % 5]
+            alone = (
+                shard if name == "shard" else [each for each in COMMANDS[name] if each not in ("--force", "--resume")]
+            )
+            meant = None if name == "shard" else self.learn(name)
+            work = self.folder / f"writers-{number}"
+            place(work, self.folder / "given")
+            errs = self.folder / "err", self.folder / "err-2"
+            self.forks.begin(alone, work, errs[0])
+            time.sleep(self.draw.uniform(0.0, 0.4) * self.took_s.get(name, 1.0))
+            other.begin(alone, work, errs[1])
+            codes = self.forks.code(), other.code()
+            lost = [self.said(err) for err, code in zip(errs, codes, strict=True) if code == 2]
+            told += len(lost)
+            won = sum(code in (0, FOUND.get(name)) for code in codes)
+            what = f"two writers, {name}, exit {codes}"
+            self.hold(what, ("not one won", won == 1), ("not one told", len(lost) == 1 and lost[0][1]))
+            if meant is not None:
+                self.hold(what, (f"other files: {self.differs(name, work)}", not self.differs(name, work)))
+            shutil.rmtree(work)
+        other.end()
+        print(f"writers: {tries} tries, {told} told, {self.failed} failed", flush=True)
+
+    def kills(self, tries, names):
+        """Interrupt commands at any instant, in four ways; then run them to their end."""
+        cluster, at_work = None, 0
+        for number in range(tries):
+            self.count(number)
+            name = names[number % len(names)]
+            arguments, of = COMMANDS["campaign" if name == "dask" else name], "campaign" if name == "dask" else name
+            if name == "dask":
+                cluster = cluster or Cluster(self.folder, workers=2)
+                arguments = [*arguments[:4], "--resume", "--scheduler", cluster.address]
+            self.learn(of)
+            work, err = self.folder / f"kills-{number}", self.folder / "err"
+            place(work, self.folder / "given")
+            ending = ENDINGS[int(self.draw.integers(len(ENDINGS)))]
+            process = self.forks.begin(arguments, work, err)
+            time.sleep(self.draw.uniform(0.0, 1.0) * self.took_s[of])
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process, ending) if ending == signal.SIGINT else os.kill(process, ending)
+            code = self.forks.code()
+            at_work += code not in (0, FOUND.get(of))
+            what = f"{name} interrupted by {ending.name}, exit {code}"
+            legal = {0, FOUND.get(of, 0), -ending, *((130,) if ending == signal.SIGINT else ()), 143}
+            self.hold(what, ("another exit code", code in legal), ("processes left", gone(process)))
+            half = [each for each in self.differs(of, work) if each in left_by(work) and is_output(each)]
+            if (
+                of in ("campaign", "fleet")
+                and (work / arguments[arguments.index("--out") + 1] / "manifest.json").exists()
+            ):
+                parts = read_parts(work / arguments[arguments.index("--out") + 1])
+                self.hold(what, (f"damaged parts {parts.damaged()}", not parts.damaged()))
+                half = []
+            self.hold(what, (f"half output: {half}", not half))
+            again = self.forks.run(arguments, work, err)
+            self.hold(f"{what}, again", (f"exit {again}: {err.read_text()}", again in (0, FOUND.get(of))))
+            hidden = [path.name for path in work.rglob(".*")]
+            self.hold(f"{what}, again", (f"left {hidden}", not hidden))
+            self.hold(f"{what}, again", (f"other files: {self.differs(of, work)}", not self.differs(of, work)))
+            shutil.rmtree(work)
+        if cluster is not None:
+            cluster.end()
+        print(f"kills: {tries} tries, {at_work} of them at work, {self.failed} failed", flush=True)
+
+    def flips(self, tries):
+        """Flip one bit of a part, a monitor, a baseline; what is read must be what was written, or a word is said."""
+        given = self.folder / "given"
+        self.learn("calibrate")
+        (given / "c.json").write_bytes(self.left["calibrate"]["c.json"])
+        parts = read_parts(given / "done")
+
+        def part():
+            return read_parts(given / "done").read().to_pylist()
+
+        def monitor():
+            return gb.load_monitor(given / "c.json").figures()
+
+        def baseline():
+            reference = read_reference(given / "mine.toml")
+            reference.check_recorded()
+            return repr(reference), repr(reference.recorded)
+
+        places = ((part, parts.path(0)), (monitor, given / "c.json"), (baseline, given / "mine.toml"))
+        for read, path in places:
+            whole, meant, silent, refused = path.read_bytes(), repr(read()), 0, 0
+            for bit in self.draw.integers(0, 8 * len(whole), tries):
+                flipped = bytearray(whole)
+                flipped[bit // 8] ^= 1 << int(bit % 8)
+                path.write_bytes(bytes(flipped))
+                try:
+                    with gb_notes() as told:
+                        silent += repr(read()) != meant and not told
+                except gb.GtmbenchError:
+                    refused += 1
+            path.write_bytes(whole)
+            self.failed += silent
+            print(f"flips: {path.name}: {tries} bits, {refused} refused, {silent} read as another value", flush=True)
+
+    def cost(self, tries):
+        """Tell the share of a run's and a campaign's time that flushes, digests and locks take."""
+        names = ("run", "campaign")
+        for name in names:
+            shares = []
+            for number in range(tries):
+                work = self.folder / f"cost-{name}-{number}"
+                place(work, self.folder / "given")
+                command = [each for each in COMMANDS[name] if each not in ("--jobs", "2")]
+                jobs = ["--jobs", "1"] if name == "campaign" else []
+                timed = subprocess.run(
+                    [sys.executable, "-c", TIMED, *command, *jobs, "-q"],
+                    cwd=work,
+                    env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+                    capture_output=True,
+                    text=True,
+                    check=False,
+                )
+                of, whole = map(float, timed.stdout.split()[-2:])
+                shares.append(of / whole)
+                print(f"cost: {name}: {1e3 * of:.0f} ms of {whole:.2f} s, {of / whole:.2%}", flush=True)
+            print(f"cost: {name}: {np.median(shares):.2%} in the median", flush=True)
+            self.failed += bool(np.median(shares) > 0.02)
+
+
+TIMED = """
+import contextlib, sys, time
+import gtmbench.files, gtmbench.locks, gtmbench.seals, gtmbench.parts, gtmbench.cli.output, gtmbench.detectors.files
+spent, begun = [0.0], time.perf_counter()
+def timed(function):
+    def wrapped(*given, **named):
+        began = time.perf_counter()
+        try:
+            return function(*given, **named)
+        finally:
+            spent[0] += time.perf_counter() - began
+    return wrapped
+def alone(*given, **named):
+    inner, began = former(*given, **named), time.perf_counter()
+    @contextlib.contextmanager
+    def around():
+        began = time.perf_counter(); inner.__enter__(); spent[0] += time.perf_counter() - began
+        try:
+            yield
+        finally:
+            began = time.perf_counter(); inner.__exit__(None, None, None); spent[0] += time.perf_counter() - began
+    return around()
+former = gtmbench.locks.alone
+for module in (gtmbench.parts, gtmbench.cli.output):
+    module.alone = alone
+gtmbench.files.to_disk, gtmbench.files._sums = timed(gtmbench.files.to_disk), timed(gtmbench.files._sums)
+for module, name in ((gtmbench.parts, "fill_slot"), (gtmbench.parts, "is_intact"), (gtmbench.seals, "digest_of")):
+    setattr(module, name, timed(getattr(module, name)))
+from gtmbench.cli.app import main
+try:
+    main(sys.argv[1:])
+except SystemExit:
+    print(spent[0], time.perf_counter() - begun)
+"""
+
+
+@contextlib.contextmanager
+def gb_notes():
+    import warnings
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        yield told
+
+
+def is_output(name):
+    """Whether a file has a name that a user would look at."""
+    return not any(part.startswith(".") for part in Path(name).parts) and name != "mine.toml"
+
+
+def gone(session):
+    """Whether no process of a session is left, a few seconds after its first has ended."""
+    for _ in range(100):
+        left = subprocess.run(["ps", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False)
+        if not any(line.strip() and not line.startswith("Z") for line in left.stdout.splitlines()):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("ordeal", choices=["flips", "disk", "writers", "kills", "cost"])
+    parser.add_argument("--tries", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    kinds = ["run", "campaign", "dask", "fleet", "calibrate", "inject"]
+    parser.add_argument("--commands", nargs="*", default=kinds, help="of kills")
+    given = parser.parse_args()
+    with TemporaryDirectory() as folder:
+        ordeals = Ordeals(Path(folder), given.seed)
+        try:
+            more = (given.commands,) if given.ordeal == "kills" else ()
+            getattr(ordeals, given.ordeal)(given.tries, *more)
+        finally:
+            ordeals.forks.end()
+    sys.exit(ordeals.failed > 0)
+
+
+if __name__ == "__main__":
+    main()

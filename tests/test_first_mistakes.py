@@ -1,0 +1,393 @@
+"""The mistakes that a newcomer makes: one line, exit code 2; what was given, what that implies, what to type."""
+
+import gzip
+import io
+import json
+import re
+import shlex
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+
+HEAD = "time_s,p_deg_s,q_deg_s,r_deg_s,phi_deg,theta_deg,psi_deg"
+BARE = "time_s,gyro_x,gyro_y,gyro_z,roll,pitch,yaw"
+P, RATES, MOTION = [1], [1, 2, 3], [1, 2, 3, 4, 5, 6]
+
+
+@cache
+def flight():
+    """Return 80 s at 25 Hz, a row a sample: time, and gyros and attitude that tell of one motion."""
+    time_s, noise = np.arange(2000) / 25.0, np.random.default_rng(7).standard_normal((2000, 6))
+    waves = [[(20.0, 0.4), (10.0, 1.3)], [(8.0, 0.5), (4.0, 1.1)], [(25.0, 0.3), (6.0, 0.9)]]
+    angles = np.radians([sum(size * np.sin(rate * time_s) for size, rate in wave) for wave in waves])
+    phi_dot, theta_dot, psi_dot = np.radians(
+        [sum(size * rate * np.cos(rate * time_s) for size, rate in wave) for wave in waves]
+    )
+    phi, theta, _ = angles
+    p = phi_dot - psi_dot * np.sin(theta)
+    q = theta_dot * np.cos(phi) + psi_dot * np.sin(phi) * np.cos(theta)
+    r = psi_dot * np.cos(phi) * np.cos(theta) - theta_dot * np.sin(phi)
+    values = np.degrees(np.column_stack([p, q, r, *angles])) + noise * [0.1, 0.1, 0.1, 0.02, 0.02, 0.02]
+    return np.column_stack([time_s, values])
+
+
+def text(rows=None, head=HEAD, *, separator=",", decimal="."):
+    rows = flight() if rows is None else rows
+    lines = (separator.join(f"{value:.10g}".replace(".", decimal) for value in row) for row in rows)
+    return "\n".join([head.replace(",", separator), *lines, ""])
+
+
+def scaled(columns, factor, head=HEAD):
+    rows = flight().copy()
+    rows[:, columns] *= factor
+    return text(rows, head)
+
+
+def put(columns, values, head=HEAD):
+    rows = flight().copy()
+    rows[:, columns] = values
+    return text(rows, head)
+
+
+def packed(name, content="x"):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr(name, content)
+    return buffer.getvalue()
+
+
+def with_words():
+    header, *lines = text().splitlines()
+    rows = [line.split(",") for line in lines]
+    return "\n".join(
+        [header, *(",".join([row[0], "OVF" if k % 3 else row[1], *row[2:]]) for k, row in enumerate(rows))]
+    )
+
+
+FILES = {
+    "flight.csv": text,
+    "flights/day1.csv": text,
+    "flights/day2.csv": text,
+    "notes/readme.md": lambda: "x",
+    "bare.csv": lambda: text(head=BARE),
+    "letters.csv": lambda: text(head="time_s,a,b,c,d,e,f"),
+    "slow.csv": lambda: text(flight()[::25]),
+    "shuffled.csv": lambda: text(np.random.default_rng(1).permutation(flight())),
+    "reversed.csv": lambda: text(flight()[::-1]),
+    "still.csv": lambda: put(0, 0.0),
+    "seconds.csv": lambda: put(0, np.floor(flight()[:, 0])),
+    "notime.csv": lambda: text(flight()[:, 1:], head=HEAD.removeprefix("time_s,")),
+    "ms.csv": lambda: scaled(0, 1e3),
+    "us.csv": lambda: scaled(0, 1e6),
+    "stamp.csv": lambda: scaled(0, 1e6, head=HEAD.replace("time_s", "timestamp")),
+    "two_times.csv": lambda: text(flight()[:, [0, *range(7)]], head="t_s," + HEAD),
+    "words.csv": with_words,
+    "comma.csv": lambda: text(decimal=","),
+    "german.csv": lambda: text(separator=";", decimal=","),
+    "tabs.csv": lambda: text(separator="\t"),
+    "bom.csv": lambda: "\ufeff" + text(),
+    "utf16.csv": lambda: text().encode("utf-16"),
+    "empty.csv": lambda: "",
+    "header.csv": lambda: HEAD + "\n",
+    "one_row.csv": lambda: text(flight()[:1]),
+    "short.csv": lambda: text(flight()[:12]),
+    "two_seconds.csv": lambda: text(flight()[:50]),
+    "headless.csv": lambda: text().partition("\n")[2],
+    "wide.csv": lambda: text(head="time_s,p_deg_s,q_deg_s"),
+    "double.csv": lambda: text(head=HEAD.replace("q_deg_s", "p_deg_s")),
+    "joined.csv": lambda: text(flight()[:1000]) + text(flight()[1000:]),
+    "book.csv": lambda: packed("[Content_Types].xml"),
+    "book.xlsx": lambda: packed("xl/workbook.xml"),
+    "old_book.csv": lambda: b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
+    "zipped.csv": lambda: packed("flight.csv"),
+    "flight.csv.gz": lambda: gzip.compress(text().encode()),
+    "binary.csv": lambda: bytes(range(256)),
+    "json.csv": lambda: json.dumps({"time_s": [0.0, 0.1], "p": [1.0, 2.0]}),
+    "page.csv": lambda: "<!DOCTYPE html>\n<html>not found, try again</html>\n",
+    "flight.ulg": text,
+    "flight.mat": lambda: b"MATLAB 5.0 MAT-file" + bytes(200),
+    "nan.csv": lambda: put(P, np.nan),
+    "dead.csv": lambda: put(P, 0.25),
+    "radians.csv": lambda: scaled(MOTION, np.pi / 180.0),
+    "gyros_in_radians.csv": lambda: scaled(RATES, np.pi / 180.0),
+    "degrees.csv": lambda: text(head=HEAD.replace("deg", "rad")),
+    "swapped.csv": lambda: text(flight()[:, [0, 2, 1, 3, 4, 5, 6]]),
+    "monitor.json": lambda: Path(gb.__file__).with_name("baselines").joinpath("bank-C.json").read_bytes(),
+    "results.json": lambda: "{}",
+    "there.png": lambda: "x",
+}
+UNITS = "column 'gyro_x' looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s; column 'gyro_y' looks like q"
+NO_CHANNEL = "is no channel; before the = stands one, such as p, and behind it the log's column: --map p=COLUMN:UNIT"
+SPAN = "and there is no such log; give a span in seconds, such as 0:30, or another log"
+READ = "read are CSV, Parquet, PX4 ULog, ArduPilot DataFlash (.bin, .log) and MCAP"
+
+# what is typed, the files that are there being those named, and what is said: "..." stands for whatever is between
+MISTAKES = [
+    # commands and options
+    ("monitr flight.csv", "No such command 'monitr'. Did you mean 'monitor'?"),
+    ("flight.csv", "No such command 'flight.csv'. Did you mean 'gtmbench monitor flight.csv'?"),
+    ("monitor", "Missing argument 'LOG|DIR|GLOB...'; gtmbench monitor --help says what there is"),
+    ("monitor flight.csv --detecter C", "No such option '--detecter'. Did you mean '--detector'?"),
+    ("monitor flight.csv -detector C", "No such option '-d'. Did you mean '--detector'?"),
+    (
+        "monitor flight.csv --rate fast",
+        "Invalid value for '--rate': 'fast' is no number; gtmbench monitor --help says ...",
+    ),
+    (
+        "monitor flight.csv --rate 0 --detector C",
+        "--rate is 0; it must be a finite number, 0.001 or more, at most 1000000",
+    ),
+    ("fly --duration -3 --out new.csv", "--duration is -3; it must be a finite number, 0.01 or more, at most 86400"),
+    # names
+    ("monitor flight.csv --detector c", "no detector is called 'c'; there are ...; did you mean 'C'?"),
+    (
+        "monitor flight.csv --detector disertation",
+        "no detector is called 'disertation'; ...; did you mean 'dissertation'?",
+    ),
+    ("bank c", "no bank 'c'; give a TOML file or one of B, ..., paper; did you mean 'C'?"),
+    ("run drfit", "no scenario 'drfit'; give a TOML file or one of bias, ...; did you mean 'drift'?"),
+    ("inject flight.csv --fault Drift --out b.csv", "no scenario 'Drift'; ...; did you mean 'drift'?"),
+    ("trim --aircraft GTM", "no aircraft 'GTM'; there are gtm and JSBSim's own ...; did you mean 'gtm'?"),
+    ("fly --excitation multisin --out x.csv", "no excitation 'multisin'; there are ...; did you mean 'multisine'?"),
+    (
+        "monitor flight.csv --inputs p,q,Phi --outputs r",
+        "flight.csv: bank ... and Phi isn't there; ...; did you mean 'phi'?",
+    ),
+    # files and folders
+    ("monitor flihgt.csv # flight.csv", "flihgt.csv: no such file; did you mean 'flight.csv'?"),
+    ("monitor day1.csv # flights/day1.csv", "day1.csv: no such file; did you mean 'flights/day1.csv'?"),
+    ("monitor nowhere/flight.csv # flight.csv", "nowhere/flight.csv: no such file; did you mean 'flight.csv'?"),
+    ("monitor flight.csv --detector montior.json # monitor.json", "montior.json: ...; did you mean 'monitor.json'?"),
+    ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
+    (
+        "monitor flights # flights/day1.csv flights/day2.csv",
+        "logs found: 2; what is said of them goes into a folder, ...",
+    ),
+    (
+        "monitor notes --out fleet # notes/readme.md",
+        "notes is a folder that holds no log; give one that does, or a log",
+    ),
+    ("monitor flights/*.ulg --out fleet # flights/day1.csv", "no file is called as flights/*.ulg; give a folder, ..."),
+    ("score flights # flights/day1.csv", f"flights is a folder; give the logs in it, as flights/*.csv; {READ}"),
+    ("report flight.csv", "flight.csv is no folder; give the one that `gtmbench campaign` has written"),
+    ("run flight.csv", "flight.csv is no scenario but, by its name, a log; watch it: gtmbench monitor flight.csv"),
+    ("view flight.csv", "flight.csv is no recording but, by its name, a log; watch it: gtmbench monitor flight.csv"),
+    ("monitor monitor.json", f"monitor.json is no log but, ... `gtmbench monitor LOG --detector monitor.json`; {READ}"),
+    ("monitor flight.csv --detector flights/day1.csv", "flights/day1.csv is no detector but, by its name, a log; ..."),
+    (
+        "monitor flight.csv --detector results.json",
+        "results.json: it isn't a monitor of gtmbench; `gtmbench calibrate` ...",
+    ),
+    # what a file is
+    ("monitor empty.csv", f"empty.csv is empty; {READ}"),
+    ("monitor header.csv", "header.csv: it names columns, and holds no row of values below them"),
+    ("monitor headless.csv", "headless.csv: its first line holds numbers, no names; put a line above that names ..."),
+    (
+        "monitor book.csv",
+        "book.csv is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line",
+    ),
+    ("monitor book.xlsx", "book.xlsx is a spreadsheet's workbook; save its sheet as CSV, ..."),
+    ("monitor old_book.csv", "old_book.csv is a spreadsheet's workbook; save its sheet as CSV, ..."),
+    ("monitor zipped.csv", "zipped.csv is packed by zip; unpack it first"),
+    ("monitor flight.csv.gz", "flight.csv.gz is packed by gzip; unpack it first"),
+    ("monitor binary.csv", "binary.csv: it holds zero bytes, so it is no table in text; export the log as CSV"),
+    ("monitor json.csv", f"json.csv begins as a file of JSON does, not as a log; export the log as CSV; {READ}"),
+    ("monitor page.csv", "page.csv begins as a file of HTML or XML does, not as a log; ..."),
+    ("monitor flight.mat", "flight.mat begins as a file of MATLAB does, not as a log; ..."),
+    ("monitor flight.ulg", f"flight.ulg doesn't begin as a .ulg file does (it begins b'time_s,p'); {READ}"),
+    # what a table holds
+    (
+        "monitor comma.csv",
+        "comma.csv: rows have more cells than the 7 ... If decimals have commas, cells need semicolons ...",
+    ),
+    (
+        "monitor wide.csv",
+        "wide.csv: rows have more cells than the 3 that its first line names; is that the header? ...",
+    ),
+    ("monitor double.csv", "double.csv: column 'p_deg_s' stands there twice; rename one of them"),
+    ("monitor words.csv --detector C", "words.csv: no channel 'p': column 'p_deg_s' looks like p, but holds text; ..."),
+    ("monitor nan.csv --detector C", "nan.csv: p: 'p_deg_s' holds 0 samples; at least 20 are needed"),
+    ("monitor one_row.csv --identify 0:30", "one_row.csv: rows that have a time: 1; a log has more"),
+    ("monitor short.csv --identify 0:30", "short.csv: p, q, r: 12 samples; give at least 20"),
+    (
+        "monitor two_seconds.csv --identify 0:30",
+        "a healthy record of 2 s is too short to calibrate on; give at least 5 s, ...",
+    ),
+    # time
+    (
+        "monitor slow.csv --identify 0:30",
+        "slow.csv has 1 sample a second; at least 2.5 are needed, better 10 or more; ...",
+    ),
+    (
+        "monitor slow.csv --detector monitor.json",
+        "slow.csv: samples of p come at 1 Hz, and the monitor watches at 100 ...",
+    ),
+    (
+        "monitor shuffled.csv --identify 0:30",
+        "shuffled.csv: ... steps go forward, ... back; sort the rows by time; or ...",
+    ),
+    (
+        "monitor reversed.csv --identify 0:30",
+        "reversed.csv: ... 0 of 1999 steps go forward, 1999 back; sort the rows by ...",
+    ),
+    (
+        "monitor still.csv --identify 0:30",
+        "still.csv: time stands still ...: 0 of 1999 steps go forward, 0 back; is this ...",
+    ),
+    ("monitor notime.csv", "notime.csv can't be watched yet: no column tells the time: --map time=COLUMN:UNIT; ..."),
+    (
+        "monitor ms.csv --identify 0:30",
+        "ms.csv has 0.025 samples a second; ...; by its steps of 40 it is in ms: --map time=time_s:ms",
+    ),
+    ("monitor us.csv --identify 0:30", "us.csv: column 'time_s' rises by 40000 s a sample, ...: --map time=time_s:us"),
+    (
+        "monitor stamp.csv --detector C",
+        "stamp.csv: column 'timestamp' ... states no unit; ... in us: --map time=timestamp:us",
+    ),
+    ("monitor two_times.csv --identify 0:30", "two_times.csv: columns 't_s' and 'time_s' ... choose: --map time=t_s:s"),
+    # columns and their units
+    ("monitor bare.csv", f"bare.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
+    ("monitor bare.csv --identify 0:30", f"bare.csv: no channels 'p', 'q', 'r': {UNITS}, ..."),
+    (
+        "monitor letters.csv --identify 0:30",
+        "letters.csv: no channels ...: nothing looks like p: --map p=COLUMN:rad/s ...",
+    ),
+    ("monitor bare.csv --map p:gyro_x:rad/s", "--map 'p:gyro_x:rad/s' isn't CHANNEL=COLUMN:UNIT; for example ..."),
+    (
+        "monitor bare.csv --map p=gyrox:rad/s",
+        "bare.csv: --map p=gyrox:rad/s: no column 'gyrox'; ...; did you mean 'gyro_x'?",
+    ),
+    (
+        "monitor bare.csv --map p=gyro_x",
+        "bare.csv: --map p=gyro_x: the column states no unit; give one ... :rad/s or :deg/s",
+    ),
+    (
+        "monitor bare.csv --map p=gyro_x:rpm",
+        "bare.csv: --map p=gyro_x: 'rpm' isn't a unit of angular rate; give one ...",
+    ),
+    (
+        "monitor bare.csv --map p=gyro_x:deg",
+        "bare.csv: --map p=gyro_x: 'deg' isn't a unit of angular rate; give one ...",
+    ),
+    ("monitor bare.csv --map P=gyro_x:deg/s", f"--map 'P=gyro_x:deg/s': 'P' {NO_CHANNEL}"),
+    ("monitor bare.csv --map gyro_x=p:deg/s", f"--map 'gyro_x=p:deg/s': 'gyro_x' {NO_CHANNEL}"),
+    # what is healthy, and by what
+    (
+        "monitor flight.csv",
+        "flight.csv can be watched; say by what: --identify T0:T1, what of it is healthy (bank auto ...",
+    ),
+    (
+        "monitor flight.csv --identify 500:600",
+        "500..600 s hold nothing of flight.csv, which runs from 0 to 79.96 s; ...",
+    ),
+    (
+        "monitor flight.csv --identify 30:0",
+        "--identify is '30:0'; the start must come before the end; did you mean 0:30?",
+    ),
+    ("monitor flight.csv --identify 0-30", f"--identify is '0-30', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --identify 0:30s", f"--identify is '0:30s', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --identify 30", f"--identify is '30', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --identify first", f"--identify is 'first', {SPAN}"),
+    (
+        "monitor flight.csv --identify 0:2",
+        "a healthy record of 2.04 s is too short to calibrate on; give at least 5 s, ...",
+    ),
+    ("monitor flight.csv --identify flight.csv", "flight.csv is the log that is watched; give a span of it ..."),
+    ("monitor flight.csv --inputs p,q", "--outputs is missing: give what is predicted (--outputs r) and what from ..."),
+    (
+        "monitor flight.csv --detector monitor.json --identify 0:9",
+        "a calibrated monitor isn't identified anew; leave ...",
+    ),
+    # what is written
+    ("monitor flight.csv --detector C --figure there.png", "there.png exists; give another --figure, or --force ..."),
+    ("monitor flight.csv --detector C --figure new.jpg", "--figure is 'new.jpg'; its name ends in .png"),
+    (
+        "monitor flight.csv --detector C --figure nowhere/new.png",
+        "can't write ...nowhere doesn't exist; create it first",
+    ),
+    ("calibrate flight.csv --out monitor.toml", "--out is 'monitor.toml'; a monitor's file ends in .json"),
+    ("inject flight.csv --fault drift", "--out is missing; name the broken log to write"),
+    ("fly --out new.xlsx", "new.xlsx: a flight is written as .csv or .parquet, not as '.xlsx'"),
+    ("new drift", "'drift' should end in .toml, as drift.toml"),
+]
+
+# what is read as it is meant, with a word on it
+READ_RIGHT = [
+    ("german.csv", "p, q, r"),
+    ("tabs.csv", "p, q, r"),
+    ("bom.csv", "p, q, r"),
+    ("utf16.csv", "read as utf-16"),
+    ("joined.csv", "rows that repeat the header: 1; were files put together?"),
+    ("seconds.csv", "p, q, r"),
+    ("words.csv", "column 'p_deg_s': 1333 of 2000 cells hold no number, such as 'OVF'"),
+]
+
+# what only the motion shows is a verdict: nothing can be told, why, and what to type
+VERDICTS = [
+    ("gyros_in_radians.csv", "p, q and r are 57 times too small: rad/s taken for deg/s", "--map p=p_deg_s:rad/s"),
+    ("radians.csv", "phi, theta and psi are 57 times too small: rad taken for deg", "--map phi=phi_deg:rad"),
+    ("degrees.csv", "phi, theta and psi are 57 times too large: deg taken for rad", "--map phi=phi_rad:deg"),
+    ("swapped.csv", "p and q are swapped", "--map q=p_deg_s:deg/s --map p=q_deg_s:deg/s"),
+    ("dead.csv", "p reads 0.25 all the time: dead, or held", ""),
+]
+
+
+@pytest.fixture
+def type_it(cli):
+    """Return a function that types a line where the files are that it names, and those behind #."""
+
+    def typed(line):
+        command, _, there = line.partition(" # ")
+        for name in [*shlex.split(command), *there.split()]:
+            if name in FILES:
+                content, path = FILES[name](), Path(name)
+                path.parent.mkdir(exist_ok=True)
+                path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return cli(*shlex.split(command))
+
+    return typed
+
+
+@pytest.mark.parametrize(("line", "said"), MISTAKES, ids=[line for line, _ in MISTAKES])
+def test_a_mistake_ends_in_one_line_that_says_what_to_type(type_it, line, said):
+    code, _, err = type_it(line)
+    assert (code, err.count("\n")) == (2, 1), err
+    expected = ".*".join(map(re.escape, f"gtmbench: {said}".split("...")))
+    assert re.fullmatch(expected, err.removesuffix("\n")), err
+
+
+@pytest.mark.parametrize(("name", "said"), READ_RIGHT)
+def test_what_can_be_read_right_is(type_it, name, said):
+    code, out, err = type_it(f"monitor {name} --list")
+    assert (code, err) == (0, "")
+    assert said in out
+    assert "r_deg_s" in out
+
+
+@pytest.mark.parametrize(("name", "why", "typed"), VERDICTS)
+def test_what_the_motion_shows_is_a_verdict(type_it, name, why, typed):
+    code, out, err = type_it(f"monitor {name} --detector C --identify 0:30")
+    assert (code, err) == (3, "")
+    assert why in out
+    assert typed in out
+
+
+@pytest.mark.parametrize("name", ["nan.csv", "words.csv"])
+def test_a_gyro_that_cannot_be_used_is_named_with_why(type_it, name):
+    _, out, _ = type_it(f"monitor {name} --identify 0:30 --details")
+    assert re.search(r"p isn't watched: .*'p_deg_s' (holds 0 samples|looks like p, but holds text)", out)
+
+
+def test_a_log_without_permission_says_so(type_it, cli, monkeypatch):
+    def locked(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    assert type_it("monitor flight.csv --list")[0] == 0
+    monkeypatch.setattr(Path, "open", locked)  # root reads whatever it is
+    said = "gtmbench: flight.csv can't be read: its permissions don't allow it; type: chmod u+r flight.csv\n"
+    assert cli("monitor", "flight.csv", "--list") == (2, "", said)
