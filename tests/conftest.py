@@ -15,9 +15,9 @@ from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
 from gtmbench.study.log import watch, watched
 from gtmbench.study.log.certificate import certificate_of
-from tests.certificates import WhenRead, hardly_watched_by_biases
-from tests.watched_once import remembered
-from tests.watching import written_once
+from tests.helpers.certificates import WhenRead, hardly_watched_by_biases
+from tests.helpers.watched_once import remembered
+from tests.helpers.watching import written_once
 
 os.environ.setdefault("CI", "1")
 

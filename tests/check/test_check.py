@@ -18,7 +18,7 @@ from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.study.flights import Flown
 from gtmbench.study.run import run_study
-from tests import watching
+from tests.helpers import watching
 
 TOLERANCES = {name: parse_tolerance(name, rule.tolerance) for name, rule in RULES.items() if rule.form != "flag"}
 SHORT = """

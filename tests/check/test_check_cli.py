@@ -13,9 +13,9 @@ from gtmbench.check import run as study_check
 from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
 from gtmbench.shipped import shipped_baselines
-from tests.sealed import rerecorded
-from tests.test_check import SHORT, study
-from tests.watching import EXAMPLE
+from tests.check.test_check import SHORT, study
+from tests.helpers.sealed import rerecorded
+from tests.helpers.watching import EXAMPLE
 
 SPIKE = 80.0  # deg/s, in one sample
 

@@ -17,8 +17,8 @@ from gtmbench.bench.imperfections import drawn
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
 from gtmbench.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-from tests.monitors import monitor, record
-from tests.sealed import resealed
+from tests.helpers.monitors import monitor, record
+from tests.helpers.sealed import resealed
 
 SHORT = ("--flights", 2, "--duration", 40)
 

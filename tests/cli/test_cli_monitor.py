@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from tests.airliner import airliner
+from tests.helpers.airliner import airliner
 
 GYROS = ("--inputs", "p,beta,ny", "--outputs", "r")
 HALF = ("--identify", "0:30")

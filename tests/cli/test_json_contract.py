@@ -16,11 +16,12 @@ from gtmbench.check.figures import figures_of
 from gtmbench.cli.app import app
 from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
-from tests import monitors, test_check
-from tests.autopilot_logs import ardupilot, broken
-from tests.campaigns import TINY
-from tests.rescuing import early_monitor
-from tests.test_cli import SHORT
+from tests.check import test_check
+from tests.cli.test_cli import SHORT
+from tests.helpers import monitors
+from tests.helpers.autopilot_logs import ardupilot, broken
+from tests.helpers.campaigns import TINY
+from tests.helpers.rescuing import early_monitor
 
 FIRST = ["verdict", "exit_code", "findings", "schema_version", "command"]
 ALONE = "--no-figures --no-recording --force"

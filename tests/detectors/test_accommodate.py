@@ -9,9 +9,9 @@ import pytest
 import gtmbench as gb
 from gtmbench.channels import SENSORS
 from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED, Accommodate, distrusted, lesser
-from tests.monitors import monitor as made_up
-from tests.monitors import truth
-from tests.rescuing import early_monitor
+from tests.helpers.monitors import monitor as made_up
+from tests.helpers.monitors import truth
+from tests.helpers.rescuing import early_monitor
 
 GYROS = ("p", "q", "r")
 ONSET_S = 20.0

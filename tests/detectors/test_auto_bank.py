@@ -22,8 +22,8 @@ from gtmbench.shipped import shipped_banks
 from gtmbench.study.log.auto import bank_for_logs
 from gtmbench.study.log.origin import origin_in_logs
 from gtmbench.testing.contract.suite import check_detector
-from tests.intake_files import dataflash_text
-from tests.monitors import record
+from tests.helpers.intake_files import dataflash_text
+from tests.helpers.monitors import record
 
 ALL = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "tas", "ny", "nz")
 NO_HEADING = ("p", "q", "r", "phi", "theta")

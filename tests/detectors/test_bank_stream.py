@@ -14,7 +14,7 @@ from gtmbench.detectors.monitor.scores import Track, residual_scores
 from gtmbench.errors import InputError
 from gtmbench.record import Record
 from gtmbench.shipped import shipped_banks
-from tests.monitors import monitor, record
+from tests.helpers.monitors import monitor, record
 
 PERIOD_S = 0.02
 STATISTICS = {

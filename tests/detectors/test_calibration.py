@@ -13,7 +13,7 @@ from gtmbench.detectors.protocol import watch
 from gtmbench.detectors.statistics.statistic import STATISTICS
 from gtmbench.errors import InputError
 from gtmbench.record import Record
-from tests.monitors import record as made_up
+from tests.helpers.monitors import record as made_up
 
 SENSORS = ("inlet", "outlet", "wall")
 

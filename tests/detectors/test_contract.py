@@ -17,9 +17,9 @@ from gtmbench.detectors.stream import BufferedStream
 from gtmbench.shipped import shipped_banks
 from gtmbench.testing.contract.case import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_detector, check_property
-from tests.monitors import record
+from tests.helpers.monitors import record
 
-EXAMPLE = Path(__file__).parent.parent / "docs/how_to/examples/limit_check.py"
+EXAMPLE = Path(__file__).parents[2] / "docs/how_to/examples/limit_check.py"
 
 
 def far(record):

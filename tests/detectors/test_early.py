@@ -11,7 +11,7 @@ from gtmbench.detectors.bank.calibrated import bank_residuals, residuals_of
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.errors import InputError
-from tests.monitors import monitor, record, truth
+from tests.helpers.monitors import monitor, record, truth
 
 PERIOD_S = 0.02
 ANGLES = ("phi", "theta", "psi")

@@ -18,8 +18,8 @@ from gtmbench.testing.contract.case import contract_case
 from gtmbench.testing.contract.stream import STREAM
 from gtmbench.testing.contract.suite import check_property
 from gtmbench.testing.contract.watch import WATCH
-from tests import watching
-from tests.monitors import monitor, record
+from tests.helpers import watching
+from tests.helpers.monitors import monitor, record
 
 PERIOD_S = 0.02
 TOLERATED = 25  # samples: half a second

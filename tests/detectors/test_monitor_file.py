@@ -19,10 +19,10 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.shipped import shipped_banks
-from tests.monitors import monitor, record
-from tests.sealed import resealed
+from tests.helpers.monitors import monitor, record
+from tests.helpers.sealed import resealed
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 BANKS = tuple(shipped_banks())
 
 
@@ -65,7 +65,8 @@ def digest(monitor_):
 
 
 def test_another_process_sees_the_same(saved):
-    script = "import sys; from tests.test_monitor_file import digest, gb; print(digest(gb.load_monitor(sys.argv[1])))"
+    mine = "from tests.detectors.test_monitor_file import digest, gb"
+    script = f"import sys; {mine}; print(digest(gb.load_monitor(sys.argv[1])))"
     there = subprocess.run([sys.executable, "-c", script, saved], cwd=ROOT, capture_output=True, text=True, check=True)
     assert there.stdout.strip() == digest(monitor())
 

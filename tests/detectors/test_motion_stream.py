@@ -12,7 +12,7 @@ from gtmbench.detectors.monitor.regime import Regime, RegimeStream
 from gtmbench.intake.formats import registry
 from gtmbench.study.log.live import watch_live
 from gtmbench.study.log.watch import watch_log
-from tests.monitors import monitor, record
+from tests.helpers.monitors import monitor, record
 
 PERIOD_S, ROWS = 0.02, 6000
 CHUNKS = (1, 37, 1000)

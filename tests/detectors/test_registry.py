@@ -12,7 +12,7 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.registry import as_detector, detector_names, find_detector, for_data_file
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.shipped import shipped_banks
-from tests.monitors import monitor, record
+from tests.helpers.monitors import monitor, record
 
 OWN = """
 import gtmbench as gb
@@ -56,7 +56,7 @@ def own(tmp_path):
 def packages(monkeypatch):
     """Register a detector as an installed package does."""
     points = [
-        EntryPoint(name="theirs", value="tests.test_registry:Theirs", group="gtmbench.detectors"),
+        EntryPoint(name="theirs", value="tests.detectors.test_registry:Theirs", group="gtmbench.detectors"),
         EntryPoint(name="broken", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
         EntryPoint(name="C", value="a_package_that_isnt_there:Detector", group="gtmbench.detectors"),
     ]

@@ -36,7 +36,7 @@ from gtmbench.detectors.statistics.whitening import White
 from gtmbench.testing.contract.case import contract_case, standard_records
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.testing.flights import fly_once
-from tests.monitors import record, truth
+from tests.helpers.monitors import record, truth
 
 PERIOD_S = 0.02
 
@@ -69,7 +69,7 @@ def test_every_rival_keeps_the_contract(name, prop):
 def test_every_rival_names_its_source_and_stands_in_the_page(rival):
     source = sys.modules[type(rival).__module__].__doc__
     assert re.search(r"doi:10\.\d{4}|arXiv:\d{4}\.\d{5}", " ".join(source.split()))
-    page = (Path(__file__).parent.parent / "docs/explanation/rivals.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/explanation/rivals.md").read_text()
     assert f"`{rival.name}`" in page
     assert Path(inspect.getfile(type(rival))).name in page
 

@@ -9,7 +9,7 @@ from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.shipped import shipped_banks
-from tests.monitors import monitor, record
+from tests.helpers.monitors import monitor, record
 
 BANKS = tuple(shipped_banks())
 

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.trials import WatchedTrials, stretches, trials_on
-from tests.monitors import monitor, record, truth
+from tests.helpers.monitors import monitor, record, truth
 
 SENSORS = ("p", "q", "r", "phi", "theta", "psi")
 

@@ -11,8 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.stats
-from scripts import EXPERIMENTS
-from scripts import script as defined_in
 
 import gtmbench as gb
 from dissertation.reproduction import RESULTS, reproduce, tally
@@ -26,6 +24,8 @@ from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
 from studies.conduct import Findings, conducted
 from studies.tables import share_text
+from tests.helpers.scripts import EXPERIMENTS
+from tests.helpers.scripts import script as defined_in
 
 PAGE = EXPERIMENTS.parent / "docs/reference/dissertation.md"
 PARTS = runpy.run_path(str(EXPERIMENTS / "__main__.py"))["PARTS"]

@@ -7,12 +7,12 @@ import pytest
 import sympy
 from hypothesis import given
 from hypothesis import strategies as st
-from oracles import RARE, siso
 from scipy.signal import lfilter
 from scipy.stats import chi2, expon, norm, uniform
-from scripts import script
 
 from gtmbench.record import Record
+from tests.helpers.oracles import RARE, siso
+from tests.helpers.scripts import script
 from theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
 from theory.state_space import StateSpace, companion
 

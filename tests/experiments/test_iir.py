@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 import scipy.optimize
-from oracles import is_chi_square, sampled
 from scipy import signal
 
 from gtmbench.errors import InputError
+from tests.helpers.oracles import is_chi_square, sampled
 from theory.closed_loop import loop_records
 from theory.iir import arx, iv4
 from theory.pem import pem

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from plants import example_3_1, example_3_2
 from scipy.special import comb
 
 from gtmbench.errors import InputError
+from tests.helpers.plants import example_3_1, example_3_2
 from theory.annuli import Annulus, annuli, inner_spectral_radius, on_circle, spectral_radius
 from theory.laurent import laurent, reflected, scaled, split
 from theory.plants import example_3_2_2

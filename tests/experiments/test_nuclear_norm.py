@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 import pytest
-from plants import example_3_2
 from scipy.optimize import brentq
 
 from gtmbench.errors import InputError
+from tests.helpers.plants import example_3_2
 from theory.nuclear_norm import nuclear_norm_path
 from theory.realisation import block_hankel, hankel_singular_values
 

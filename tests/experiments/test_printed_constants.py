@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scripts import script
 
 from gtmbench.record import Record
+from tests.helpers.scripts import script
 from theory import plants
 from theory.plate import Plate
 from theory.realisation import block_hankel

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plants import example_3_1, example_3_2
 from scipy.linalg import block_diag
 
 from gtmbench.errors import InputError
+from tests.helpers.plants import example_3_1, example_3_2
 from theory.realisation import block_hankel, era, hankel_singular_values, realise
 from theory.state_space import StateSpace, companion
 

@@ -15,8 +15,8 @@ from gtmbench.record import Record
 from gtmbench.report.words.judgement import trial_events, trial_text
 from gtmbench.report.words.study import trial_rows
 from gtmbench.study.fault_tables import fault_specs
-from tests.test_score import alarm, judged, named, verdict
-from tests.watching import scenario
+from tests.helpers.watching import scenario
+from tests.study.test_score import alarm, judged, named, verdict
 
 ONSET_S = 10.0
 

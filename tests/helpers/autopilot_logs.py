@@ -8,7 +8,7 @@ import gtmbench as gb
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.testing.flights import fly_once
-from tests import intake_files as files
+from tests.helpers import intake_files as files
 
 SECOND = 1_000_000  # in us
 STEP = 10  # of 10 ms: 10 Hz

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from tests import intake_files as files
-from tests.monitors import record
+from tests.helpers import intake_files as files
+from tests.helpers.monitors import record
 
 G = 9.80665
 GYRO, ATTITUDE, ACCELERATION = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")

@@ -10,8 +10,8 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.study.log.watched import WatchedLog
-from tests.certificates import WhenRead
-from tests.monitors import monitor, record
+from tests.helpers.certificates import WhenRead
+from tests.helpers.monitors import monitor, record
 
 ODD = ("Motor #2 (rpm)", "strain 1/left", "$x^2$")
 

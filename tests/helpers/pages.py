@@ -9,7 +9,7 @@ import pytest
 
 from gtmbench.cli.app import main
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def blocks(page, language):

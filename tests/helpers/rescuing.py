@@ -4,7 +4,7 @@ from functools import cache
 
 import gtmbench as gb
 from gtmbench.testing.flights import calibration_records
-from tests.monitors import shared
+from tests.helpers.monitors import shared
 
 
 @cache

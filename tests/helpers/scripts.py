@@ -4,7 +4,7 @@ import runpy
 from functools import cache
 from pathlib import Path
 
-EXPERIMENTS = Path(__file__).parent.parent / "experiments"
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 
 
 @cache

@@ -11,9 +11,9 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.protocol import Score
 from gtmbench.method.alarms import came_down, rising
-from tests.monitors import shared
+from tests.helpers.monitors import shared
 
-EXAMPLE = Path(__file__).parents[1] / "docs/how_to/examples/limit_check.py"
+EXAMPLE = Path(__file__).parents[2] / "docs/how_to/examples/limit_check.py"
 SHIPPED = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
 EXCITATION = "multisine+turbulence"
 MIXED = """

@@ -5,7 +5,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.events import Event, EventKind, in_order
-from tests import intake_files as files
+from tests.helpers import intake_files as files
 
 SECOND = 1_000_000  # in us
 

@@ -12,8 +12,8 @@ from gtmbench.intake.delta_angle import integral, mean_rates
 from gtmbench.intake.fresh import fresh_rows
 from gtmbench.intake.samples import log_samples, write_samples
 from gtmbench.testing.mechanisms import MECHANISMS
-from tests import intake_files as files
-from tests.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
+from tests.helpers import intake_files as files
+from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
 
 MOTION = (*GYRO, *ATTITUDE)
 RATES = ("p_att", "q_att", "r_att")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from tests import intake_files as files
+from tests.helpers import intake_files as files
 
 KT, FT, G = 1852 / 3600, 0.3048, 9.80665
 ANGLES = ("phi", "theta", "psi")

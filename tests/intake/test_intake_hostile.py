@@ -24,7 +24,7 @@ from gtmbench.intake.formats import limits, mcap
 from gtmbench.intake.fresh import fresh_rows
 from gtmbench.intake.stamps import single
 from gtmbench.report.words.listing import listing_lines
-from tests import intake_files as files
+from tests.helpers import intake_files as files
 
 SAMPLES = 400
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from tests import intake_files as files
+from tests.helpers import intake_files as files
 
 
 def signal(time_s, highest_hz, seed=0):

@@ -10,8 +10,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents
 from gtmbench.report.words.listing import listing_lines
-from tests import intake_files as files
-from tests.clocked_logs import ATTITUDE, FORMATS, GYRO, messages, write
+from tests.helpers import intake_files as files
+from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, messages, write
 
 SCREENS = [(80, 24), (120, 40)]
 

@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
-from scripts import script
 
 import gtmbench as gb
 from gtmbench.attitude import carried_on
 from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.method.attitude_origin import origin_of
+from tests.helpers.scripts import script
 
 RATE_HZ = 200.0
 

@@ -5,13 +5,13 @@ import re
 import numpy as np
 import pytest
 import scipy.linalg
-from oracles import means, record, siso
-from plants import companion, example_3_2
 from scipy import signal, stats
 
 from gtmbench.errors import RankWarning
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.prediction_error import PredictionError
+from tests.helpers.oracles import means, record, siso
+from tests.helpers.plants import companion, example_3_2
 
 SMALL = companion([0.5, 1.0], [0.5, 1.8])
 SNR = 10.0  # of c's power over v's

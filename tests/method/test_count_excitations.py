@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.signal
-from oracles import sampled
 
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.report.figures.selection import excitation_figure
+from tests.helpers.oracles import sampled
 
 
 def zeros_and_poles(rng, count):

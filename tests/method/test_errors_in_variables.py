@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from oracles import dense, lagged, record, siso
 from scipy import signal
 
 from gtmbench.errors import InputError
@@ -11,6 +10,7 @@ from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.record import Record
+from tests.helpers.oracles import dense, lagged, record, siso
 
 LEVELS = {"u": 0.3, "v": 0.5, "y": 0.4}
 CORRELATED = np.array([[0.09, 0.03, 0.06], [0.03, 0.25, -0.08], [0.06, -0.08, 0.16]])

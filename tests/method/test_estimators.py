@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from oracles import MARKOV, RARE, distances, is_chi_square, lagged, record, siso
 from scipy import signal, stats
 
 from gtmbench.errors import ConvergenceWarning, InputError, RankWarning
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.residual import innovations, residual
+from tests.helpers.oracles import MARKOV, RARE, distances, is_chi_square, lagged, record, siso
 
 NOISE = [1.0, -1.6, 0.7]  # A(q) e = epsilon
 INPUT = [1.0, -0.9]  # A(q) u = white

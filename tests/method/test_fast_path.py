@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import dense, exact_least_squares, lagged, least_squares, record
 
 from gtmbench.errors import RankWarning
 from gtmbench.method.identify import identify
@@ -15,6 +14,7 @@ from gtmbench.method.regression import stretches as stretches_module
 from gtmbench.method.regression import triangle as triangle_module
 from gtmbench.method.regression.stretches import Scaling, Stretch
 from gtmbench.record import Record
+from tests.helpers.oracles import dense, exact_least_squares, lagged, least_squares, record
 
 EPS = np.finfo(float).eps
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles import lagged
-from plants import companion, example_3_1, example_3_2
 
 from gtmbench.method.identify import identify
 from gtmbench.record import Record
+from tests.helpers.oracles import lagged
+from tests.helpers.plants import companion, example_3_1, example_3_2
 
 EPS = np.finfo(float).eps
 AT_REST = 100  # samples without excitation at the end: loops as slow as 0.7 a sample fall below 1e-15

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from oracles import sampled
 
 import gtmbench as gb
 from gtmbench.errors import InputError
+from tests.helpers.oracles import sampled
 
 
 def decoyed(seed, samples=1500):

@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from oracles import sampled
 
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.report.figures.selection import order_figure
+from tests.helpers.oracles import sampled
 
 INPUTS, OUTPUTS = ["u1", "u2"], ["y1", "y2"]
 CAUSAL, NONCAUSAL = [0, 1, 3, 6], [0, 2, 5]

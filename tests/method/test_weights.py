@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import MARKOV, dense, distances, is_chi_square, lagged, least_squares, record, siso
 from scipy import signal
 
 from gtmbench.method.estimators.instruments import InstrumentalVariables
@@ -12,6 +11,7 @@ from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.record import Record
+from tests.helpers.oracles import MARKOV, dense, distances, is_chi_square, lagged, least_squares, record, siso
 
 
 def uneven(seed, samples=300):

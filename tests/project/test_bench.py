@@ -7,13 +7,13 @@ import tomllib
 
 import numpy as np
 import pytest
-from benchmarks.problem import Problem
-from benchmarks.results import BENCH, ROOT, block_of_the_page, rounded
-from benchmarks.solvers import SOLVERS, numpy_lstsq
-from benchmarks.table import TARGETS, Table, block
-from benchmarks.timing import interleaved, peak_memory, ratio
 
 import gtmbench as gb
+from tests.benchmarks.problem import Problem
+from tests.benchmarks.results import BENCH, ROOT, block_of_the_page, rounded
+from tests.benchmarks.solvers import SOLVERS, numpy_lstsq
+from tests.benchmarks.table import TARGETS, Table, block
+from tests.benchmarks.timing import interleaved, peak_memory, ratio
 
 SIGNS = {">=": operator.ge, "<=": operator.le}
 

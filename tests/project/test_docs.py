@@ -8,7 +8,6 @@ from dataclasses import fields
 from types import ModuleType
 
 import pytest
-from pages import ROOT, blocks, commands, run_chain
 
 from gtmbench.cli.app import app
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
@@ -20,6 +19,7 @@ from gtmbench.intake.formats import registry as formats
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
+from tests.helpers.pages import ROOT, blocks, commands, run_chain
 
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
 

@@ -10,11 +10,11 @@ from functools import cache
 
 import click
 import pytest
-from pages import ROOT
 
 import gtmbench as gb
 from gtmbench import api, testing
 from gtmbench.cli.app import app
+from tests.helpers.pages import ROOT
 
 BETTER = {  # a regular expression, and what to write
     r"nothing was said about": "Cannot watch this log: no gyro column has a known unit.",

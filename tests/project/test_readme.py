@@ -5,10 +5,10 @@ import shlex
 import tomllib
 
 import pytest
-from pages import ROOT, blocks, commands, run_chain
 
 from gtmbench.cli.app import app
 from gtmbench.version import __version__
+from tests.helpers.pages import ROOT, blocks, commands, run_chain
 
 PAGE = ROOT / "README.md"
 README = PAGE.read_text()

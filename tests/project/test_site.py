@@ -6,12 +6,12 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from test_page import BROWSER
 
 from gtmbench.api import __all__ as public
 from gtmbench.cli.app import app
+from tests.report.test_page import BROWSER
 
-SITE = Path(__file__).parent.parent / "out/docs"
+SITE = Path(__file__).parents[2] / "out/docs"
 PAGES = [page for page in sorted(SITE.rglob("*.html")) if "_static" not in page.parts]
 
 pytestmark = pytest.mark.skipif(not PAGES, reason="the documentation isn't built: make docs")

@@ -12,8 +12,8 @@ import gtmbench as gb
 from gtmbench.report.recording.diff import Tolerance, compare
 from gtmbench.report.recording.overlay import TINTS, write_overlay
 from gtmbench.report.recording.write import write_recording
-from tests.test_cli import SHORT
-from tests.test_viewer import VULKAN, missing
+from tests.cli.test_cli import SHORT
+from tests.report.test_viewer import VULKAN, missing
 
 
 @pytest.fixture(scope="module")

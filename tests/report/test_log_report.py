@@ -20,7 +20,7 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.watched import State, began_s, stretches
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines, verdict_text
-from tests.logged import (
+from tests.helpers.logged import (
     CASES,
     ODD,
     jammed,
@@ -35,7 +35,7 @@ from tests.logged import (
     unexplained,
     unwatched,
 )
-from tests.watching import written_once
+from tests.helpers.watching import written_once
 
 cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 

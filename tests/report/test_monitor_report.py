@@ -18,8 +18,8 @@ from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.report.words.judgement import estimate_text, fault_text, judgement_text
 from gtmbench.report.words.study import summary_lines, trial_rows
-from tests.test_report import read_back
-from tests.watching import MIXED, monitor, scenario, several, study
+from tests.helpers.watching import MIXED, monitor, scenario, several, study
+from tests.report.test_report import read_back
 
 SHORT = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 

@@ -159,7 +159,7 @@ def test_everything_that_can_be_drawn_is_and_is_a_picture_in_a_notebook(watched)
 @pytest.mark.parametrize("name", ["from_trim_to_alarm", "break_a_gyro", "a_flight_log"])
 def test_the_notebooks_of_the_docs_use_names_that_are_there(name):
     """The site's build executes them; here it is seen at once when a name of theirs goes."""
-    text = (Path(__file__).parents[1] / f"docs/notebooks/{name}.md").read_text()
+    text = (Path(__file__).parents[2] / f"docs/notebooks/{name}.md").read_text()
     cells = re.findall(r"^```\{code-cell\} ipython3\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
     assert len(cells) > 9
     for cell in cells:

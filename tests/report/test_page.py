@@ -15,9 +15,9 @@ from gtmbench.report.tables.scores import in_markdown
 from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import table_of
-from tests.campaigns import written
-from tests.hostile import refused
-from tests.test_scores import healthy, search, trial
+from tests.helpers.campaigns import written
+from tests.helpers.hostile import refused
+from tests.study.campaign.test_scores import healthy, search, trial
 
 HOSTILE = "<script>alert('x')</script>|`**\u202e]( {{ 7*7 }} $x$ </title>"
 BROWSERS = ["chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"]

@@ -15,8 +15,8 @@ import gtmbench as gb
 from gtmbench.report.recording import read as module
 from gtmbench.report.recording.entities import log_events, log_lines, log_verdict, trial_paths
 from gtmbench.report.recording.read import check_recording
-from tests.watching import drift
-from tests.watching import study as monitored_study
+from tests.helpers.watching import drift
+from tests.helpers.watching import study as monitored_study
 
 
 @pytest.fixture(scope="module")

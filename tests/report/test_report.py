@@ -13,7 +13,7 @@ from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
-from tests.watching import SHIPPED, dissertation
+from tests.helpers.watching import SHIPPED, dissertation
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gtmbench.report.recording.write import write_log_recording
-from tests.logged import watched_log
-from tests.monitors import monitor, record
-from tests.watching import drift, several, study
+from tests.helpers.logged import watched_log
+from tests.helpers.monitors import monitor, record
+from tests.helpers.watching import drift, several, study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
 

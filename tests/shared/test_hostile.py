@@ -17,7 +17,7 @@ from gtmbench import logs
 from gtmbench.bench.fleet import load_aircraft
 from gtmbench.check.baseline import read_reference
 from gtmbench.shipped import share
-from tests.hostile import Tried, altered, damaged, refused, unchanged
+from tests.helpers.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent
 EXAMPLES = 100  # a reader

@@ -14,7 +14,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.testing import flights as shared_flights
-from tests.hostile import refused, unchanged
+from tests.helpers.hostile import refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent
 GIB = 1 << 30

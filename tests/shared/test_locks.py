@@ -12,7 +12,7 @@ import pytest
 import gtmbench as gb
 from gtmbench import locks
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 HOLDING = """
 import sys, time
 from pathlib import Path

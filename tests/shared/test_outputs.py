@@ -16,7 +16,7 @@ import gtmbench as gb
 from gtmbench.files import SUMS, atomic_folder, atomic_write, read_sums
 from gtmbench.report.recording.entities import log_lines, recorded
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 FULL = r"File too large; what stood there before still stands"
 
 

@@ -20,7 +20,7 @@ from gtmbench import files
 from gtmbench.parts import Shard, hold, parts_in, read_parts
 
 FACTS = {"campaign": {"axes": {"seed": [1, 2]}}, "versions": {"numpy": "2"}}
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 def begun(folder, *, tasks=5, facts=FACTS, **how):

@@ -18,7 +18,7 @@ from gtmbench.report.words.log import log_report
 from gtmbench.study.log.live import watch_live
 from gtmbench.study.log.self_check.motion import slow_motion, slow_pieces
 from gtmbench.study.log.watch import watch_log
-from tests.monitors import monitor, record
+from tests.helpers.monitors import monitor, record
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 AWKWARD = (997, 2048, 5999)  # rows: what stands on a minute before goes over many joints, or begins at one

@@ -71,7 +71,7 @@ def test_what_is_made_comes_as_soon_as_it_is_made_and_tasks_are_taken_as_they_ar
 ORPHANED = """
 import os, signal, sys, time
 from gtmbench.processes import completed
-from tests.test_processes import pid_and_sleep
+from tests.shared.test_processes import pid_and_sleep
 if __name__ == "__main__":
     for _, (pid, parent) in completed(pid_and_sleep, [0.0, 60.0, 60.0, 60.0], processes=2):
         print(pid, flush=True)
@@ -88,7 +88,7 @@ def pid_and_sleep(seconds):
 def test_processes_end_with_the_one_that_wants_their_work_even_if_it_is_killed(tmp_path):
     script = tmp_path / "main.py"
     script.write_text(ORPHANED)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     run = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, timeout=60)
     assert run.returncode == -signal.SIGKILL, run.stderr
     pid, patience = int(run.stdout), 100

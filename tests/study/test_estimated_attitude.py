@@ -15,8 +15,8 @@ from gtmbench.study.fault_tables import spec_of
 from gtmbench.study.flights import fly_setup
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.scenario import AlarmSetup, Setup
-from tests.campaigns import loaded, table, written
-from tests.hostile import refused
+from tests.helpers.campaigns import loaded, table, written
+from tests.helpers.hostile import refused
 
 ANGLES, GYROS = ("phi", "theta", "psi"), ("p", "q", "r")
 SETUP = Setup(

@@ -10,9 +10,9 @@ from gtmbench.check.figures import figures_of
 from gtmbench.report.words.study import summary_lines
 from gtmbench.study.expectation import Expectation, expectations
 from gtmbench.study.trial import Trial
-from tests.test_score import alarm, judged, named, verdict
-from tests.test_several_faults import TEXT as SEVERAL
-from tests.watching import scenario
+from tests.faults.test_several_faults import TEXT as SEVERAL
+from tests.helpers.watching import scenario
+from tests.study.test_score import alarm, judged, named, verdict
 
 BASE = SEVERAL[: SEVERAL.index("[[faults.also]]")]
 

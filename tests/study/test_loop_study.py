@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.sensors import rms_about_mean
-from tests.watching import monitor, scenario
+from tests.helpers.watching import monitor, scenario
 
 LOOP = """
 duration_s = 40.0

@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.report.rescued import moments
 from gtmbench.study.rescue import fly_rescue
-from tests.rescuing import early_monitor
+from tests.helpers.rescuing import early_monitor
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
-from tests.watching import SHIPPED, dissertation
+from tests.helpers.watching import SHIPPED, dissertation
 
 
 @pytest.fixture(params=[1, 2])

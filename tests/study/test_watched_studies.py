@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from tests.watching import EXAMPLE, EXCITATION, MIXED, monitor, scenario, study
+from tests.helpers.watching import EXAMPLE, EXCITATION, MIXED, monitor, scenario, study
 
 JAM = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 

@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from tests.test_report import read_back
-from tests.test_testing import verified
-from tests.watching import EXAMPLE
+from tests.helpers.watching import EXAMPLE
+from tests.report.test_report import read_back
+from tests.testing.test_testing import verified
 
 pytest_plugins = ["pytester"]
 

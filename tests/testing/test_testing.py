@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.artefacts import Artefacts, artefacts, artefacts_in, file_name
 from gtmbench.testing import assert_detects, assert_quiet, assert_residual, flights, fly_once, standard_record
-from tests import monitors
-from tests.test_report import read_back
+from tests.helpers import monitors
+from tests.report.test_report import read_back
 
 
 @pytest.fixture(autouse=True)

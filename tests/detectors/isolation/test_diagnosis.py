@@ -15,7 +15,7 @@ from gtmbench.detectors.monitor.scores import over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.record import Record
-from tests import monitors
+from tests.helpers import monitors
 
 GYROS = ("p", "q", "r")
 ONSET_S = 60.0

@@ -15,7 +15,7 @@ from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.study.log.certificate import KINDS, certificate_of
-from tests import monitors
+from tests.helpers import monitors
 
 PERIOD_S, ONSET_S, REFERENCE_DEG = 0.02, 60.0, 0.3
 SLOW = gb.AttitudeEstimator(time_constant_s=5.0)

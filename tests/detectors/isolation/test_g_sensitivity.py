@@ -5,7 +5,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.isolation.case import WITNESSES
-from tests import monitors
+from tests.helpers import monitors
 
 ONSET_S, COEFFICIENT = 60.0, 3.0
 

@@ -16,7 +16,7 @@ from gtmbench.detectors.isolation.noise import spikes_in
 from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
 from gtmbench.detectors.isolation.search import hysteresis_step, rate_limited_step
 from gtmbench.faults.kinds import FAULTS, Hysteresis, RateSaturation
-from tests import monitors
+from tests.helpers import monitors
 
 ONSET_S, PERIOD_S = 60.0, 0.02
 ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}

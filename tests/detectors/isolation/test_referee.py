@@ -7,7 +7,7 @@ import gtmbench as gb
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.isolation.referee import referees_of
 from gtmbench.method.pseudo_inputs import derive
-from tests import monitors
+from tests.helpers import monitors
 
 ONSET_S = 60.0
 G, KT = 9.80665, 1852.0 / 3600.0

@@ -8,7 +8,7 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.noise import NoiseFollower, followed
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White, Whitener
-from tests.monitors import monitor, record, truth
+from tests.helpers.monitors import monitor, record, truth
 
 TS = 0.01
 CALIBRATED = Whitener(coefficients=np.array([1.0, -0.2]), mean=0.0, deviation=1.0)

@@ -17,7 +17,7 @@ from gtmbench.detectors.statistics.sight import check_sight
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance, tolerance_of
 from gtmbench.detectors.statistics.thresholds import thresholds_of
 from gtmbench.detectors.statistics.whitening import White
-from tests.monitors import record
+from tests.helpers.monitors import record
 
 PERIOD_S = 0.02
 STATISTICS = [

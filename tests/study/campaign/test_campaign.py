@@ -21,9 +21,9 @@ from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
 from gtmbench.study.campaign.watchers import named
 from gtmbench.study.flights import fly_setup
-from tests.campaigns import TINY, loaded, results, table, written
-from tests.hostile import refused
-from tests.watching import EXAMPLE, dissertation, monitor, spike
+from tests.helpers.campaigns import TINY, loaded, results, table, written
+from tests.helpers.hostile import refused
+from tests.helpers.watching import EXAMPLE, dissertation, monitor, spike
 
 AXES_OF_TWO = TINY.replace(
     'seed = "1:8"', 'seed = [3, 1]\nexcitation = ["doublets", "multisine"]\nturbulence = [true, false]'
@@ -433,7 +433,7 @@ def test_every_axis_is_checked_and_changes_its_setting(tmp_path):
 def test_duckdb_reads_the_parts_as_the_page_says(tmp_path, monkeypatch):
     duckdb = pytest.importorskip("duckdb", reason="no duckdb")
     rows = table(tmp_path)
-    page = (Path(__file__).parent.parent / "docs/how_to/campaigns.md").read_text()
+    page = (Path(__file__).parents[3] / "docs/how_to/campaigns.md").read_text()
     query = page.partition("```sql\n")[2].partition("```")[0].replace("fifteen/", "out/")
     monkeypatch.chdir(tmp_path)
     found = {fault: median for fault, median in duckdb.sql(query).fetchall() if median is not None}

@@ -19,11 +19,11 @@ import gtmbench as gb
 from gtmbench.cluster import check_cluster, completed_on_cluster
 from gtmbench.parts import read_parts
 from gtmbench.study.campaign.conduct import conduct, versions
-from tests.campaigns import TINY, asserts, fails, loaded, results, written
+from tests.helpers.campaigns import TINY, asserts, fails, loaded, results, written
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[3]
 MORE = TINY.replace("1:8", "1:12")
 
 

@@ -1,4 +1,7 @@
-"""Killed at random moments and gone on with: the same in the end. ``python -m tests.test_campaign_kill 100``: more."""
+"""Killed at random moments and gone on with: the same in the end.
+
+``python -m tests.study.campaign.test_campaign_kill 100`` kills more often.
+"""
 
 import contextlib
 import json
@@ -15,9 +18,9 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from gtmbench.cli.app import main
-from tests.campaigns import results, written
+from tests.helpers.campaigns import results, written
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[3]
 LONGEST_S = 0.3
 # A process that has imported everything, and forks itself for each run: importing it for each took most of the time.
 FORKS = """

@@ -10,9 +10,9 @@ from gtmbench.faults.fault import inject
 from gtmbench.progress import counted, silent
 from gtmbench.study.campaign.searches import first_detected, search_row, searches_of
 from gtmbench.study.flights import fly_setup
-from tests.campaigns import loaded
-from tests.test_campaign import BROKEN
-from tests.watching import monitor
+from tests.helpers.campaigns import loaded
+from tests.helpers.watching import monitor
+from tests.study.campaign.test_campaign import BROKEN
 
 SEARCH = {"kind": "bias", "channels": ["q"], "onset_s": 60.0, "size": [0.01, 100.0], "within_s": 20.0}
 

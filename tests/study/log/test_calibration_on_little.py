@@ -10,8 +10,8 @@ import gtmbench as gb
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.errors import InputError
 from gtmbench.study.log.watch import bank_between
-from tests.airliner import MANOEUVRES, airliner
-from tests.monitors import record
+from tests.helpers.airliner import MANOEUVRES, airliner
+from tests.helpers.monitors import record
 
 FREE = bank_between(["p", "beta", "ny"], ["r"])
 

@@ -16,9 +16,9 @@ from gtmbench.report.words.certificate import certificate_lines, certificate_tex
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, hardly_watched
-from tests.certificates import WhenRead, at_few_onsets, hardly_watched_by_biases
-from tests.logged import jammed, never_armed, normed, short, silent, unwatched
-from tests.monitors import monitor, record
+from tests.helpers.certificates import WhenRead, at_few_onsets, hardly_watched_by_biases
+from tests.helpers.logged import jammed, never_armed, normed, short, silent, unwatched
+from tests.helpers.monitors import monitor, record
 
 KIND = {kind.fault.kind: kind for kind in KINDS}
 

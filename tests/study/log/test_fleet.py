@@ -19,9 +19,9 @@ from gtmbench.study.log.fleet import Watching, conduct, logs_in
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
-from tests.airliner import airliner
-from tests.logged import watched_log
-from tests.monitors import monitor
+from tests.helpers.airliner import airliner
+from tests.helpers.logged import watched_log
+from tests.helpers.monitors import monitor
 
 HOW = ("--detector", "C", "--identify", "0:30")
 SMALL = Watching(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))

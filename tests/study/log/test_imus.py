@@ -10,8 +10,8 @@ from gtmbench.intake.imus import Imu
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.study.log.imus import BETWEEN, HELD, SAME, beside, channels_of, compared, further
-from tests import intake_files as files
-from tests.autopilot_logs import ardupilot, imus
+from tests.helpers import intake_files as files
+from tests.helpers.autopilot_logs import ardupilot, imus
 
 ANGLES, GYROS = ("phi", "theta", "psi"), ("p", "q", "r")
 NAMES = [Imu(name=f"IMU{n}", number=n, columns=("x", "y", "z"), unit="deg/s", rate_hz=10.0) for n in (1, 2, 3)]

@@ -20,9 +20,9 @@ from gtmbench.intake.formats.csv_cells import Notation
 from gtmbench.intake.samples import log_samples
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.log.inject import inject_log
-from tests.intake_files import ulog
-from tests.test_intake_hostile import whole
-from tests.test_several_faults import table
+from tests.faults.test_several_faults import table
+from tests.helpers.intake_files import ulog
+from tests.intake.test_intake_hostile import whole
 
 PERIOD_S, ROWS = 0.1, 60
 TIME_S = np.round(PERIOD_S * np.arange(ROWS), 9)

@@ -17,8 +17,8 @@ from gtmbench.intake.segments import Track, cut
 from gtmbench.study.healthy_records import logged_records
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
-from tests import clocked_logs as logs
-from tests.clocked_logs import ATTITUDE, GYRO, messages, without
+from tests.helpers import clocked_logs as logs
+from tests.helpers.clocked_logs import ATTITUDE, GYRO, messages, without
 
 C = gb.load_bank("C")
 PAUSE = (20.0, 22.0)

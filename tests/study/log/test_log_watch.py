@@ -17,8 +17,8 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.records import first_part, healthy_spans, within, without
 from gtmbench.study.log.watch import bank_between, watch_log
 from gtmbench.study.log.watched import Outcome
-from tests import monitors as made_up
-from tests.airliner import airliner
+from tests.helpers import monitors as made_up
+from tests.helpers.airliner import airliner
 
 C = gb.load_bank("C")
 QUICK = bank_between(["p", "beta", "ny"], ["r"])

@@ -10,10 +10,10 @@ import gtmbench as gb
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.study.log.records import open_for
 from gtmbench.study.log.watch import watch_log
-from tests import clocked_logs as logs
-from tests import intake_files as files
-from tests.clocked_logs import messages, without
-from tests.monitors import monitor
+from tests.helpers import clocked_logs as logs
+from tests.helpers import intake_files as files
+from tests.helpers.clocked_logs import messages, without
+from tests.helpers.monitors import monitor
 
 C = gb.load_bank("C")
 LEAK = gb.GSensitivity(channel="p", onset_s=30.0, axis="nz", coefficient=3.0)

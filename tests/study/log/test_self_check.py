@@ -14,7 +14,7 @@ from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
 from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
-from tests.airliner import airliner
+from tests.helpers.airliner import airliner
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")
 ALL = {**MUTATIONS, **MORE_MUTATIONS}

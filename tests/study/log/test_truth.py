@@ -14,8 +14,8 @@ from gtmbench.report.tables.log import score_results
 from gtmbench.report.words.autopilot import score_report
 from gtmbench.report.words.log import log_report
 from gtmbench.study.log.truth import NAMED, WRONG, score_log, scored
-from tests.autopilot_logs import ardupilot, broken, imus, px4
-from tests.hostile import Tried, damaged, refused
+from tests.helpers.autopilot_logs import ardupilot, broken, imus, px4
+from tests.helpers.hostile import Tried, damaged, refused
 
 BIAS = gb.Bias(channel="q", onset_s=90.0, size=float(np.degrees(0.08)))
 BIASED = [(0.0, "SIM_GYR1_BIAS_Y", 0.0), (90.0, "SIM_GYR1_BIAS_Y", 0.08)]
