@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +13,8 @@ import click
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files import SUMS, is_file, is_folder, read_sums
+from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 
 _ALTERED = 1
 
@@ -37,14 +39,22 @@ def verify_command(paths: tuple[Path, ...], as_json: bool, quiet: bool) -> int:
     """
     told = [each for path in paths for each in _told_of(path)]
     wrong = [each for each in told if each.wrong]
+    code = _ALTERED if wrong else 0
+    findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
     if as_json:
-        print_json({"files": len(told), "altered": {str(each.path): each.wrong for each in wrong}})
-    else:
-        for each in wrong:
-            echo(f"{each.path}: {each.wrong}")
-        if not quiet and not wrong:
-            echo(f"{len(told)} files hold what was written")
-    return _ALTERED if wrong else 0
+        print_json(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
+    elif not quiet:
+        echo(_verdict(told, wrong))
+        for row in findings:
+            echo(row["text"])
+    return code
+
+
+def _verdict(told: Sequence[_Told], wrong: Sequence[_Told]) -> str:
+    if wrong:
+        verb = "isn't" if len(wrong) == 1 else "aren't"
+        return f"{len(wrong)} of {counted(len(told), 'file')} {verb} what was written."
+    return f"{counted(len(told), 'file')} {'holds' if len(told) == 1 else 'hold'} what was written."
 
 
 def _told_of(path: Path) -> Iterator[_Told]:

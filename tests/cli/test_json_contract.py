@@ -22,6 +22,7 @@ from tests.helpers import monitors
 from tests.helpers.autopilot_logs import ardupilot, broken
 from tests.helpers.campaigns import TINY
 from tests.helpers.rescuing import early_monitor
+from tests.helpers.sealed import rerecorded
 
 FIRST = ["verdict", "exit_code", "findings", "schema_version", "command"]
 ALONE = "--no-figures --no-recording --force"
@@ -62,6 +63,8 @@ CASES = {
     "run, seeds": ("run-seeds", 0, "run short.toml --no-figures --no-recording --out seeds --seed 1:2"),
     "score": ("score", FAILED, "score biased.bin --detector C"),
     "trim": ("trim", 0, "trim --modes"),
+    "verify": ("verify", 0, "verify ready.json checked/mine.toml"),
+    "verify, altered": ("verify", FAILED, "verify ready.json altered.json"),
     "view": ("view", 0, "view one.rrd --web"),
     "bad input": ("error", BAD, "monitor nowhere.csv --detector C"),
     "bad option": ("error", BAD, "run --speed"),
@@ -114,7 +117,10 @@ def folder(tmp_path_factory):
     checked.write_text(test_check.SHORT)
     write_figures(baseline, new_baseline(baseline, scenarios=[str(checked)], detector=None), seed=1, groups=groups())
     for name in ("spoilt", "renewed"):
-        baseline.with_stem(name).write_text(baseline.read_text().replace("detected = false", "detected = true"))
+        spoilt = baseline.read_text().replace("detected = false", "detected = true")
+        baseline.with_stem(name).write_text(rerecorded(spoilt))
+    document = json.loads((made / "ready.json").read_text())
+    (made / "altered.json").write_text(json.dumps(document | {"detector": "B"}))
     return made
 
 
