@@ -10,8 +10,8 @@ run: .venv/ready ## the main job: fly, break, watch, report, into out/
 check: .venv/ready ## the main job's figures against their baseline; fails where one is worse
 	$(BIN)/gtmbench check
 
-test: .venv/ready ## every test; those that need a viewer skip by name where there is none
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+test: .venv/ready ## every test; those that need a viewer skip by name where there is none; bytecode is kept, for its many processes
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .

@@ -13,7 +13,11 @@ from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
-from tests.watching import written_once
+from gtmbench.study.log import watch, watched
+from gtmbench.study.log.certificate import certificate_of
+from tests.helpers.certificates import WhenRead, hardly_watched_by_biases
+from tests.helpers.watched_once import remembered
+from tests.helpers.watching import written_once
 
 os.environ.setdefault("CI", "1")
 
@@ -33,6 +37,39 @@ def _flown_once():
         for module in (flights, healthy_records):
             patch.setattr(module, "fly", flown)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _certified_when_read():
+    """A log's certificate is most of the work of watching it: it is worked out when it is read, at few onsets.
+
+    `test_certificate` holds the certificates themselves, and that these are made as they are.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(watched, "certificate_of", WhenRead)
+        patch.setattr(watched, "hardly_watched", hardly_watched_by_biases)
+        yield
+
+
+@pytest.fixture
+def whole_certificates(monkeypatch):
+    """Have logs certified as they are for users: at once, at as many onsets."""
+    monkeypatch.setattr(watched, "certificate_of", certificate_of)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _watched_once():
+    """Commands that watch a log in the same way again get the same one; `watched_anew` watches it again."""
+    patched, shelf = remembered(watch.watch_log)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(watch, "watch_log", patched)
+        yield shelf
+
+
+@pytest.fixture
+def watched_anew(_watched_once):
+    """Return a function that makes commands watch logs anew."""
+    return _watched_once.clear
 
 
 @pytest.fixture(scope="session")

@@ -28,9 +28,9 @@ from gtmbench.files import SUMS, read_sums
 from gtmbench.parts import read_parts
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
-from tests.campaigns import TINY
-from tests.test_campaign_cluster import Cluster
-from tests.test_check import SHORT
+from tests.check.test_check import SHORT
+from tests.helpers.campaigns import TINY
+from tests.study.campaign.test_campaign_cluster import Cluster
 
 ROOT = Path(__file__).parent.parent
 FORKS = """

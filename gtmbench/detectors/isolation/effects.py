@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,11 +64,15 @@ class Path:
 
 def bent_paths(monitor: CalibratedBank, record: Record, channel: str, virtual: FloatArray) -> list[Path]:
     """Return all ways of a gyro that drives the attitude: its own, and by the angles that bend with it."""
-    direct = paths_of(monitor, record, channel, virtual)
+    return [*paths_of(monitor, record, channel, virtual), *_by_angles(monitor, record)]
+
+
+@lru_cache(maxsize=8)  # the same for every gyro, and for each of the estimators that are tried on a record
+def _by_angles(monitor: CalibratedBank, record: Record) -> tuple[Path, ...]:
     angles = [angle for angle in ATTITUDE if angle in monitor.bank.channels]
-    return direct + [
+    return tuple(
         replace(path, through=angle) for angle in angles for path in paths_of(monitor, record, angle, record[angle])
-    ]
+    )
 
 
 def powers(

@@ -1,0 +1,217 @@
+"""What `--json` prints keeps the contract of docs/reference/json.md: real outputs, by their schemas."""
+
+import json
+import shutil
+from functools import cache
+from importlib import import_module
+from importlib.resources import files
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import gtmbench as gb
+from gtmbench.bench import tuning
+from gtmbench.check.baseline import new_baseline, write_figures
+from gtmbench.check.figures import figures_of
+from gtmbench.cli.app import app
+from gtmbench.report.recording.write import write_recording
+from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from tests.check import test_check
+from tests.cli.test_cli import SHORT
+from tests.helpers import monitors
+from tests.helpers.autopilot_logs import ardupilot, broken
+from tests.helpers.campaigns import TINY
+from tests.helpers.rescuing import early_monitor
+from tests.helpers.sealed import rerecorded
+
+FIRST = ["verdict", "exit_code", "findings", "schema_version", "command"]
+ALONE = "--no-figures --no-recording --force"
+FAILED, BAD, UNKNOWN = 1, 2, 3
+# by name: its schema, the exit code, the command line
+CASES = {
+    "autopilot": ("autopilot", 0, "autopilot --aircraft A320"),
+    "bank": ("bank", 0, "bank C"),
+    "bank, of a monitor": ("bank", 0, "bank ready.json"),
+    "bank, listed": ("bank-list", 0, "bank"),
+    "calibrate": ("calibrate", 0, "calibrate healthy.csv --out m.json --force"),
+    "campaign": ("campaign", 0, "campaign tiny.toml --out c --jobs 1 --resume"),
+    "campaign, planned": ("campaign-plan", 0, "campaign tiny.toml --dry-run"),
+    "campaign, a share": ("campaign-shard", 0, "campaign tiny.toml --out share --jobs 1 --shard 1/2 --resume"),
+    "check, passed": ("check", 0, "check checked/mine.toml"),
+    "check, failed": ("check", FAILED, "check checked/spoilt.toml"),
+    "check, made": ("check-update", 0, "check checked/new.toml --update --scenario checked/short.toml"),
+    "check, renewed": ("check-update", 0, "check checked/renewed.toml --update"),
+    "diff, equal": ("diff", 0, "diff one.rrd one.rrd"),
+    "diff, different": ("diff", FAILED, "diff one.rrd two.rrd"),
+    "fly": ("fly", 0, "fly --out f.csv --duration 2 --noise t2 --force"),
+    "fly, and depart": ("fly", 0, "fly --out f.csv --closed-loop --duration 8 --fault flip.toml --trial 1 --force"),
+    "inject": ("inject", 0, "inject healthy.csv --fault flip.toml --out b.csv --force"),
+    "inject, listed": ("inject-list", 0, "inject healthy.csv --fault flip.toml --list"),
+    "list": ("list", 0, "list --all"),
+    "monitor, healthy": ("monitor", 0, "monitor healthy.csv --detector ready.json"),
+    "monitor, failed": ("monitor", FAILED, "monitor broken.csv --detector ready.json"),
+    "monitor, cannot tell": ("monitor", UNKNOWN, "monitor turned.csv --detector ready.json"),
+    "monitor, own relation": ("monitor", 0, "monitor healthy.csv --inputs p_att --outputs p --identify 0:25"),
+    "monitor, listed": ("monitor-list", 0, "monitor healthy.csv --list"),
+    "monitor, a fleet": ("monitor-fleet", FAILED, "monitor logs --detector ready.json --out o --resume"),
+    "new": ("new", 0, "new x.toml"),
+    "report": ("report", 0, "report c"),
+    "rescue": ("rescue", 0, "rescue --calibrated early.json --out r.rrd --force"),
+    "run": ("run", 0, f"run short.toml {ALONE}"),
+    "run, by a bank": ("run", 0, f"run short.toml {ALONE} --detector early.json"),
+    "run, otherwise": ("run", FAILED, f"run strict.toml {ALONE} --strict"),
+    "run, seeds": ("run-seeds", 0, "run short.toml --no-figures --no-recording --out seeds --seed 1:2"),
+    "score": ("score", FAILED, "score biased.bin --detector C"),
+    "trim": ("trim", 0, "trim --modes"),
+    "verify": ("verify", 0, "verify ready.json checked/mine.toml"),
+    "verify, altered": ("verify", FAILED, "verify ready.json altered.json"),
+    "view": ("view", 0, "view one.rrd --web"),
+    "bad input": ("error", BAD, "monitor nowhere.csv --detector C"),
+    "bad option": ("error", BAD, "run --speed"),
+}
+# what a second run of a command line has from the first
+WORKED_OUT = (
+    "gtmbench.study.log.watch.watch_log",
+    "gtmbench.study.log.truth.score_log",
+    "gtmbench.study.run.run_study",
+    "gtmbench.study.rescue.fly_rescue",
+)
+FLIP = """
+[[faults]]
+kind = "sign_flip"
+channels = ["q"]
+onset_s = 5.0
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What the command lines are given: logs, scenarios, monitors, recordings, baselines."""
+    made = tmp_path_factory.mktemp("contract")
+    (made / "logs").mkdir()
+    healthy = monitors.record(2500, seed=11)
+    logs = {
+        "healthy": healthy,
+        "broken": gb.inject(healthy, gb.Bias(channel="q", onset_s=30.0, size=8.0)),
+        "turned": healthy.replace("q", -healthy["q"]),
+    }
+    for name, record in logs.items():
+        gb.write_log(record, made / f"{name}.csv")
+    shutil.copy(made / "broken.csv", made / "logs")
+    (made / "logs/none.csv").write_text("no table\n")
+    (made / "biased.bin").write_bytes(
+        ardupilot(
+            broken(gb.Bias(channel="q", onset_s=90.0, size=4.58)),
+            settings=[(0.0, "SIM_GYR1_BIAS_Y", 0.0), (90.0, "SIM_GYR1_BIAS_Y", 0.08)],
+        )
+    )
+    gb.save_monitor(monitors.monitor(), made / "ready.json")
+    gb.save_monitor(early_monitor(), made / "early.json")
+    strict = f"{SHORT}[faults.expect.dissertation]\ndetect_within_s = 0.001\n"
+    for name, text in {"tiny": TINY.replace("1:8", "1:2"), "short": SHORT, "strict": strict, "flip": FLIP}.items():
+        (made / f"{name}.toml").write_text(text)
+    for name, seed in (("one", 1), ("two", 2)):
+        write_recording(gb.run_study([gb.load_scenario(made / "short.toml")], seed=seed), made / f"{name}.rrd")
+    baseline, checked = made / "checked/mine.toml", made / "checked/short.toml"
+    checked.parent.mkdir()
+    checked.write_text(test_check.SHORT)
+    write_figures(baseline, new_baseline(baseline, scenarios=[str(checked)], detector=None), seed=1, groups=groups())
+    for name in ("spoilt", "renewed"):
+        spoilt = baseline.read_text().replace("detected = false", "detected = true")
+        baseline.with_stem(name).write_text(rerecorded(spoilt))
+    document = json.loads((made / "ready.json").read_text())
+    (made / "altered.json").write_text(json.dumps(document | {"detector": "B"}))
+    return made
+
+
+frame_of = cache(gb.read_recording)
+
+
+@cache
+def groups():
+    return tuple(figures_of(test_check.study()))
+
+
+@pytest.fixture
+def printed(folder, cli, monkeypatch):
+    """Run a command line without `--json` and with it; return exit code, lines, and what was printed then."""
+
+    def run(case):
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(tuning, "AXES", {})
+        monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
+        monkeypatch.setattr("gtmbench.check.run.run_reference", lambda *_, **__: groups())
+        monkeypatch.setattr("gtmbench.cli.study._RERUN", ("true",))
+        monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)
+        kept = {place: [] for place in WORKED_OUT}
+        for place in WORKED_OUT:
+            monkeypatch.setattr(place, _kept(_found(place), kept[place]))
+        arguments = case.split()
+        code, said, err = cli(*arguments)
+        for made in ("x.toml", "checked/new.toml"):
+            (folder / made).unlink(missing_ok=True)
+        shutil.rmtree(folder / "seeds", ignore_errors=True)
+        shutil.copy(folder / "checked/spoilt.toml", folder / "checked/renewed.toml")
+        for place in WORKED_OUT:
+            if kept[place]:
+                monkeypatch.setattr(place, lambda *_, kept=kept[place], **__: kept.pop(0))
+        again, out, noise = cli(*arguments, "--json")
+        assert (again, noise) == (code, "")
+        return code, said or err.removeprefix("gtmbench: "), json.loads(out, parse_constant=pytest.fail)
+
+    return run
+
+
+def _found(place):
+    module, _, name = place.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+def _kept(work, results):
+    def worked(*given, **named):
+        results.append(work(*given, **named))
+        return results[-1]
+
+    return worked
+
+
+@cache
+def schema(name):
+    return json.loads(files("gtmbench").joinpath("schemas", f"{name}.json").read_text(encoding="utf-8"))
+
+
+def _of_pieces(text):
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_printed_keeps_its_schema_and_says_what_people_read(name, printed):
+    command, code, line = CASES[name]
+    ended, said, told = printed(line)
+    assert (ended, list(told)[:5]) == (code, FIRST), said
+    assert (told["exit_code"], told["schema_version"], told["command"]) == (code, SCHEMA_VERSION, command)
+    assert _of_pieces(said).startswith(_of_pieces(told["verdict"]))  # a screen may break it
+    assert all(next(iter(row)) == "text" and row["text"] for row in told["findings"])
+    if code == FAILED:
+        assert told["findings"]
+    validator = Draft202012Validator(schema(command))
+    assert [error.message for error in validator.iter_errors(told)] == []
+    assert list(validator.iter_errors({**told, "unknown": 1}))
+    assert list(validator.iter_errors({key: value for key, value in told.items() if key != "findings"}))
+
+
+def test_every_command_has_a_schema_and_a_case():
+    shipped = {path.name.removesuffix(".json") for path in files("gtmbench").joinpath("schemas").iterdir()}
+    assert shipped == {command for command, _, _ in CASES.values()}
+    assert {name.split("-")[0] for name in shipped - {"error"}} == set(app.commands)
+
+
+@pytest.mark.parametrize("name", sorted({command for command, _, _ in CASES.values()}))
+def test_a_schema_stands_alone_and_states_the_envelope(name):
+    own = schema(name)
+    Draft202012Validator.check_schema(own)
+    assert (own["additionalProperties"], own["properties"]["command"]) == (False, {"const": name})
+    assert list(own["properties"])[:5] == FIRST
+    assert own["properties"]["schema_version"]["const"] == SCHEMA_VERSION
+    assert set(own["required"]) == set(own["properties"])
+    assert all("description" in one for one in own["properties"].values() if "const" not in one)

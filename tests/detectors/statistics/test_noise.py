@@ -1,0 +1,288 @@
+"""The noise that is learnt where it is watched: what of a healthy residual must not matter, and what must."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import gtmbench as gb
+from gtmbench.detectors.statistics.noise import NoiseFollower, followed
+from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.whitening import White, Whitener
+from tests.helpers.monitors import monitor, record, truth
+
+TS = 0.01
+CALIBRATED = Whitener(coefficients=np.array([1.0, -0.2]), mean=0.0, deviation=1.0)
+COLOURED = lfilter([1.0], [1.0, -0.2], np.random.default_rng(5).standard_normal(20_000))
+
+
+def white(seed=1, samples=20_000):
+    return np.random.default_rng(seed).standard_normal(samples)
+
+
+def wandering(seed, samples=20_000):
+    slow = lfilter([1.0], [1.0, -0.999], white(100 + seed, samples)) * np.sqrt(1.0 - 0.999**2)
+    noise = white(seed, samples) * np.exp(0.5 * slow)
+    return noise / noise.std()
+
+
+LAWS = {
+    "white": white,
+    "coloured": lambda seed: lfilter([1.0], [1.0, -0.7], white(seed)) * np.sqrt(1.0 - 0.49),
+    "t4": lambda seed: np.random.default_rng(seed).standard_t(4, 20_000) / np.sqrt(2.0),
+    "Laplace": lambda seed: np.random.default_rng(seed).laplace(size=20_000) / np.sqrt(2.0),
+    "outliers": lambda seed: np.where(np.random.default_rng(seed).random(20_000) < 0.02, 5.0, 1.0) * white(seed + 50),
+    "wandering": wandering,
+}
+
+
+def greatest(residual, whitener=CALIBRATED):
+    """The greatest ratio of a whole record, in nats."""
+    told = followed(whitener, residual, TS)
+    return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Tolerance()))
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 50, 333, 20_000])
+def test_the_same_in_whatever_chunks(chunk):
+    noise = COLOURED[:6000].copy()
+    noise[2500:2520] = np.nan
+    noise[3015:3170] = np.nan  # blocks of which nothing is learnt
+    noise[3400] += 50.0  # an outlier
+    noise[4000:] += 3.0  # held from here on
+    noise[5200:5400] += 40.0  # what lasts is none
+    whole = NoiseFollower(CALIBRATED, TS).push(noise)
+    follower = NoiseFollower(CALIBRATED, TS)
+    told = White.joined([follower.push(noise[i : i + chunk]) for i in range(0, len(noise), chunk)])
+    np.testing.assert_allclose(told.values, whole.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(told.unsteady, whole.unsteady, rtol=0, atol=1e-9)
+    assert follower.row == len(noise)
+
+
+@pytest.mark.parametrize("row", [100, 3025, 4110])  # while it learns, within a block, while it is held
+def test_a_copy_goes_on_as_the_first_would_and_neither_changes_the_other(row):
+    noise = COLOURED[:6000].copy()
+    noise[4000:4300] += 3.0
+    first, alone = NoiseFollower(CALIBRATED, TS), NoiseFollower(CALIBRATED, TS)
+    for follower in (first, alone):
+        follower.push(noise[:row])
+    other = first.copy()
+    other.copy().push(50.0 * noise[row:])
+    wanted = alone.push(noise[row:])
+    for follower in (first, other):
+        told = follower.push(noise[row:])
+        np.testing.assert_array_equal(told.values, wanted.values)
+        np.testing.assert_array_equal(told.unsteady, wanted.unsteady)
+        assert follower.first_rows == alone.first_rows
+        assert follower.whitener_at(row).deviation == alone.whitener_at(row).deviation
+
+
+@pytest.mark.parametrize("level", [0.3, 0.6, 1.3, 10.0, 1000.0])
+def test_another_level_changes_next_to_nothing(level):
+    one, other = followed(CALIBRATED, COLOURED, TS), followed(CALIBRATED, level * COLOURED, TS)
+    apart = np.nanmax(np.abs(one.values - other.values))
+    assert apart < (0.3 if level < 1.0 else 0.02)  # a floor far below the calibrated noise is all that tells them apart
+
+
+def test_no_sample_stands_on_a_later_one():
+    later = COLOURED.copy()
+    later[9000:] = 100.0 * white(3)[9000:]
+    one, other = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
+    np.testing.assert_array_equal(one.push(COLOURED[:9000]).values, other.push(later[:9000]).values)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_healthy_noise_of_any_law_stays_below_what_thresholds_are(law):
+    assert max(greatest(0.8 * LAWS[law](seed)) for seed in range(4)) < 22.0  # 0.002 an hour of 54 tests ask for 23
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_step_is_seen_in_noise_of_any_law(law):
+    broken = LAWS[law](7).copy()
+    broken[10_000:] += 2.5
+    told = followed(CALIBRATED, broken, TS)
+    scores = Statistic().scores(broken, told, TS, Tolerance())
+    above = np.logical_or.reduce([score.values > 23.0 for score in scores])
+    assert 10_000 <= np.argmax(above) < 10_200
+
+
+@pytest.mark.parametrize("law", ["t4", "wandering", "outliers"])
+def test_a_large_step_shows_as_large_in_noise_of_any_tail(law):
+    def seen(size):
+        broken = LAWS[law](8).copy()
+        broken[10_000:10_200] += size
+        scores = Statistic().scores(broken, followed(CALIBRATED, broken, TS), TS, Tolerance())
+        return max(np.nanmax(score.values[10_000:10_200]) for score in scores)
+
+    assert seen(40.0) > 10.0 * seen(4.0)
+
+
+def test_one_sample_far_off_is_no_fault_and_some_a_second_are():
+    def seen(rows):
+        broken = COLOURED[:12_000].copy()
+        broken[rows] += 30.0
+        return greatest(broken)
+
+    assert seen([9000]) < 20.0
+    assert seen(np.arange(9000, 9500, 20)) > 40.0
+
+
+def test_nothing_is_learnt_while_something_is_suspected():
+    broken = COLOURED[:12_000].copy()
+    broken[6000:] += 2.0
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(broken[:6000])
+    before = follower.whitener
+    follower.push(broken[6000:11_000])
+    assert follower.is_held
+    np.testing.assert_allclose(follower.whitener.coefficients, before.coefficients, atol=0.05)
+    assert follower.whitener.deviation == pytest.approx(before.deviation, rel=0.05)
+
+
+def test_steady_noise_is_known_to_be_and_wandering_noise_too():
+    steady, unsteady = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
+    steady.push(COLOURED)
+    unsteady.push(wandering(1))
+    assert steady.whitener.unsteady < 0.02 < 0.2 < unsteady.whitener.unsteady
+
+
+def test_what_a_row_was_whitened_by_is_remembered():
+    follower = NoiseFollower(CALIBRATED, TS)
+    told = follower.push(COLOURED[:5000])
+    for row in (1000, 3333, 4990):
+        used = follower.whitener_at(row)
+        own = used.whiten(COLOURED[: row + 1])[row]
+        assert np.clip(own, -used.most, used.most) == pytest.approx(told.values[row], abs=1e-9)
+
+
+def with_noise(of, channels, factor, *, since_s=0.0, seed=9):
+    """A record whose sensors' noise is so many times as strong, more of it being added."""
+    draw = np.random.default_rng(seed)
+    for name in channels:
+        deviation = gb.CHANNELS[name].noise * np.sqrt(factor**2 - 1.0)
+        of = of.replace(name, of[name] + np.where(of.time_s >= since_s, deviation, 0.0) * draw.standard_normal(len(of)))
+    return of
+
+
+CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
+
+
+@pytest.mark.parametrize("name", ["C", "C-early"])
+def test_sensors_ten_times_as_noisy_are_healthy(name):
+    watch = monitor(name).watch(with_noise(record(), CHANNELS, 10.0))
+    assert watch.faults == ()
+    assert 5.0 < min(watch.noise_levels.values()) < 20.0
+
+
+def test_a_stream_of_single_samples_says_of_heavy_tails_what_is_said_of_the_record():
+    healthy = record()
+    draw = np.random.default_rng(2)
+    for name in CHANNELS:
+        healthy = healthy.replace(
+            name, healthy[name] + 2.0 * gb.CHANNELS[name].noise * draw.standard_t(3, len(healthy))
+        )
+    broken = gb.inject(healthy, gb.Bias(channel="r", onset_s=healthy.start_s + 60.0, size=30.0))
+    stream, whole = monitor("C").stream(), monitor("C").watch(broken)
+    first = int(np.searchsorted(broken.time_s, healthy.start_s + 50.0))
+    stream.push(broken.between(broken.start_s, broken.time_s[first - 1]))
+    for row in range(first, first + 2500):
+        stream.push(broken.between(broken.time_s[row], broken.time_s[row]))
+    told = [alarm for alarm in whole.alarms if alarm.time_s <= broken.time_s[first + 2499]]
+    assert [(alarm.time_s, alarm.onset_s, alarm.source) for alarm in stream.alarms] == [
+        (alarm.time_s, alarm.onset_s, alarm.source) for alarm in told
+    ]
+    assert told[0].time_s - healthy.start_s == pytest.approx(60.2, abs=0.2)
+
+
+def test_noise_that_changes_is_a_verdict_that_names_nobody():
+    healthy = record()
+    since_s = healthy.start_s + 60.0
+    watch = monitor("C").watch(with_noise(healthy, CHANNELS, 2.0, since_s=since_s))
+    assert watch.faults
+    for alarm in watch.faults:
+        assert alarm.sensor is None
+        assert alarm.verdict == "can't tell: the noise changed"
+        assert alarm.time_s > since_s
+    times = watch.faults[0].judgements[-1].parameters["times"]
+    assert 1.4 < times < 3.0
+
+
+def test_noise_of_one_gyro_beyond_three_times_is_its_fault():
+    healthy = record()
+    noise = gb.Noise(channel="q", onset_s=healthy.start_s + 60.0, deviation=8.0 * gb.CHANNELS["q"].noise, seed=3)
+    (alarm,) = monitor("C").watch(gb.inject(healthy, noise)).faults
+    assert (alarm.sensor, alarm.judgements[-1].kind) == ("q", "noise")
+
+
+def wandering_record(seed):
+    """A healthy record of 120 s, every sensor's noise of a level that wanders by a factor of two within a minute."""
+    healthy, draw = truth(seed=11), np.random.default_rng(seed)
+    for name in CHANNELS:
+        slow = lfilter([1.0], [1.0, -0.9993], draw.standard_normal(len(healthy))) * np.sqrt(1.0 - 0.9993**2)
+        level = gb.CHANNELS[name].noise * np.exp(0.7 * (slow - slow.mean()))
+        healthy = healthy.replace(name, healthy[name] + level * draw.standard_normal(len(healthy)))
+    return healthy
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("channel", ["p", "r", "phi", "psi"])
+def test_what_is_named_in_noise_that_wanders_is_what_failed(seed, channel):
+    slope = 12.0 * gb.CHANNELS["p"].noise  # of an angle: what it adds to the gyro's residual
+    onset_s = 70.0
+    fault = (
+        gb.Drift(channel=channel, onset_s=onset_s, slope=slope)
+        if channel in ("phi", "psi")
+        else gb.Bias(channel=channel, onset_s=onset_s, size=slope)
+    )
+    watch = monitor("C").watch(gb.inject(wandering_record(seed), fault))
+    late = [alarm for alarm in watch.faults if alarm.time_s > onset_s]
+    assert late
+    assert {judged.sensor for alarm in late for judged in alarm.judgements} <= {channel, None}
+    assert any(alarm.sensor == channel or channel in alarm.candidates for alarm in late)
+    if channel in ("p", "r"):  # a gyro's bias enters one residual, a drift of the angle all of them
+        assert {alarm.sensor for alarm in late} == {channel}
+
+
+@pytest.fixture(scope="module")
+def rival():
+    return gb.find_detector("kinematic-kalman-no-fir").calibrate([record(seed=seed) for seed in range(1, 4)])
+
+
+@pytest.mark.parametrize("times", [0.4, 1.8, 2.5])
+def test_a_rival_names_nobody_for_noise_of_another_level(rival, times):
+    since_s = 60.0
+    draw, sensed = np.random.default_rng(4), truth(seed=11)
+    for name in CHANNELS:
+        level = gb.CHANNELS[name].noise * np.where(sensed.time_s < since_s, 1.0, times)
+        sensed = sensed.replace(name, sensed[name] + level * draw.standard_normal(len(sensed)))
+    watch = rival.watch(sensed)
+    assert watch.faults
+    assert {alarm.verdict for alarm in watch.faults} == {"can't tell: the noise changed"}
+    assert min(alarm.time_s for alarm in watch.faults) > since_s
+
+
+@pytest.mark.parametrize("gyro", ["p", "q", "r"])
+def test_a_rival_names_a_gyro_whose_error_has_a_mean_or_motion_in_it(rival, gyro):
+    sensed, noise = record(seed=11), gb.CHANNELS[gyro].noise
+    for fault in (
+        gb.Bias(channel=gyro, onset_s=60.0, size=3.0 * noise),
+        gb.ScaleFactor(channel=gyro, onset_s=60.0, factor=0.6),
+    ):
+        assert {alarm.sensor for alarm in rival.watch(gb.inject(sensed, fault)).faults} == {gyro}
+
+
+@pytest.mark.parametrize("memory_s", [1.0, 5.0])
+def test_a_slow_part_of_the_noise_is_learnt_and_white_noise_has_none(memory_s):
+    pole = np.exp(-TS / memory_s)
+    slow = lfilter([1.0], [1.0, -pole], white(31)) * np.sqrt(1.0 - pole**2)
+    with_it, without = (followed(CALIBRATED, noise, TS) for noise in (white(32) + 0.4 * slow, white(32)))
+    late = slice(10_000, None)
+    assert np.median(with_it.slow[late]) > 5e-3  # the second filter has taken some of 0.16
+    assert np.median(without.slow[late]) < 1e-4
+    healthy = Statistic().scores(white(32) + 0.4 * slow, with_it, TS, Tolerance())
+    assert max(np.nanmax(score.values[late]) for score in healthy) < 25.0
+
+
+def test_a_drift_is_no_slow_noise():
+    drift = 1e-3 * np.maximum(np.arange(20_000) - 1000.0, 0.0)
+    told = followed(CALIBRATED, white(33) + drift, TS)
+    scores = Statistic().scores(white(33) + drift, told, TS, Tolerance())
+    assert 1000 <= np.argmax(np.logical_or.reduce([score.values > 25.0 for score in scores])) < 2500

@@ -1,0 +1,244 @@
+"""Bank auto: which relations it takes, whom it suspects, what it tells apart; on logs, in files, as a command."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.channels import GYROS
+from gtmbench.detectors.auto import AutoDetector
+from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
+from gtmbench.detectors.bank.composed import composed_bank, unwatched
+from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
+from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.intake.contents import log_contents
+from gtmbench.method.estimators.bayesian import Bayesian
+from gtmbench.shipped import shipped_banks
+from gtmbench.study.log.auto import bank_for_logs
+from gtmbench.study.log.origin import origin_in_logs
+from gtmbench.testing.contract.suite import check_detector
+from tests.helpers.intake_files import dataflash_text
+from tests.helpers.monitors import record
+
+ALL = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "tas", "ny", "nz")
+NO_HEADING = ("p", "q", "r", "phi", "theta")
+AIR = (*NO_HEADING, "alpha", "beta", "tas", "ny", "nz")
+
+
+def relations(bank):
+    return {spec.output: spec.inputs for spec in bank.residuals}
+
+
+# --- which relations
+
+
+def test_with_a_whole_attitude_it_is_bank_c_and_without_heading_bank_b():
+    for channels, name in ((ALL, "C"), (AIR, "B")):
+        composed, shipped = composed_bank(channels), load_bank(name)
+        assert bank_table(composed) | {"title": ""} == bank_table(shipped) | {"title": ""}
+
+
+def test_without_air_data_bank_bs_kinematics_are_judged_over_bank_cs_windows():
+    bank = composed_bank(NO_HEADING)
+    assert relations(bank) == {"p": ("p_turn",), "q": ("q_turn",)}
+    assert bank.statistic == load_bank("C").statistic != load_bank("B").statistic
+    assert bank.suspects == ("p", "q", "r", "phi", "theta")
+
+
+@pytest.mark.parametrize("missing", [*GYROS, "alpha", "psi", "phi"])
+def test_every_relation_is_a_shipped_banks_own_and_its_channels_are_there(missing):
+    there = [name for name in ALL if name != missing]
+    known = [spec for name in ("C", "B") for spec in load_bank(name).residuals]
+    if missing == "phi":
+        with pytest.raises(gb.InputError, match="finds nothing"):
+            composed_bank(there)
+        return
+    bank = composed_bank(there)
+    assert all(spec in known and spec.needs <= set(there) for spec in bank.residuals)
+    assert set(bank.suspects) == {name for spec in bank.residuals for name in spec.needs} & set(ALL[:6])
+
+
+def test_of_any_channels_each_gyro_has_the_first_relation_that_they_hold_or_a_reason_why_none():
+    choices = [spec for name in ("C", "B") for spec in load_bank(name).residuals]
+    for count in range(len(ALL) + 1):
+        for there in combinations(ALL, count):
+            held = {}
+            for spec in choices:
+                if spec.needs <= set(there):
+                    held.setdefault(spec.output, spec.inputs)
+            if not held:
+                with pytest.raises(gb.InputError, match=r"bank auto (finds nothing|watches gyros)"):
+                    composed_bank(there)
+                continue
+            bank = composed_bank(there)
+            assert relations(bank) == held
+            assert bank_of("auto", bank_table(bank)) == bank
+            assert [each.split()[0] for each in unwatched(bank, there)] == [name for name in GYROS if name not in held]
+
+
+def test_why_a_gyro_isnt_watched_is_what_would_let_it_be():
+    (why,) = unwatched(composed_bank(NO_HEADING), NO_HEADING)
+    assert why == "r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it"
+    for more in (["psi"], ["alpha", "beta", "ny", "nz", "tas"]):
+        assert unwatched(composed_bank([*NO_HEADING, *more]), [*NO_HEADING, *more]) == ()
+    assert unwatched(composed_bank(["p", "phi", "theta", "psi"]), ["p", "phi", "theta", "psi"]) == (
+        "q isn't watched: it isn't there",
+        "r isn't watched: it isn't there",
+    )
+
+
+def test_without_any_relation_one_line_says_what_is_there_and_what_is_needed():
+    with pytest.raises(gb.InputError) as refused:
+        composed_bank(["p", "q", "phi", "nx", "Motor #2"])
+    said = str(refused.value)
+    assert "\n" not in said
+    assert "(there: p, q, phi, nx)" in said
+    assert "for p that takes psi and theta, or r and theta" in said
+    with pytest.raises(gb.InputError, match=r"none of p, q, r is there \(there: no sensor\)"):
+        composed_bank([])
+
+
+# --- what it tells apart
+
+
+@pytest.mark.parametrize("name", shipped_banks())
+def test_two_are_told_by_residuals_that_one_enters_and_the_other_doesnt(name):
+    bank = load_bank(name)
+    told = isolability(bank)
+    for one, others in told.table().items():
+        for other, how in others.items():
+            between = set(bank.affects(one)) - set(bank.affects(other))
+            assert set(how.split()) == between if between else how in (BY_SHAPE, NOT_TOLD)
+
+
+def test_what_nothing_predicts_isnt_told_by_how_residuals_rise():
+    told = isolability(composed_bank(NO_HEADING))
+    assert told.predicted == {"p", "q", "phi", "theta"}
+    assert told.told("p", "r") == told.told("phi", "r") == NOT_TOLD
+    assert told.told("r", "p") == "q"
+    assert told.told("p", "phi") == BY_SHAPE
+    assert isolability(composed_bank(AIR)).predicted == {"p", "q", "r", "phi", "theta"}
+
+
+@pytest.mark.parametrize(("fault", "channels"), [("r", NO_HEADING), ("phi", ("p", "phi", "theta", "psi"))])
+def test_whom_nothing_predicts_is_never_taken_for_another(fault, channels):
+    """r turns pitch and roll in a bank; phi with one gyro only: each alarms, and looks like p or q."""
+    monitor = gb.calibrate(
+        [flight().between(0.0, 40.0).select(channels)], bank=composed_bank(channels), estimator=Bayesian()
+    )
+    broken = gb.inject(flight().between(40.02, 80.0).select(channels), gb.Bias(channel=fault, onset_s=60.0, size=8.0))
+    watch = monitor.watch(broken)
+    assert watch.faults
+    assert all(alarm.sensor is None for alarm in watch.faults)
+    assert all(fault in alarm.candidates for alarm in watch.faults)
+
+
+# --- as a detector, on logs and in files
+
+
+@cache
+def flight():
+    return record(4001, seed=7)
+
+
+def write(tmp_path, name="flight.csv", channels=ALL[:6], healthy=True):
+    flown = flight() if healthy else gb.inject(flight(), gb.Drift(channel="q", onset_s=60.0, slope=1.0))
+    gb.write_log(flown.select([each for each in channels if each in flown]), tmp_path / name)
+    return tmp_path / name
+
+
+def test_it_is_found_by_its_name_and_keeps_the_contract():
+    assert gb.find_detector("auto") == AutoDetector()
+    channels = [name for name in ALL[:6] if name in flight()]
+    records = [record(6000, seed=seed).select(channels) for seed in (1, 2, 3)]
+    late = record(2750, seed=4).select(channels)
+    check_detector("auto", [*records, late], fault=gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0))
+
+
+def test_a_log_is_watched_as_by_the_bank_that_it_allows(tmp_path):
+    path = write(tmp_path, healthy=False)
+    auto, c = (gb.watch_log(path, name, healthy=[(0.0, 40.0)]) for name in ("auto", "C"))
+    assert auto.monitor.name == "auto"
+    assert [alarm.verdict for alarm in auto.alarms] == [alarm.verdict for alarm in c.alarms] == ["q failed"]
+    assert [alarm.time_s for alarm in auto.alarms] == [alarm.time_s for alarm in c.alarms]
+
+
+def test_what_healthy_logs_lack_isnt_asked_for(tmp_path):
+    whole, less = write(tmp_path), write(tmp_path, "less.csv", NO_HEADING)
+    detector, why = bank_for_logs([whole, less], ())
+    assert relations(detector.bank) == {"p": ("p_turn",), "q": ("q_turn",)}
+    assert len(why) == 1
+
+
+def test_a_column_without_a_number_isnt_there(tmp_path):
+    frame = flight().select(ALL[:6]).frame()
+    frame["psi"] = np.nan
+    path = tmp_path / "empty.csv"
+    named = {name: f"{name}_deg_s" if name in GYROS else f"{name}_deg" for name in frame}
+    frame.rename(columns=named).rename_axis("time_s").to_csv(path)
+    assert "psi" not in log_contents(path).usable
+    assert bank_for_logs([path], ())[0].bank.channels == ("p", "q", "phi", "r", "theta")
+
+
+def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_path):
+    path = tmp_path / "flight.log"
+    moving = [(20_000 * k, *(0.1 * math.sin(0.1 * k + i) for i in range(3))) for k in range(300)]
+    tables = {"IMU": "GyrX,GyrY,GyrZ", "ATT": "Roll,Pitch,Yaw"}
+    path.write_bytes(dataflash_text({kind: ("Qfff", f"TimeUS,{names}", moving) for kind, names in tables.items()}))
+    assert log_contents(path).attitude_from_gyros
+    assert bank_for_logs([path], ())[0].bank.attitude_from_gyros
+    columns = [f"{name}=ATT.{angle}:deg" for name, angle in (("phi", "Roll"), ("theta", "Pitch"), ("psi", "Yaw"))]
+    assert not log_contents(path, mapping=columns).attitude_from_gyros
+    table = write(tmp_path)
+    assert not log_contents(table).attitude_from_gyros
+    assert bank_for_logs([table], ())[0].bank.attitude_from_gyros  # at 50 Hz nothing shows that it is of its own
+    told = origin_in_logs([table], attitude="own")
+    assert not bank_for_logs([table], (), told)[0].bank.attitude_from_gyros
+
+
+def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
+    write(tmp_path, channels=NO_HEADING)
+    identified = ("monitor", "flight.csv", "--identify", "0:40", "--save", "m.json")
+    code, out, err = cli(*identified, "--details")
+    assert (code, err) == (0, "")
+    assert "bank auto: p and q from phi, r and theta, as bank B" in out
+    assert "told apart by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
+    assert "not told apart: p, q, phi and theta from r, for nothing predicts r" in out
+    assert "note: r isn't watched by itself: that takes psi" in out
+    monitor = gb.load_monitor(tmp_path / "m.json")
+    assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING, attitude_from_gyros=True)
+    gb.save_monitor(monitor, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
+    code, out, _ = cli("bank", "m.json", "--json")
+    printed = json.loads(out)
+    assert (code, printed["name"], printed["told_apart"]["p"]["r"]) == (0, "auto", "no")
+    assert cli("monitor", "flight.csv", "--detector", "m.json", "-q")[0] == 0
+    assert cli("calibrate", "flight.csv", "--detector", "auto", "--out", "c.json", "-q") == (0, "", "")
+    assert relations(gb.load_monitor(tmp_path / "c.json").bank) == relations(monitor.bank)
+
+
+def test_identify_alone_is_auto_and_nothing_at_all_still_lists(tmp_path, cli):
+    write(tmp_path, healthy=False)
+    named = cli("monitor", "flight.csv", "--detector", "auto", "--identify", "0:40")
+    assert named[0] == 1
+    assert named[1].startswith("The pitch gyro (q) failed at 6")
+    assert cli("monitor", "flight.csv", "--identify", "0:40") == named
+    code, out, err = cli("monitor", "flight.csv")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "bank auto: possible" in out
+    code, out, err = cli("bank", "auto")
+    assert (code, out) == (2, "")
+    assert "bank auto is made of a log's channels" in err
+    assert "auto" in json.loads(cli("list", "--json")[1])["detectors"]
+
+
+def test_a_log_that_allows_nothing_is_bad_input_in_one_line(tmp_path, cli):
+    write(tmp_path, channels=("p", "q", "r", "phi"))
+    code, out, err = cli("monitor", "flight.csv", "--identify", "0:40")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "flight.csv: bank auto finds nothing that tells what a gyro should read (there: p, q, r, phi)" in err

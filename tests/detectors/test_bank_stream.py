@@ -1,0 +1,353 @@
+"""Banks in the stream and in the batch: one engine, so the same alarms in any chunks and wherever a record is cut."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtmbench.detectors.bank.bank import load_bank
+from gtmbench.detectors.bank.calibrated import bank_residuals
+from gtmbench.detectors.bank_detector import calibrate
+from gtmbench.detectors.monitor.arming import Arming
+from gtmbench.detectors.monitor.scores import Track, residual_scores
+from gtmbench.errors import InputError
+from gtmbench.record import Record
+from gtmbench.shipped import shipped_banks
+from tests.helpers.monitors import monitor, record
+
+PERIOD_S = 0.02
+STATISTICS = {
+    "cusum": {"name": "cusum"},
+    "energy": {"name": "energy", "windows_s": (0.5, 5.0), "two_sided": False},
+    "whitened_energy": {"name": "whitened_energy", "windows_s": (0.5, 5.0)},
+}
+
+
+@cache
+def by(statistic):
+    """Return a monitor of bank C with another statistic."""
+    bank = load_bank("C")
+    bank = replace(bank, statistic=replace(bank.statistic, **STATISTICS[statistic]))
+    return calibrate([record(seed=seed) for seed in range(1, 4)], bank=bank)
+
+
+@cache
+def uncertain():
+    """Return a monitor that stands on one minute."""
+    monitor = calibrate(record(3000, seed=1), bank=load_bank("C"))
+    assert monitor.uncertainties
+    return monitor
+
+
+@cache
+def healthy():
+    return record(4000, seed=7)
+
+
+def changed(given, channel, row, change):
+    """Return a record whose channel is another function of itself from a row on."""
+    values = np.array(given[channel])
+    values[row:] = change(values[row:])
+    return given.replace(channel, values)
+
+
+def jammed(given, channel, row, stop=None):
+    values = np.array(given[channel])
+    values[row:stop] = values[row - 1]
+    return given.replace(channel, values)
+
+
+def drifting(given, channel, row, slope):
+    return changed(given, channel, row, lambda of: of + slope * PERIOD_S * np.arange(len(of)))
+
+
+def gappy(given):
+    for channel, rows in {"p": (900, 902), "psi": (1200, 1300), "r": (1500, 1501), "theta": (3000, 3010)}.items():
+        values = np.array(given[channel])
+        values[slice(*rows)] = np.nan
+        given = given.replace(channel, values)
+    return given
+
+
+FLIGHTS = {
+    "healthy": lambda: healthy(),
+    "jam": lambda: jammed(healthy(), "p", 2800),
+    "two at once": lambda: drifting(jammed(healthy(), "p", 2800), "r", 2820, 1.0),
+    "ended, then another": lambda: drifting(jammed(healthy(), "q", 1500, 1900), "q", 2900, 1.0),
+    "angle": lambda: drifting(healthy(), "phi", 2800, 2.0),
+    "gaps": lambda: gappy(drifting(healthy(), "r", 2800, 1.0)),
+    "gaps, short": lambda: gappy(jammed(healthy(), "p", 2800)).between(0.0, 61.0),
+    "wild from the start": lambda: changed(healthy(), "p", 0, lambda of: of * 3.0),
+}
+
+
+@cache
+def flight_of(name):
+    return FLIGHTS[name]()
+
+
+@cache
+def watched_by(used, name):
+    return used.watch(flight_of(name))
+
+
+def chunks(given, size):
+    for row in range(0, len(given), size):
+        yield Record(
+            given.values[row : row + size],
+            channels=given.channels,
+            sample_period_s=given.sample_period_s,
+            start_s=float(given.time_s[row]),
+        )
+
+
+def fed(used, given, size):
+    """Return a stream and what its pushes returned."""
+    stream = used.stream()
+    return stream, [stream.push(chunk) for chunk in chunks(given, size)]
+
+
+def figures(judged):
+    return judged.time_s, judged.sensor, judged.candidates, judged.kind
+
+
+def said(alarms, until_s=np.inf):
+    """Return what alarms say by a time, but for figures that round otherwise in other chunks."""
+    return [
+        (
+            alarm.number,
+            alarm.time_s,
+            alarm.onset_s,
+            alarm.source,
+            alarm.test,
+            [
+                (each.time_s, each.sensor, each.candidates, each.kind)
+                for each in alarm.judgements
+                if each.time_s <= until_s
+            ],
+        )
+        for alarm in alarms
+        if alarm.time_s <= until_s
+    ]
+
+
+def ends(alarms):
+    return [(alarm.fault, alarm.ended_s, alarm.end_known_s) for alarm in alarms]
+
+
+def check_stream(used, name, size):
+    given, watched = flight_of(name), watched_by(used, name)
+    stream, told = fed(used, given, size)
+    assert said(stream.alarms) == said(watched.alarms)
+    assert ends(stream.alarms) == ends(watched.alarms)
+    for alarm, other in zip(stream.alarms, watched.alarms, strict=True):
+        for each, its in zip(alarm.judgements, other.judgements, strict=True):
+            # a search may take another turn where residuals differ by a rounding error
+            assert each.parameters == pytest.approx(its.parameters, rel=5e-3, nan_ok=True)
+    last = {alarm.number: alarm for of in told for alarm in of}
+    assert tuple(last[number] for number in sorted(last)) == stream.alarms  # what was returned last is what is known
+    assert dict(stream.armed) == {
+        name: bool(score.armed[known(score, given)]) for name, score in watched.scores.items()
+    }
+    return watched
+
+
+def known(score, given):
+    """Return the last row that exists and is known at the end."""
+    return np.flatnonzero(score.exists & (score.known_s <= given.end_s + 1e-9))[-1]
+
+
+@pytest.mark.parametrize("name", shipped_banks())
+def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
+    check_stream(monitor(name), "gaps, short", 100)
+
+
+@pytest.mark.parametrize(
+    ("flight", "size"),
+    [
+        *((flight, 100) for flight in FLIGHTS if flight != "gaps, short"),
+        *((flight, 1) for flight in ("two at once", "ended, then another")),
+        ("gaps", 7),
+        ("two at once", 4000),
+    ],
+)
+def test_chunks_of_any_size_say_the_same(flight, size):
+    check_stream(monitor("C"), flight, size)
+
+
+@pytest.mark.parametrize("statistic", STATISTICS)
+def test_every_statistic_streams(statistic):
+    assert check_stream(by(statistic), "ended, then another", 50).alarms
+
+
+def test_a_monitor_in_doubt_streams():
+    assert check_stream(uncertain(), "jam", 500).alarms
+
+
+def test_two_faults_are_two_and_an_ended_one_makes_room_for_the_next():
+    two = watched_by(monitor("C"), "two at once")
+    assert {alarm.sensor for alarm in two.faults} == {"p", "r"}
+    ended = watched_by(monitor("C"), "ended, then another")
+    assert [alarm.sensor for alarm in ended.faults] == ["q", "q"]
+    assert ended.alarms[0].ended_s == pytest.approx(38.0, abs=1.0)
+    assert ended.alarms[1].ended_s is None
+
+
+@pytest.mark.parametrize(
+    ("name", "flight"),
+    [("C", "two at once"), ("C", "ended, then another")],
+)
+def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight):
+    given, whole = flight_of(flight), watched_by(monitor(name), flight)
+    times = [whole.alarms[0].time_s + after_s for after_s in (0.0, 0.49, 1.5, 7.0)]
+    times += [after.time_s for after in whole.alarms[1:]] + [given.end_s - 2.0]
+    for time_s in times:
+        if time_s < given.end_s:
+            cut = monitor(name).watch(given.between(0.0, time_s))
+            assert said(cut.alarms) == said(whole.alarms, time_s)
+            for output, score in cut.scores.items():
+                rows = score.known_s <= time_s + 1e-9
+                np.testing.assert_array_equal(score.armed[rows], whole.scores[output].armed[: len(rows)][rows])
+
+
+def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
+    watched = watched_by(monitor("C"), "wild from the start")
+    score = watched.scores["p"]
+    for output, score in watched.scores.items():
+        first = score.armed_s
+        for alarm in watched.alarms:
+            if alarm.source == output:
+                assert first is not None
+                assert first < alarm.time_s
+    above = np.flatnonzero(score.exists)[0]
+    assert score.armed[above] == (score.values[above] <= 1.0)
+
+
+def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter_isnt():
+    arming = Arming(output="p", source="p", track=Track(monitor("C"), "p"))
+    assert not arming.take(2.0, 0)  # above from the start
+    assert not arming.take(0.5, 1)
+    assert arming.take(2.0, 2)
+    arming.disarm(3, 2)
+    assert [arming.take(level, 3) for level in (2.0, np.nan, 3.0)] == [False] * 3
+    arming.rearm(6)
+    assert not arming.take(2.0, 6)  # it has never come down since
+    arming.disarm(7, 7)
+    assert [arming.take(level, 7) for level in (0.5, 2.0)] == [False] * 2
+    arming.rearm(9)
+    assert arming.take(2.0, 9)
+    arming.begin_anew(10)
+    assert not arming.armed
+    assert [arming.take(level, 10) for level in (2.0, 1.0, 2.0)] == [False, False, True]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_without_news_change_nothing_of_an_arming(seed):
+    random = np.random.default_rng(seed)
+    one, other = (Arming(output="p", source="p", track=Track(monitor("C"), "p"), changes=[]) for _ in range(2))
+    for start in range(0, 600, 100):
+        scores = random.choice([0.5, 1.0, 2.0, np.nan, np.inf], 100, p=random.dirichlet(np.ones(5)))
+        news = one.news(scores)
+        assert news.tolist() == sorted(set(news.tolist()))
+        risen = [at for at in news.tolist() if one.take(scores[at], start + at)]
+        assert risen == [at for at, score in enumerate(scores.tolist()) if other.take(score, start + at)]
+        assert vars(one) | {"track": None} == vars(other) | {"track": None}
+        for arming in (one, other):
+            (arming.disarm, arming.rearm)[start // 100 % 2](start + 100, *(start,) * (1 - start // 100 % 2))
+
+
+def test_an_alarm_rises_where_its_score_is_armed_and_disarms_it():
+    watched = watched_by(monitor("C"), "jam")
+    (alarm,) = watched.alarms
+    score = watched.scores[alarm.source]
+    row = int(np.flatnonzero(np.isclose(score.known_s, alarm.time_s))[0])
+    assert score.armed[row]
+    assert score.values[row] > 1.0
+    assert not score.armed[row + 1 :].any()
+    assert score.disarmed_s == pytest.approx(alarm.time_s, abs=1e-9)
+    assert watched.disarmed == {alarm.source: score.disarmed_s}
+
+
+def test_nothing_is_said_of_rows_that_are_known_after_the_end():
+    for used in (monitor("C"), uncertain()):
+        watched = used.watch(healthy())
+        for score in watched.scores.values():
+            assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()
+
+
+@pytest.mark.parametrize("name", ["C", "B", "C-early"])
+def test_levels_of_single_samples_are_those_of_the_batch(name):
+    used = monitor(name)
+    whole = residual_scores(used, gappy(healthy()), bank_residuals(used, gappy(healthy())))
+    stream = used.stream()
+    taken = []
+    take = stream._rows.take
+    stream._rows.take = lambda row: taken.append(take(row)) or taken[-1]
+    for chunk in chunks(gappy(healthy()), 1):
+        stream.push(chunk)
+    for i, output in enumerate(sorted(whole)):
+        ahead = round(used.look_ahead_of(output) / PERIOD_S)
+        there = [(row - ahead, values[i]) for row, values in enumerate(taken) if values is not None]
+        rows, values = np.array([row for row, _ in there]), np.array([value for _, value in there])
+        np.testing.assert_allclose(values, whole[output].values[rows], rtol=0, atol=1e-10)
+
+
+# memory and cost
+
+
+def test_a_streams_memory_doesnt_grow():
+    used = monitor("C")
+    stream = used.stream()
+    sizes, values, start = [], healthy().values, 0
+    for _ in range(16):  # 21 minutes, with an alarm at every seam: how much is held back then is another after each
+        for row in range(0, len(values), 250):
+            part = values[row : row + 250]
+            stream.push(Record(part, channels=healthy().channels, sample_period_s=PERIOD_S, start_s=start * PERIOD_S))
+            start += len(part)
+        tracks = stream._tracks.values()
+        sizes.append(
+            (
+                len(stream._memory._table),
+                max(len(track._rows) for track in tracks),
+                max(len(track.values) for track in tracks),
+            )
+        )
+    assert (np.max(sizes[8:], axis=0) <= np.max(sizes[:8], axis=0)).all()
+
+
+def test_a_record_full_of_alarms_is_diagnosed_a_few_times_only():
+    rng = np.random.default_rng(1)
+    wild = np.array(healthy().values)
+    for row in range(1500, 4000, 40):  # every 0.8 s another burst of another gyro
+        wild[row : row + 20, rng.integers(0, 3)] += 20.0 * rng.standard_normal(20)
+    given = Record(wild, channels=healthy().channels, sample_period_s=PERIOD_S)
+    watched = monitor("C").watch(given)
+    assert sum(len(alarm.judgements) > 1 for alarm in watched.alarms) <= 8
+
+
+# what is refused
+
+
+def test_a_chunk_that_is_refused_changes_nothing():
+    given = flight_of("jam")
+    stream = monitor("C").stream()
+    parts = list(chunks(given, 500))
+    for part in parts[:3]:
+        stream.push(part)
+    refused = {
+        "but 30 s is next": parts[4],
+        "isn't there": Record(parts[3].values[:, :3], channels=["p", "q", "r"], sample_period_s=PERIOD_S, start_s=30.0),
+        "sampled every 0.01 s": Record(parts[3].values, channels=given.channels, sample_period_s=0.01, start_s=30.0),
+        "a list was given for a Record": [1.0],
+    }
+    for words, chunk in refused.items():
+        with pytest.raises(InputError, match=words) as refusal:
+            stream.push(chunk)
+        assert "\n" not in str(refusal.value)
+    with pytest.raises(InputError, match="leave out what came before"):
+        stream.push(parts[0])
+    for part in parts[3:]:
+        stream.push(part)
+    assert said(stream.alarms) == said(watched_by(monitor("C"), "jam").alarms)
+    assert stream.push(Record(np.zeros((0, 11)), channels=given.channels, sample_period_s=PERIOD_S)) == ()

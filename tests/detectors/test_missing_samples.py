@@ -1,0 +1,336 @@
+"""A channel whose samples go missing is a finding of its own, with its times; a common gap is none."""
+
+import json
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gtmbench as gb
+from gtmbench.detectors.alarm import MISSING
+from gtmbench.detectors.monitor.missing import MissingSamples
+from gtmbench.record import Record
+from gtmbench.shipped import shipped_banks
+from gtmbench.testing.contract.case import contract_case
+from gtmbench.testing.contract.stream import STREAM
+from gtmbench.testing.contract.suite import check_property
+from gtmbench.testing.contract.watch import WATCH
+from tests.helpers import watching
+from tests.helpers.monitors import monitor, record
+
+PERIOD_S = 0.02
+TOLERATED = 25  # samples: half a second
+ONSET_S = 60.0
+CHANNELS = [(bank, channel) for bank in ("C", "B") for channel in gb.load_bank(bank).channels]
+
+
+@cache
+def healthy():
+    return record(5000, seed=11)
+
+
+def dropped(channel, onset_s=ONSET_S, of=None, **settings):
+    return gb.inject(healthy() if of is None else of, gb.Dropout(channel=channel, onset_s=onset_s, **settings))
+
+
+def without(channels, rows, of=None):
+    """Return a record whose channels miss some rows."""
+    of = healthy() if of is None else of
+    for channel in channels:
+        values = np.array(of[channel])
+        values[rows] = np.nan
+        of = of.replace(channel, values)
+    return of
+
+
+def dropouts(watch):
+    return [alarm for alarm in watch.alarms if alarm.test == MISSING]
+
+
+def others(watch):
+    return [alarm for alarm in watch.alarms if alarm.test != MISSING]
+
+
+# who, and when
+
+
+@pytest.mark.parametrize(("bank", "channel"), CHANNELS)
+def test_every_channel_of_a_bank_that_goes_missing_is_found_named_and_seen_to_come_back(bank, channel):
+    (alarm,) = monitor(bank).watch(dropped(channel, duration_s=15.0)).alarms
+    assert (alarm.onset_s, alarm.time_s) == (ONSET_S, pytest.approx(ONSET_S + TOLERATED * PERIOD_S))
+    assert (alarm.source, alarm.sensor, alarm.candidates, alarm.last.kind) == (channel, channel, (channel,), "dropout")
+    assert alarm.isolated_s == alarm.time_s
+    assert alarm.ended_s == ONSET_S + 15.0
+    assert alarm.ended_s < alarm.end_known_s <= alarm.ended_s + 4 * TOLERATED * PERIOD_S
+    assert not alarm.has_passed
+
+
+@pytest.mark.parametrize("bank", shipped_banks())
+def test_a_channel_that_stays_away_has_no_end_and_one_that_was_never_there_is_missing_from_the_start(bank):
+    (gone,) = monitor(bank).watch(dropped("r")).alarms
+    assert (gone.ended_s, gone.end_known_s) == (None, None)
+    (never,) = monitor(bank).watch(without(["r"], slice(None))).alarms
+    assert (never.sensor, never.onset_s, never.time_s, never.ended_s) == ("r", 0.0, TOLERATED * PERIOD_S, None)
+
+
+def test_a_channel_that_begins_late_ends_its_absence_then():
+    (late,) = monitor("C").watch(without(["psi"], slice(0, 50))).alarms
+    assert (late.onset_s, late.ended_s) == (0.0, 1.0)
+
+
+def test_as_much_as_is_tolerated_is_no_finding_and_a_sample_more_is():
+    hole = slice(3000, 3000 + TOLERATED)
+    assert monitor("C").watch(without(["p"], hole)).alarms == ()
+    assert len(monitor("C").watch(without(["p"], slice(hole.start, hole.stop + 1))).alarms) == 1
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf, -np.inf])
+def test_what_isnt_finite_is_missing(lost):
+    values = np.array(healthy()["q"])
+    values[3000:3100] = lost
+    (alarm,) = dropouts(monitor("C").watch(healthy().replace("q", values)))
+    assert (alarm.sensor, alarm.onset_s, alarm.ended_s) == ("q", 60.0, 62.0)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "duty"), [(0.1, 0.5), (0.5, 0.4), (1.0, 0.5), (2.0, 0.5), (2.5, 0.5)], ids=lambda value: f"{value:g}"
+)
+def test_a_contact_that_is_never_back_for_two_seconds_is_one_finding(period_s, duty):
+    intermittent = gb.Intermittent(period_s=period_s, duty=duty, jitter=0.2, seed=1)
+    broken = dropped("p", intermittent=intermittent, duration_s=30.0)
+    (alarm,) = dropouts(monitor("C").watch(broken))
+    assert ONSET_S <= alarm.onset_s <= ONSET_S + 0.2 * period_s + PERIOD_S
+    assert alarm.time_s <= ONSET_S + 2.0 + period_s
+    assert np.isnan(broken["p"][broken.time_s >= alarm.ended_s]).sum() <= TOLERATED // 5
+
+
+def test_samples_that_are_lost_now_and_then_are_no_finding():
+    lost = np.random.default_rng(3).random(len(healthy())) < 0.05
+    assert monitor("C").watch(without(["p"], lost)).alarms == ()
+
+
+def test_single_samples_that_are_lost_after_a_hole_dont_prolong_it():
+    lost = np.random.default_rng(3).random(len(healthy())) < 0.02
+    lost[:3000], lost[3000:3100] = False, True
+    (alarm,) = monitor("C").watch(without(["p"], lost)).alarms
+    assert (alarm.onset_s, alarm.ended_s) == (60.0, 62.0)
+
+
+# common gaps
+
+
+def test_a_common_gap_is_no_finding():
+    assert monitor("C").watch(without(healthy().channels, slice(3000, 3500))).alarms == ()
+    assert monitor("C").watch(without(monitor("C").channels, slice(3000, 3500))).alarms == ()  # others don't count
+    assert monitor("C").watch(without(healthy().channels, slice(None))).alarms == ()
+
+
+def test_a_channel_that_outlasts_a_common_gap_is_missing_since_the_others_live():
+    broken = without(["p"], slice(3500, 3600), of=without(healthy().channels, slice(3000, 3500)))
+    (alarm,) = dropouts(monitor("C").watch(broken))
+    assert (alarm.sensor, alarm.onset_s, alarm.ended_s) == ("p", 70.0, 72.0)
+
+
+@given(
+    rows=st.lists(st.sampled_from(["  ", "a ", " b", "ab"]), min_size=1, max_size=30),
+    stretch=st.integers(1, 9),
+    cuts=st.lists(st.integers(0, 270), max_size=6),
+)
+def test_the_rule_is_the_one_that_is_told_in_whatever_chunks(rows, stretch, cuts):
+    """Half a second is five samples here, two seconds are twenty, a tenth of a second is one."""
+    values = np.array([[np.nan if name in row else 0.0 for name in "abc"] for row in rows for _ in range(stretch)])
+    values[np.isnan(values[:, :2]).all(axis=1), 2] = np.nan
+    edges = sorted({0, len(values), *(cut for cut in cuts if cut < len(values))})
+    taken = MissingSamples(("a", "b", "c"), 0.1)
+    for first, stop in pairwise(edges):
+        if stop == first + 1:
+            taken.take_one(values[first].tolist())
+        else:
+            taken.take(np.isfinite(values[first:stop]))
+    told = {}
+    for row in range(len(values)):
+        told |= {alarm.number: alarm for alarm in taken.tell(row, float, len(told))}
+    assert [(alarm.source, alarm.time_s, alarm.ended_s) for alarm in told.values()] == by_the_rule(values, 5, 20)
+
+
+def by_the_rule(values, tolerated, window):
+    """Return whose samples are missing, when that is known, and when they are back: row by row, by the rule."""
+    live = [row for row in range(len(values)) if not np.isnan(values[row]).all()]
+    found, out = [], {}
+    for at, row in enumerate(live):
+        last = live[max(at + 1 - window, 0) : at + 1]
+        for column, name in enumerate("abc"):
+            missing = int(np.isnan(values[last, column]).sum())
+            if name in out and missing <= tolerated / 5:
+                found[out.pop(name)][2] = next(float(row) for row in last if not np.isnan(values[row, column]))
+            elif name not in out and missing > tolerated:
+                out[name] = len(found)
+                found.append([name, float(row), None])
+    return [tuple(each) for each in found]
+
+
+# beside other faults
+
+
+@pytest.mark.parametrize(
+    ("bank", "missing", "failed"),
+    [("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")],
+)
+def test_a_fault_of_a_sensor_that_doesnt_need_the_missing_one_is_found_as_ever(bank, missing, failed):
+    drift = gb.Drift(channel=failed, onset_s=ONSET_S + 5.0, slope=1.0)
+    alone = monitor(bank).watch(gb.inject(healthy(), drift)).alarms
+    watch = monitor(bank).watch(gb.inject(dropped(missing, ONSET_S), drift))
+    assert [alarm.sensor for alarm in dropouts(watch)] == [missing]
+    assert watch.alarms[0] == dropouts(watch)[0]
+    found = others(watch)[0]
+    assert found.source == alone[0].source
+    assert found.time_s == pytest.approx(alone[0].time_s, abs=1.0)
+    assert found.number == 1
+    assert found.fault == 1
+    assert failed in found.candidates
+
+
+def test_a_dropout_changes_nothing_that_was_said_before_or_is_said_of_others_scores():
+    jam = gb.inject(healthy(), gb.Jam(channel="q", onset_s=50.0))
+    alone, with_dropout = monitor("C").watch(jam), monitor("C").watch(dropped("p", 80.0, of=jam))
+    assert others(with_dropout)[0].judgements[:4] == alone.alarms[0].judgements[:4]
+    np.testing.assert_array_equal(with_dropout.scores["q"].values, alone.scores["q"].values)
+    assert [alarm.number for alarm in with_dropout.alarms] == list(range(len(with_dropout.alarms)))
+
+
+def test_two_channels_at_once_are_two_findings_in_the_banks_order():
+    watch = monitor("C").watch(without(["theta", "p"], slice(3000, 3200)))
+    assert [(alarm.number, alarm.sensor, alarm.fault) for alarm in watch.alarms] == [(0, "p", 0), (1, "theta", 1)]
+
+
+# in time
+
+
+@cache
+def wild():
+    """Dropouts that overlap, come and go, begin late, and a fault among them."""
+    broken = gb.inject(without(["beta", "phi"], slice(0, 80)), gb.Jam(channel="q", onset_s=52.0, duration_s=15.0))
+    broken = dropped("p", 51.0, of=broken, intermittent=gb.Intermittent(period_s=1.5, duty=0.5, jitter=0.3, seed=2))
+    return without(["r"], slice(3000, 3300), of=without(broken.channels, slice(2900, 3100), of=broken))
+
+
+def chunks(given, size):
+    for row in range(0, len(given), size):
+        yield Record(
+            given.values[row : row + size],
+            channels=given.channels,
+            sample_period_s=PERIOD_S,
+            start_s=float(given.time_s[row]),
+        )
+
+
+def said(alarms):
+    return [
+        (alarm.number, alarm.time_s, alarm.onset_s, alarm.source, alarm.test, alarm.ended_s, alarm.end_known_s)
+        for alarm in alarms
+    ]
+
+
+@pytest.mark.parametrize("size", [1, 7, 100, 3333])
+def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
+    watched = monitor("C").watch(wild())
+    assert {alarm.sensor for alarm in dropouts(watched)} == {"p", "r", "phi"}
+    assert others(watched)
+    stream, told = monitor("C").stream(), {}
+    for chunk in chunks(wild(), size):
+        for alarm in stream.push(chunk):
+            if alarm.number not in told:
+                assert chunk.start_s - 1e-9 <= alarm.time_s <= chunk.end_s + 1e-9
+            if alarm.end_known_s is not None and getattr(told.get(alarm.number), "end_known_s", None) is None:
+                assert chunk.start_s - 1e-9 <= alarm.end_known_s <= chunk.end_s + 1e-9
+            told[alarm.number] = alarm
+    assert said(stream.alarms) == said(watched.alarms)
+    assert tuple(told.values()) == stream.alarms
+
+
+@pytest.mark.parametrize("until_s", [0.48, 0.5, 3.58, 3.6, 53.0, 66.5, 80.0])
+def test_what_is_said_of_missing_samples_stands_on_nothing_after_it(until_s):
+    by_then = [alarm for alarm in monitor("C").watch(wild()).alarms if alarm.time_s <= until_s]
+    cut = monitor("C").watch(wild().between(0.0, until_s)).alarms
+    assert [(alarm.number, alarm.time_s, alarm.onset_s, alarm.source) for alarm in cut] == [
+        (alarm.number, alarm.time_s, alarm.onset_s, alarm.source) for alarm in by_then
+    ]
+    for alarm, later in zip(cut, by_then, strict=True):
+        assert alarm.end_known_s == (later.end_known_s if (later.end_known_s or np.inf) <= until_s else None)
+
+
+# scored, watched in logs, told
+
+
+@pytest.mark.parametrize("channel", monitor("C").channels)
+def test_a_dropout_is_scored_as_found_named_and_of_the_right_kind(channel):
+    fault = gb.Dropout(channel=channel, onset_s=ONSET_S, duration_s=10.0)
+    broken = gb.inject(healthy(), fault)
+    verdict = gb.score(monitor("C").watch(broken), fault=fault, healthy=healthy(), broken=broken)
+    assert (verdict.detected, verdict.isolated, verdict.named_wrong) == (True, True, False)
+    assert (verdict.axis_right, verdict.kind_right, verdict.kind_right_20s) == (True, True, True)
+    assert (verdict.false_alarms, verdict.altered_share) == (0, 1.0)
+    assert verdict.detection_delay_s == verdict.isolation_delay_s == TOLERATED * PERIOD_S
+    assert verdict.end_error_s == 0.0
+
+
+def test_the_shipped_scenario_is_named_by_bank_c_as_it_expects():
+    trials = gb.run("dropout", detectors=[watching.monitor()])
+    assert [(trial.channel, trial.sensor, trial.kind) for trial in trials] == [(c, c, "dropout") for c in "pqr"]
+    assert all(trial.expected is not None and trial.unexpected == () for trial in trials)
+
+
+@cache
+def case_of(channel):
+    fault = gb.Dropout(channel=channel, onset_s=30.0, duration_s=5.0)
+    return contract_case(monitor("C"), [record(2750, seed=seed) for seed in (1, 4)], fault=fault)
+
+
+@pytest.mark.parametrize("channel", ["p", "psi"])
+@pytest.mark.parametrize("name", [*WATCH, *STREAM])
+def test_a_bank_keeps_the_contract_on_a_record_with_a_dropout(channel, name):
+    check_property(case_of(channel), name)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Write a monitor, and logs: one without p for 10 s, one without anything for as long, healthy else."""
+    folder = tmp_path_factory.mktemp("logs")
+    gb.save_monitor(monitor("C"), folder / "C.json")
+    gb.write_log(dropped("p", duration_s=10.0), folder / "dropout.csv")
+    gb.write_log(without(healthy().channels, slice(3000, 3500)), folder / "common.csv")
+    lines = (folder / "common.csv").read_text().splitlines(keepends=True)
+    (folder / "gap.csv").write_text("".join(lines[:3001] + lines[3501:]))
+    return folder
+
+
+def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli, logs, tmp_path):
+    watch = ("monitor", str(logs / "dropout.csv"), "--detector", str(logs / "C.json"))
+    code, out, err = cli(*watch, "--details", "--record", str(tmp_path / "l.rrd"), "--figure", str(tmp_path / "l.png"))
+    assert (code, err) == (1, "")
+    assert "\n60.50 s  p failed; dropout\n" in out
+    assert "alarm of the missing samples of p; since about 60.00 s; named at 60.50 s; gone since 70.00 s" in out
+    assert out.startswith("The roll gyro (p) failed at 60.0 s: dropout.\n")
+    told = [row for row in gb.read_recording(tmp_path / "l.rrd").itertuples() if "missing samples of p" in str(row)]
+    assert told
+    code, out, _ = cli(*watch, "--json")
+    (finding,) = json.loads(out)["findings"]
+    assert code == 1
+    assert (finding["text"], finding["kind"], finding["residual"], finding["test"]) == (
+        "p failed",
+        "dropout",
+        "p",
+        "missing",
+    )
+    assert (finding["alarm_s"], finding["began_s"], finding["ended_s"]) == (60.5, 60.0, 70.0)
+
+
+@pytest.mark.parametrize(("log", "kind"), [("common.csv", "missing"), ("gap.csv", "gap")])
+def test_a_common_gap_of_a_log_is_a_remark(cli, logs, log, kind):
+    code, out, err = cli("monitor", str(logs / log), "--detector", str(logs / "C.json"), "--json")
+    printed = json.loads(out)
+    assert (code, err, printed["findings"]) == (0, "", [])
+    assert kind in {remark["kind"] for remark in printed["log"]["remarks"]}

@@ -1,0 +1,114 @@
+"""Faults put on one record say when they alarm as watching the broken record does; only the price differs."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.detectors.trials import WatchedTrials, stretches, trials_on
+from tests.helpers.monitors import monitor, record, truth
+
+SENSORS = ("p", "q", "r", "phi", "theta", "psi")
+
+
+def faults(channel, onset_s):
+    """Faults that alarm at once, late and never, and last or pass."""
+    at = {"channel": channel, "onset_s": onset_s}
+    return [
+        gb.Drift(**at, slope=0.2),
+        gb.Drift(**at, slope=-3.0, duration_s=3.0),
+        gb.Jam(**at),
+        gb.Bias(**at, size=1e-4),
+        gb.Bias(**at, size=4.0, ramp_s=2.0),
+        gb.ScaleFactor(**at, factor=0.5, intermittent=gb.Intermittent(period_s=2.0, duty=0.5)),
+        gb.Noise(**at, deviation=3.0, seed=5),
+        gb.Delay(**at, delay_s=0.3),
+    ]
+
+
+@cache
+def norm():
+    """The dissertation's operator on made-up motion: p, q and the attitude's rate tell r."""
+    recipe = gb.DissertationOperator(
+        inputs=("p", "q", "beta"), outputs=("r",), causal_order=20, noncausal_order=10, window=50
+    )
+    flight = truth(seed=8)
+    noise = [np.random.default_rng(seed).standard_normal(flight.values.shape) * 0.05 for seed in (1, 2)]
+    return recipe.calibrate(
+        [gb.Record(flight.values + each, channels=flight.channels, sample_period_s=0.02) for each in noise]
+    )
+
+
+def check(own, watched, fault):
+    said, wanted = own.detection(fault), watched.detection(fault)
+    assert said.alarm_s == wanted.alarm_s == own.first_alarm_s(fault), fault
+    return said, wanted
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_a_bank_alarms_when_watching_does(sensor):
+    healthy = record(4000, seed=31)
+    own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)
+    said = [check(own, watched, fault) for fault in faults(sensor, 50.01)]
+    alarmed = [each.alarm_s is not None for each, _ in said]
+    assert 3 <= sum(alarmed) < len(alarmed)
+    lasting, seen = said[0]
+    assert lasting.peak_ratio == pytest.approx(seen.peak_ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize("bank", ["B", "C-early"])
+def test_so_does_a_bank_whose_residuals_a_gyro_enters_as_an_input(bank):
+    healthy = record(3300, seed=32)
+    own, watched = trials_on(monitor(bank), healthy), WatchedTrials(monitor(bank), healthy)
+    for sensor, fault in (("p", 0), ("q", 2), ("r", 5), ("theta", 2)):
+        check(own, watched, faults(sensor, 55.0)[fault])
+
+
+def test_the_operator_alarms_when_watching_does():
+    own, watched = trials_on(norm(), truth(seed=9)), WatchedTrials(norm(), truth(seed=9))
+    told = [check(own, watched, fault) for sensor in ("p", "r", "beta", "nz") for fault in faults(sensor, 40.0)]
+    assert {each.alarm_s is None for each, _ in told} == {True, False}
+    for said, wanted in told:
+        assert said.peak_ratio == pytest.approx(wanted.peak_ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["bank", "operator"])
+def test_what_is_not_simple_is_watched(name):
+    watcher = monitor() if name == "bank" else norm()
+    healthy = record(3000, seed=33) if name == "bank" else truth(3000, seed=33)
+    own, watched = trials_on(watcher, healthy), WatchedTrials(watcher, healthy)
+    missing = gb.Dropout(channel="r", onset_s=40.0, duration_s=2.0)
+    check(own, watched, missing)
+    for onset_s in (healthy.start_s, 0.3, healthy.end_s):  # before it is armed, and at the very end
+        check(own, watched, gb.Bias(channel="r", onset_s=onset_s, size=9.0))
+    with pytest.raises(gb.InputError, match="outside of the record"):
+        own.first_alarm_s(gb.Jam(channel="r", onset_s=-5.0))
+
+
+def test_a_record_that_alarms_before_the_onset_is_watched():
+    healthy = gb.inject(record(3500, seed=34), gb.Bias(channel="q", onset_s=45.0, size=5.0, duration_s=1.0))
+    own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)
+    said, _ = check(own, watched, gb.Bias(channel="p", onset_s=60.0, size=5.0))
+    assert said.alarm_s > 60.0
+
+
+def test_what_is_known_after_the_onset_and_healthy_counts_as_watching_has_it():
+    healthy = gb.inject(record(3500, seed=34), gb.Bias(channel="q", onset_s=60.0, size=5.0, duration_s=1.0))
+    own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)
+    for fault in (gb.Bias(channel="p", onset_s=59.0, size=1e-3), gb.Bias(channel="q", onset_s=59.99, size=1e-3)):
+        said, _ = check(own, watched, fault)
+        assert 60.0 < said.alarm_s < 61.0
+
+
+def test_any_other_detector_is_watched():
+    limit = gb.FunctionDetector(lambda record: record.time_s[record["p"] > 40.0][:1], name="limit")
+    ready = limit.calibrate([record(500, seed=1)])
+    assert trials_on(ready, record(2000, seed=2)).first_alarm_s(gb.Bias(channel="p", onset_s=20.0, size=99.0)) == 20.0
+
+
+def test_stretches_cover_all_rows_once():
+    parts = stretches(7, 100_000)
+    assert [row for part in parts for row in (part.start, part.stop)][1:-1:2] == [part.start for part in parts[1:]]
+    assert parts[0].start == 7
+    assert parts[-1].stop == 100_000

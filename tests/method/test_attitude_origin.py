@@ -1,0 +1,110 @@
+"""Whether the gyros drive an attitude, found out from samples: own only where that shows, else driven."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+import gtmbench as gb
+from gtmbench.attitude import carried_on
+from gtmbench.channels import ATTITUDE, GYROS
+from gtmbench.method.attitude_origin import origin_of
+from tests.helpers.scripts import script
+
+RATE_HZ = 200.0
+
+
+@cache
+def motion(seconds=60.0):
+    """Slow motion: rates, and the attitude that they integrate to."""
+    draw = np.random.default_rng(9).standard_normal((int(seconds * RATE_HZ), 3))
+    rates = sosfilt(butter(4, [0.1, 1.5], "bandpass", output="sos", fs=RATE_HZ), draw, axis=0)
+    rates *= 6.0 / rates.std()
+    path = [[2.0, 3.0, 40.0]]
+    for before, now in pairwise(rates.tolist()):
+        path.append(list(carried_on(path[-1], before, now, 1.0 / RATE_HZ)))
+    return rates, np.array(path)
+
+
+def logged(gyro_noise=0.5, angle_noise=0.0005, *, tau=None, seed=1):
+    """A record whose attitude is of its own, or an estimator's of the noisy gyros."""
+    draw = np.random.default_rng(seed)
+    rates, attitude = motion()
+    noisy = rates + gyro_noise * draw.standard_normal(rates.shape)
+    own = attitude + angle_noise * draw.standard_normal(attitude.shape)
+    record = gb.Record(
+        np.hstack([noisy, attitude if tau else own]), channels=[*GYROS, *ATTITUDE], sample_period_s=1.0 / RATE_HZ
+    )
+    return gb.filtered_attitude(record, time_constant_s=tau, seed=seed) if tau else record
+
+
+def late(record, rows):
+    """The attitude some rows late."""
+    for name in ATTITUDE:
+        record = record.replace(name, np.concatenate([np.full(rows, record[name][0]), record[name][:-rows]]))
+    return record
+
+
+def smooth(record, hz):
+    """The attitude behind a low-pass."""
+    low = butter(2, hz, output="sos", fs=RATE_HZ)
+    for name in ATTITUDE:
+        record = record.replace(name, record[name][0] + sosfilt(low, record[name] - record[name][0]))
+    return record
+
+
+@pytest.mark.parametrize("rows", [0, 10])
+def test_an_attitude_without_the_gyros_noise_is_of_its_own_late_or_not(rows):
+    record = late(logged(), rows) if rows else logged()
+    told = origin_of([record])
+    assert not told.is_driven
+    assert set(told.shares) == set(GYROS)
+    assert all(share > 0.9 for share in told.shares.values())
+    assert "noise" in told.why
+
+
+@pytest.mark.parametrize("tau", [0.2, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize(
+    "change", [lambda r: r, lambda r: late(r, 7), lambda r: smooth(r, 20.0), lambda r: smooth(r, 3.0)]
+)
+def test_an_attitude_of_the_gyros_is_never_taken_for_its_own(tau, change):
+    told = origin_of([change(logged(tau=tau))])
+    assert told.is_driven
+    assert told.is_assumed
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        logged(gyro_noise=0.0),
+        logged(gyro_noise=0.02, angle_noise=0.05),  # the attitude's own noise hides the gyros'
+        gb.decimate(logged(), 4),  # at 50 Hz noise folds back into the gyros alone
+        logged().select(["p", "phi", "theta", "psi"]),
+        logged().between(0.0, 2.0),
+    ],
+    ids=["no noise", "loud attitude", "50 Hz", "one gyro", "2 s"],
+)
+def test_where_nothing_shows_it_is_taken_for_driven(record):
+    told = origin_of([record])
+    assert (told.is_driven, told.is_assumed) == (True, True)
+
+
+def test_a_low_passed_attitude_that_follows_each_frequency_by_another_delay_is_no_own_one():
+    # its low-pass cuts just where the motion ends, so that by its gain alone it follows all but the gyros' noise
+    told = script("attitude_origin")["driven_case"](34_202, "driven")
+    assert not told["own"], told["why"]
+
+
+def test_what_a_format_documents_is_believed():
+    for documented in (True, False):
+        told = origin_of([logged()], documented=documented)
+        assert (told.is_driven, told.is_assumed) == (documented, False)
+
+
+def test_several_stretches_are_asked_together():
+    whole = logged()
+    parts = [whole.between(0.0, 25.0), whole.between(26.0, 59.0)]
+    assert not origin_of(parts).is_driven
+    assert origin_of([*parts, logged(tau=5.0)]).is_driven

@@ -1,0 +1,266 @@
+"""Closed loop, noise fed back: instruments are consistent where least squares and prediction errors can't be."""
+
+import re
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy import signal, stats
+
+from gtmbench.errors import RankWarning
+from gtmbench.method.estimators.instruments import InstrumentalVariables
+from gtmbench.method.estimators.prediction_error import PredictionError
+from tests.helpers.oracles import means, record, siso
+from tests.helpers.plants import companion, example_3_2
+
+SMALL = companion([0.5, 1.0], [0.5, 1.8])
+SNR = 10.0  # of c's power over v's
+
+
+def loops(plant, samples, count, seed=0):
+    """Return records of c, u, y: white c, process noise v behind where u is measured."""
+    c, v = np.moveaxis(np.random.default_rng([seed, samples]).standard_normal((2, samples, 1, count)), -1, 1)
+    u, y = plant.closed_loop(c, plant.lqr(1.0), v / np.sqrt(SNR))
+    return [record(c=c[i, :, 0], u=u[i, :, 0], y=y[i, :, 0]) for i in range(count)]
+
+
+def rms_error(records, estimator, truth, r, d):
+    errors = [siso(series, estimator, r, d).markov - truth for series in records]
+    return np.sqrt(np.mean(np.square(errors)))
+
+
+DELAYED = InstrumentalVariables(instruments=("c",), delay=3)
+PAST = InstrumentalVariables(instruments=("c",), past=20)
+FILTERED = InstrumentalVariables(instruments=("c",), delay=3, prefilter=([1.0, 0.5], [1.0, -0.4]))
+
+
+@pytest.fixture(scope="module")
+def examples():
+    """Return loops of example 3.2: 24 of 4000 samples and 24 of 16,000."""
+    return {samples: loops(example_3_2(), samples, 24) for samples in (4000, 16_000)}
+
+
+@pytest.mark.parametrize("estimator", [DELAYED, PAST, FILTERED], ids=["delayed", "past", "filtered"])
+def test_instruments_are_consistent_in_example_3_2(examples, estimator):
+    """Four times the samples halve the error: 24 loops of 101 parameters tell the ratio to about 10 %."""
+    truth = example_3_2().laurent(50, 50)
+    short, long = (rms_error(some, estimator, truth, 50, 50) for some in examples.values())
+    assert 1.6 < short / long < 2.5
+    mean = np.mean([siso(series, estimator, 50, 50).markov for series in examples[16_000]], axis=0) - truth
+    assert np.sqrt(np.mean(mean**2)) < 1.5 * long / np.sqrt(24)  # what is left averages out: no bias
+
+
+@pytest.mark.parametrize("estimator", [None, PredictionError(noise_order=10)], ids=["LS", "PEM"])
+def test_least_squares_and_prediction_errors_are_biased_in_example_3_2(examples, estimator):
+    truth = example_3_2().laurent(50, 50)
+    some = examples[16_000][:8]
+    mean = np.mean([siso(series, estimator, 50, 50).markov for series in some], axis=0) - truth
+    instrumental = rms_error(some, DELAYED, truth, 50, 50)
+    assert np.linalg.norm(mean) / np.sqrt(mean.size) > 2.0 * instrumental / np.sqrt(8)
+    assert np.abs(mean).max() > 5.0 * instrumental
+
+
+def test_the_lags_of_3_55_are_nearly_useless_for_an_unstable_plant(examples):
+    """C to u has the plant's unstable poles as zeros: Z' Phi tends to a singular matrix, by 1.6 to the minus lags."""
+    truth, some = example_3_2().laurent(50, 50), examples[4000][:6]
+    basic = InstrumentalVariables(instruments=("c",))
+    conditions = [siso(some[0], instruments, 50, 50).condition for instruments in (basic, DELAYED, PAST)]
+    assert conditions[0] > 30.0 * max(conditions[1:])
+    assert rms_error(some, basic, truth, 50, 50) > 10.0 * rms_error(some, DELAYED, truth, 50, 50)
+
+
+def spectra(plant, points=8192):
+    """Return z and the transfer functions c to u, v to u, c to y, v to y of the small loop, on the unit circle."""
+    z = np.exp(2j * np.pi * np.arange(points) / points)
+    K, A, B, C = plant.lqr(1.0), plant.system.A, plant.system.B, plant.system.C
+    to_x = np.array([np.linalg.solve(point * np.eye(len(A)) - A + B @ K, B) for point in z])[:, :, 0]
+    return z, 1.0 - to_x @ K[0], -to_x @ K[0], to_x @ C[0], to_x @ C[0]
+
+
+def covariance(z, response, other, lag):
+    """Return E a(k) b(k - lag) of unit white noise filtered by `response` and by `other`."""
+    return np.mean(response * np.conj(other) * z**lag).real
+
+
+def limit(plant, r, d, delay=None):
+    """Return what least squares, or instruments with so much delay, tend to: by the loop's spectra."""
+    z, cu, vu, cy, vy = spectra(plant)
+    lags, power = np.arange(-d, r + 1), 1.0 / SNR
+    if delay is None:
+        matrix = [[covariance(z, cu, cu, i - j) + power * covariance(z, vu, vu, i - j) for j in lags] for i in lags]
+        right = [covariance(z, cy, cu, i) + power * covariance(z, vy, vu, i) for i in lags]
+    else:
+        matrix = [[covariance(z, cu, 1.0, i + delay - j) for j in lags] for i in lags]
+        right = [covariance(z, cy, 1.0, i + delay) for i in lags]
+    return np.linalg.solve(matrix, right)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "delay"), [(None, None), (InstrumentalVariables(instruments=("c",), delay=1), 1)], ids=["LS", "IV"]
+)
+def test_estimates_tend_to_what_the_loops_spectra_say(estimator, delay):
+    """Also where they are biased: LS to the Wiener filter of u onto y."""
+    expected = limit(SMALL, 12, 12, delay)
+    errors = []
+    for samples in (4000, 16_000):
+        some = [siso(series, estimator, 12, 12).markov[:, 0, 0] - expected for series in loops(SMALL, samples, 32)]
+        errors.append(np.sqrt(np.mean(np.square(some))))
+        assert np.sqrt(np.mean(np.mean(some, axis=0) ** 2)) < 2.0 * errors[-1] / np.sqrt(32)
+    assert 1.6 < errors[0] / errors[1] < 2.5
+
+
+def test_the_limit_of_instruments_is_the_plant_and_that_of_least_squares_isnt():
+    truth = SMALL.laurent(12, 12)[:, 0, 0]
+    tail = SMALL.tail(12, 12)[0, 0]
+    assert np.linalg.norm(limit(SMALL, 12, 12, 1) - truth) < 10.0 * tail
+    assert np.linalg.norm(limit(SMALL, 12, 12) - truth) > 0.05 * np.linalg.norm(truth)
+
+
+@pytest.fixture(scope="module")
+def endogenous():
+    """Return 300 records whose input holds some of the output's own white noise: theory's covariance is exact there."""
+    records = []
+    for seed in range(300):
+        c, e = np.random.default_rng([3, seed]).standard_normal((2, 500))
+        u = signal.lfilter([1.0, 0.5], 1.0, c) + 0.7 * e
+        records.append(record(c=c, u=u, y=2.0 * u + e))
+    return records
+
+
+def test_the_covariance_of_instruments_is_right_and_least_squares_misses(endogenous):
+    truth = np.array([0.0, 2.0, 0.0])
+    for estimator, right in ((InstrumentalVariables(instruments=("c",), past=1), True), (None, False)):
+        operators = [siso(series, estimator, 1, 1) for series in endogenous]
+        off = [operator.markov[:, 0, 0] - truth for operator in operators]
+        squares = [
+            x @ np.linalg.solve(operator.covariance("y")[:, 0, :, 0], x)
+            for x, operator in zip(off, operators, strict=True)
+        ]
+        low, high = stats.chi2.ppf([1e-5, 1 - 1e-5], 3 * 300)
+        assert (low < np.sum(squares) < high) == right
+
+
+def written_out(records, estimator, r, d, inputs, weights):
+    """Return Z, Phi, y, each times the root of the weights, over all equations whose samples all count."""
+    causal, noncausal = r + estimator.delay + estimator.past, d - estimator.delay + estimator.future
+    names = [*estimator.instruments, *inputs, "y"]
+    centre, count, parts = means(records, names, weights), len(estimator.instruments), []
+    reach = max(noncausal, d)
+    for series, w in zip(records, weights, strict=True):
+        values = series.matrix(names) - centre
+        z = values[:, :count]
+        if estimator.prefilter:
+            z = signal.lfilter(*estimator.prefilter, z, axis=0)
+        rows = range(causal, len(values) - reach)
+        root = np.sqrt(w[list(rows)])[:, None]
+        parts.append(
+            (
+                np.array([[z[k - i] for i in range(-noncausal, causal + 1)] for k in rows]).reshape(len(rows), -1)
+                * root,
+                np.array([[values[k - i, count:-1] for i in range(-d, r + 1)] for k in rows]).reshape(len(rows), -1)
+                * root,
+                values[list(rows), -1:] * root,
+            )
+        )
+    return [np.concatenate(part) for part in zip(*parts, strict=True)]
+
+
+CASES = {
+    "basic": ({}, ["u"]),
+    "delayed": ({"delay": 2}, ["u"]),
+    "delayed beyond": ({"delay": 7}, ["u"]),
+    "past": ({"past": 3}, ["u"]),
+    "future": ({"delay": 1, "future": 4}, ["u"]),
+    "filtered": ({"delay": 1, "prefilter": ([2.0, 1.0], [2.0, -1.0])}, ["u"]),
+    "two of each": ({"instruments": ("c", "b")}, ["u", "v"]),
+    "one for two": ({"past": 9}, ["u", "v"]),
+}
+
+
+@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize("case", CASES)
+def test_instruments_solve_their_equations_written_out(case, several):
+    given_settings, inputs = CASES[case]
+    estimator = InstrumentalVariables(**{"instruments": ("c",), **given_settings})
+    rng = np.random.default_rng(2)
+    records, weights = [], []
+    for samples in (400, 150) if several else (400,):
+        c, b, e = rng.standard_normal((3, samples))
+        mixed = signal.lfilter([1.0, 0.6, 0.3, 0.5, -0.4, 0.3], [1.0, -0.5], c)
+        u, v = mixed + 0.5 * e, np.roll(b, 2) + np.roll(mixed, 7) + 0.3 * e
+        records.append(record(c=1e5 * c + 7.0, b=b, u=1e-6 * u, v=v + 3.0, y=u - np.roll(v, 1) + e))
+        weights.append(rng.random(samples) + 0.5 if several else np.ones(samples))
+    operator = siso(records, estimator, 3, 2, inputs, weights=weights if several else None)
+    z, phi, y = written_out(records, estimator, 3, 2, inputs, weights)
+    theta = operator.markov[:, 0].reshape(-1, 1)
+    left = y - phi @ theta
+    if z.shape[1] == phi.shape[1]:
+        scale = np.linalg.norm(z, axis=0) * np.linalg.norm(y)
+        np.testing.assert_allclose((z.T @ left)[:, 0] / scale, 0.0, atol=1e-11)
+    basis = scipy.linalg.orth(z / np.linalg.norm(z, axis=0))
+    scale = np.linalg.norm(phi, axis=0)
+    expected = np.linalg.lstsq(basis.T @ phi / scale, basis.T @ y, rcond=None)[0] / scale[:, None]
+    np.testing.assert_allclose(
+        theta * scale[:, None], expected * scale[:, None], rtol=0, atol=1e-9 * np.abs(expected * scale[:, None]).max()
+    )
+    centre = means(records, [*inputs, "y"], weights)
+    np.testing.assert_allclose([*operator.input_means, *operator.output_means], centre, rtol=1e-9, atol=1e-15)
+    projected = basis.T @ phi
+    total = sum(
+        np.sum(w[3 + estimator.delay + estimator.past : len(w) - max(2, 2 - estimator.delay + estimator.future)])
+        for w in weights
+    )
+    variance = np.sum(left**2) / (total - phi.shape[1])
+    expected_covariance = variance * np.linalg.inv(projected.T @ projected / np.outer(scale, scale))
+    stated = operator.covariance("y").reshape(phi.shape[1], -1) * np.outer(scale, scale)
+    np.testing.assert_allclose(stated, expected_covariance, rtol=0, atol=1e-8 * np.abs(expected_covariance).max())
+
+
+def test_inputs_as_their_own_instruments_are_least_squares():
+    series = loops(SMALL, 600, 1)[0]
+    own = siso(series, InstrumentalVariables(instruments=("u",)), 10, 10)
+    np.testing.assert_allclose(own.markov, siso(series, None, 10, 10).markov, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(own.standard_error, siso(series, None, 10, 10).standard_error, rtol=1e-9)
+
+
+def test_a_constant_factor_in_the_prefilter_and_the_instruments_unit_change_nothing():
+    series = loops(SMALL, 600, 1)[0]
+    plain = siso(series, InstrumentalVariables(instruments=("c",), delay=1), 5, 5).markov
+    other = siso(
+        series.replace("c", 1e9 * series["c"] - 4.0),
+        InstrumentalVariables(instruments=("c",), delay=1, prefilter=([7.0], [2.0])),
+        5,
+        5,
+    )
+    np.testing.assert_allclose(other.markov, plain, rtol=0, atol=1e-9)
+
+
+def test_instruments_that_move_at_one_frequency_determine_two_parameters():
+    rng = np.random.default_rng(0)
+    c = np.sin(2 * np.pi * np.arange(2000) / 50)
+    u = c + rng.standard_normal(2000)
+    series = record(c=c, u=u, y=u + 0.1 * rng.standard_normal(2000))
+    with pytest.warns(RankWarning, match="the instruments c determine 2 of the 11 Markov parameters"):
+        operator = siso(series, InstrumentalVariables(instruments=("c",)), 5, 5)
+    assert operator.rank == 2
+
+
+@pytest.mark.filterwarnings("ignore::gtmbench.errors.ConvergenceWarning")  # as many parameters as equations
+@pytest.mark.parametrize(
+    "estimator",
+    [InstrumentalVariables(instruments=("c",), past=60), PredictionError(noise_order=60)],
+    ids=["IV", "PEM"],
+)
+def test_the_samples_that_a_short_record_is_told_to_have_are_just_enough(estimator):
+    record = loops(SMALL, 400, 1)[0]
+    with pytest.raises(ValueError, match="samples of u give 0 equations") as refused:
+        siso(record.between(0.0, 0.59), estimator, 5, 5)
+    needed = int(re.search(r"at least (\d+) samples", str(refused.value))[1])
+    siso(record.between(0.0, (needed - 1) * 0.01), estimator, 5, 5)
+    with pytest.raises(ValueError, match=f"at least {needed} samples"):
+        siso(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
+
+
+def test_an_output_is_no_instrument_of_its_own():
+    with pytest.raises(ValueError, match="'y' is instrument and pseudo output, with lag -5"):
+        siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)

@@ -1,0 +1,189 @@
+"""The pages under docs/ tell the truth: their Python runs, their commands are commands, their example is the file."""
+
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import fields
+from types import ModuleType
+
+import pytest
+
+from gtmbench.cli.app import app
+from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.faults import registry as kinds_of_faults
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.intake.formats import registry as formats
+from gtmbench.study.expectation import Expectation
+from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
+from gtmbench.study.score import SAME_KINDS
+from tests.helpers.pages import ROOT, blocks, commands, run_chain
+
+PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
+
+
+TUTORIAL = ROOT / "docs/tutorial/in_python.md"
+SCRIPTS = [page for page in PAGES if blocks(page, "python") and page != TUTORIAL]
+
+
+@pytest.mark.parametrize("page", SCRIPTS, ids=lambda page: page.stem)
+def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
+    """As a module of its own, in this process, which has imported what takes long and finds `experiments/`."""
+    module = ModuleType(f"page_{page.stem}")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(kinds_of_faults, "_registered", {})
+    monkeypatch.setattr(formats, "FORMATS", formats.FORMATS)
+    monkeypatch.chdir(tmp_path)
+    exec(compile("\n".join(blocks(page, "python")), page.name, "exec"), vars(module))
+    out, err = capsys.readouterr()
+    assert err == ""
+    if page.stem == "identify":
+        assert "[p q beta] -> r (101, 1, 3)" in out
+        alarms = re.findall(r"^(?:alarm at )?\[(\d+\.\d+)", out, flags=re.MULTILINE)
+        assert len(alarms) > 1
+        assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
+    if page.stem == "detectors":
+        assert re.search(r"^0 \d+\.\d+ q alarm$", out, flags=re.MULTILINE)
+
+
+def test_the_tutorials_python_runs_in_a_new_interpreter(tmp_path):
+    script = "\n".join(blocks(TUTORIAL, "python"))
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
+def test_its_commands_parse(page):
+    for line in "".join(blocks(page, "sh")).splitlines():
+        program, command, *arguments = shlex.split(line, comments=True)
+        assert program == "gtmbench"
+        app.commands[command].make_context(command, arguments)
+
+
+CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
+    "gtmbench run": "jam --no-figures",
+    "gtmbench run drift jam": "--no-figures --no-recording",
+    "gtmbench run jam": "--no-figures",
+}
+
+
+@pytest.mark.parametrize(
+    "names", [("tutorial/first_flight", "how_to/my_log"), ("reference/cli",)], ids=lambda names: names[0]
+)
+def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
+    pages = [ROOT / f"docs/{name}.md" for name in names]
+    for page in pages:
+        for content in blocks(page, "toml"):
+            (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
+    elsewhere = (
+        "gyro_x",
+        "gtmbench rescue",
+        "gtmbench check",
+        "gtmbench run drift jam",
+    )  # no such column; the README's
+    chain = [line for page in pages for line in commands(page) if not any(part in line for part in elsewhere)]
+    assert len(chain) > 10
+    broken = "gtmbench monitor broken.csv --identify 0:25 --figure broken.png"
+    run_chain(chain, tmp_path, monkeypatch, capsys, cheap=CHEAP, codes={broken: 1})
+
+
+def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
+    """One chain: every command ends as its remark says, with what those before it wrote."""
+    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 3)
+    page = ROOT / "docs/how_to/scenarios.md"
+    for content in blocks(page, "toml"):
+        (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)
+        assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
+    assert [len(load_scenario(tmp_path / f"{name}.toml").faults) for name in ("gusts", "chain")] == [5, 2]
+    chain = "".join(blocks(page, "sh")).splitlines()
+    assert len(chain) == 5
+    for line in chain:
+        _, command, *arguments = shlex.split(line, comments=True)
+        cheap = ["--no-figures", "--no-recording"] if command == "run" else []
+        code, out, err = cli(command, *arguments, *cheap)
+        assert (code, err) == (int(command == "monitor"), ""), line
+        if command == "monitor":
+            assert "pitch gyro (q) failed at 4" in out
+            assert "yaw gyro (r) failed at 5" in out
+        if "--strict" in line:
+            assert "as the scenarios expect: 5 of 5" in out
+
+
+def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():
+    told = set(re.findall(r"`(\w+)", (ROOT / "docs/how_to/scenarios.md").read_text()))
+    text = (ROOT / "docs/how_to/scenarios.md").read_text()
+    common = {item.name for item in fields(Fault)} - {"channel"}
+    assert common | {"kind", "channels", "end_s", "unit"} | {item.name for item in fields(Expectation)} <= told
+    assert all(f"{item.name} =" in text for item in fields(Intermittent))
+
+
+def test_the_example_is_the_file_and_short():
+    example = (ROOT / "docs/how_to/examples/limit_check.py").read_text()
+    assert example == blocks(ROOT / "docs/how_to/detectors.md", "python")[0]
+    assert len(example.splitlines()) <= 25
+
+
+def test_links_lead_somewhere():
+    for page in (*PAGES, ROOT / "README.md"):
+        for target in re.findall(r"\]\(([^)#]+\.md)(?:#[^)]*)?\)", page.read_text()):
+            assert (page.parent / target).is_file(), target
+
+
+def test_files_that_are_named_exist():
+    """Whole paths anywhere; in the table of rooms, what to begin with stands below its room."""
+    every = set()
+    for page in PAGES:
+        text = page.read_text()
+        named = set(re.findall(r"`((?:gtmbench|aircraft|docs|experiments|faults|tests)/[\w./-]+)`", text)) - {
+            "aircraft/NAME/"
+        }
+        for room, first in re.findall(r"^\| `(gtmbench/\w+/)`[^|]*\|[^|]*\| (`[^|]*`) \|$", text, flags=re.MULTILINE):
+            named |= {room + name for name in re.findall(r"`([\w./]+)`", first)}
+        assert [name for name in named if not (ROOT / name).exists()] == []
+        every |= named
+    assert len(every) > 50
+
+
+def test_every_room_stands_in_the_design():
+    text = (ROOT / "docs/explanation/design.md").read_text()
+    rooms = [path.parent for path in (ROOT / "gtmbench").glob("*/__init__.py")]
+    assert len(rooms) > 9
+    for room in rooms:
+        assert re.search(rf"^\| `gtmbench/{room.name}/`", text, flags=re.MULTILINE), room.name
+        inner = [path.parent.name for path in room.glob("*/__init__.py")]
+        line = re.search(rf"^\| `gtmbench/{room.name}/`.*$", text, flags=re.MULTILINE)[0]
+        assert [name for name in inner if f"{name}/`" not in line] == []
+
+
+def test_every_kind_of_fault_stands_in_its_page_with_its_parameters():
+    rows = re.findall(
+        r"^\| `(\w+)` \|.*?\|(.*)\|.*\|$", (ROOT / "docs/reference/faults.md").read_text(), flags=re.MULTILINE
+    )
+    told = {kind: set(re.findall(r"`(\w+)`", parameters)) for kind, parameters in rows if kind in FAULTS}
+    assert told == {kind: {item.name for item in cls.parameters()} for kind, cls in FAULTS.items()}
+
+
+def test_every_family_of_hypotheses_stands_in_its_page_and_every_kind_is_spoken_of():
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
+    rows = re.findall(r"^\| `([\w-]+)` \| ([\w, ]+) \|", text, flags=re.MULTILINE)
+    assert [family for family, _ in rows] == list(FAMILIES)
+    told = {kind for _, kinds in rows for kind in kinds.split(", ")}
+    assert told | {"dropout"} == set(FAULTS)
+
+
+def test_kinds_that_count_as_the_same_stand_in_the_page():
+    text = (ROOT / "docs/explanation/diagnosis.md").read_text()
+    assert re.findall(r"^\| `(\w+)` \| `(\w+)` \|", text, flags=re.MULTILINE) == list(SAME_KINDS)
+
+
+def test_every_scenario_key_stands_in_its_table():
+    keys = {item.name for item in fields(Setup)} - {"operator", "alarm"}
+    keys |= {item.name for table in (OperatorSetup, AlarmSetup) for item in fields(table)}
+    keys |= {parameter.name for kind in FAULTS.values() for parameter in kind.parameters()}
+    table = (ROOT / "docs/reference/scenario_keys.md").read_text()
+    for key in keys:
+        assert re.search(rf"[`.]{key}`", table), key

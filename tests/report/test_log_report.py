@@ -1,0 +1,371 @@
+"""What a watched log leaves behind: words, plain data, a figure, a recording."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gtmbench as gb
+from gtmbench.detectors.statistics.thresholds import rate_bound
+from gtmbench.report.figures.log import write_log_figure
+from gtmbench.report.figures.panels import thinned
+from gtmbench.report.recording.write import write_log_recording
+from gtmbench.report.tables.log import log_results
+from gtmbench.report.watched import State, began_s, stretches
+from gtmbench.report.words.log import log_report
+from gtmbench.report.words.verdict import summary_lines, verdict_text
+from tests.helpers.logged import (
+    CASES,
+    ODD,
+    jammed,
+    never_armed,
+    normed,
+    odd,
+    passing,
+    remark,
+    short,
+    silent,
+    standing,
+    unexplained,
+    unwatched,
+)
+from tests.helpers.watching import written_once
+
+cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return a function that writes a case's recording, once, and gives its path."""
+    return written_once(write_log_recording, tmp_path_factory.mktemp("recordings"))
+
+
+@pytest.fixture(scope="module")
+def read(recorded):
+    """Return a function that reads a case's recording, once."""
+    return cache(lambda case: gb.read_recording(recorded(case)))
+
+
+@cases
+def test_every_alarm_and_every_remark_is_named_with_its_time(case):
+    watched, text = case(), "\n".join(log_report(case()))
+    for alarm in watched.alarms[:12]:
+        assert f"{alarm.time_s:.2f} s  " in text
+        assert all(name in text for name in alarm.candidates)
+        if alarm.last is not None and alarm.last.kind is not None:
+            kind = "unknown kind" if alarm.last.kind == "unknown" else alarm.last.kind.replace("_", " ")
+            assert (f"; {kind}" if alarm.sensor else f"; if {alarm.candidates[0]}, {kind}") in text
+    for told in watched.log.remarks:
+        assert f"remark: {told.start_s:.2f} to {told.end_s:.2f} s  {told.kind}" in text
+    assert all(reason in text for reason in watched.reasons)
+    assert all(line in text for line in watched.log.method)
+
+
+def test_the_report_tells_a_fault_from_beginning_to_end():
+    text = "\n".join(log_report(passing()))
+    assert re.search(r"60\.\d\d s  p failed; saturation (2\.9|3\.0)\d ± 0\.0\d deg/s\n", text)
+    assert re.search(r"since about (59|60)\.\d\d s; named at 6[01]\.\d\d s; gone since (89\.9|90\.0)\d s", text)
+    assert "psi failed; jam at " in text
+    assert "not seen to end; no longer watched: p, q, r" in text
+    assert re.match(r"The roll gyro \(p\) failed at (59|60)\.\d s: saturation ", verdict_text(passing()))
+    assert re.search(r"; the heading \(psi\) failed at 1(69|70)\.\d s: jam at ", verdict_text(passing()))
+
+
+def test_an_alarm_that_may_be_no_faults_is_said_to_be_so():
+    alarm = odd().alarms[0]
+    assert all(other.sensor is None for other in odd().alarms)
+    assert set(alarm.last.candidates) == set(ODD)  # which of them nothing tells
+    assert alarm.last.reason
+    said = verdict_text(odd())
+    assert said.startswith("Cannot tell: ")
+    assert f"({ODD[0]} at {alarm.time_s:.1f} s" in said
+    assert "may be no fault: motion or model" in said
+    assert int(odd().outcome) == 3
+
+
+def test_a_fault_that_is_found_again_and_again_is_one_fault():
+    gappy, broken = jammed().watches
+    later = replace(broken.alarms[0], number=1, fault=1, time_s=200.0)
+    again = replace(jammed(), watches=(gappy, replace(broken, alarms=(broken.alarms[0], later))))
+    missing_s, first_s = began_s(gappy.alarms[0]), began_s(broken.alarms[0])
+    twice = f"the pitch gyro (q) failed at {first_s:.1f} s (found 2 times, last at 200.0 s): jam at "
+    assert verdict_text(again).startswith(f"The roll gyro (p) failed at {missing_s:.1f} s: dropout; {twice}")
+
+
+def test_a_long_list_of_remarks_is_shortened_and_counted():
+    many = [remark(float(i), float(i), "duplicate") for i in range(30)] + [remark(90.0, 95.0)]
+    lines = log_report(replace(short(), log=replace(short().log, remarks=tuple(many))))
+    told = [line for line in lines if line.startswith("remark: ")]
+    (rest,) = [line for line in lines if " remarks more" in line]
+    assert rest == f"{31 - len(told)} remarks more, up to 95.00 s: duplicate ({30 - len(told)}), gap (1)"
+
+
+WORDS = {0: "No fault found", 1: " failed at ", 3: "Cannot tell: "}
+
+
+@cases
+def test_the_words_match_the_exit_code(case):
+    results = log_results(case())
+    assert results["exit_code"] == case().outcome
+    assert [code for code, words in WORDS.items() if words in results["verdict"]] == [results["exit_code"]]
+    assert log_report(case(), 10_000)[0] == results["verdict"]
+
+
+@cases
+def test_the_summary_fits_a_narrow_screen(case):
+    lines = summary_lines(case())
+    assert " ".join(lines).startswith(verdict_text(case()).split(";")[0][:40])
+    assert len(lines) <= 12
+    assert max(map(len, lines)) <= 80
+
+
+@cases
+def test_the_bound_is_that_of_the_length_watched(case):
+    watched, text = case(), "\n".join(log_report(case()))
+    passed = sum(alarm.has_passed for alarm in watched.alarms)
+    bound = rate_bound(passed, watched.armed_hours)
+    results = log_results(watched)
+    assert (results["false_alarms_per_hour_at_most"], results["alarms_unexplained"]) == (bound, passed)
+    if bound is None:
+        assert "no false-alarm rate is bounded" in text
+    else:
+        seconds = 3600.0 * watched.armed_hours
+        assert f"{seconds:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
+
+
+def test_twenty_seconds_without_an_alarm_bound_little():
+    assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
+    assert verdict_text(unexplained()).startswith("No fault found in 22.7 s of ")
+    assert verdict_text(unexplained()).endswith(" 1 alarm had nothing left to explain.")
+    assert any("; 1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
+    told = " ".join(log_report(short()))
+    assert "one that was there from the first sample on is learnt as healthy" in told
+    assert "one that grows more slowly than the drifts above isn't seen" in told
+
+
+@cases
+def test_stretches_cover_the_log_and_add_up(case):
+    watched, parts = case(), stretches(case())
+    log, period_s = watched.log, watched.log.sample_period_s
+    assert (parts[0].start_s, parts[-1].end_s) == (log.segments[0].start_s, log.segments[-1].end_s)
+    assert all(part.end_s == after.start_s for part, after in pairwise(parts))
+    assert all(part.duration_s >= 0.0 for part in parts)
+    seconds = {state: sum(part.duration_s for part in parts if part.state is state) for state in State}
+    slack = 2.0 * period_s * len(parts)
+    assert seconds[State.WATCHED] == pytest.approx(3600.0 * watched.armed_hours, abs=slack)
+    assert seconds[State.IDENTIFIED] == pytest.approx(
+        sum(end - start for start, end in watched.identified_s), abs=slack
+    )
+    gaps = sum(after.start_s - segment.end_s for segment, after in pairwise(log.segments))
+    assert seconds[State.GAP] == pytest.approx(gaps)
+
+
+def test_stretches_say_why_nothing_was_watched():
+    def states(case):
+        return [stretch.state for stretch in stretches(case())]
+
+    assert states(unwatched) == [State.LEFT_OUT]
+    assert states(never_armed) == [State.ARMING]
+    part = [State.ARMING, State.WATCHED, State.ENDS]  # a healthy record lacks nothing
+    assert states(jammed) == [State.IDENTIFIED, State.GAP, *part, State.GAP, *part]
+    assert states(passing) == [State.ARMING, State.WATCHED, State.DISARMED]
+    blind = short().log.segments[0].values.copy()
+    blind[1000:1010] = np.nan
+    log = replace(short().log, segments=(gb.Record(blind, channels=short().log.channels, sample_period_s=0.02),))
+    watch = gb.watch(short().monitor, log.segments[0])
+    parts = stretches(replace(short(), log=log, watches=(watch,)))
+    assert [stretch.state for stretch in parts] == [*part[:2], State.LOST, *part[1:]]
+    assert parts[2].start_s <= 20.0 <= 20.18 <= parts[2].end_s
+
+
+@cases
+def test_results_are_plain_data_and_say_what_the_watch_says(case):
+    watched, results = case(), log_results(case())
+    assert json.loads(json.dumps(results, allow_nan=False)) == results
+    assert (results["command"], results["outcome"]) == ("monitor", watched.outcome.name.lower())
+    for row, alarm in zip(results["findings"], watched.alarms, strict=True):
+        assert (row["alarm_s"], row["sensor"], row["text"]) == (alarm.time_s, alarm.sensor, alarm.verdict)
+        assert [judgement["time_s"] for judgement in row["judgements"]] == [
+            judgement.time_s for judgement in alarm.judgements
+        ]
+        assert (row["parameters"], row["candidates"]) == (
+            alarm.last.parameters if alarm.last else {},
+            list(alarm.candidates),
+        )
+        last = alarm.last or gb.Judgement(time_s=alarm.time_s, sensor=None, candidates=())
+        assert (row["kind"], row["partner"], row["reason"]) == (last.kind, last.partner, last.reason)
+        assert list(row["parameter_units"]) == list(row["parameters"])
+    assert [told["text"] for told in results["log"]["remarks"]] == [told.text for told in watched.log.remarks]
+    assert results["log"]["segments_s"] == [[segment.start_s, segment.end_s] for segment in watched.log.segments]
+    assert len(results["residuals"]) == sum(len({*watch.scores, *watch.residuals}) for watch in watched.watches)
+    assert {"gtmbench", "python", "numpy"} <= set(results["versions"])
+
+
+def test_results_measure_every_residual_on_every_segment():
+    rows = {(row["start_s"], row["residual"]): row for row in log_results(jammed())["residuals"]}
+    watch = jammed().watches[1]
+    jam, level = rows[146.5, "q"], watch.scores["q"]
+    peak = np.nanmax(level.values)
+    assert (jam["peak_level"], jam["unit"]) == (peak, "deg/s")
+    assert jam["peak_level_s"] == level.known_s[np.flatnonzero(level.values == peak)[0]] > 170.0
+    assert jam["rms"] == pytest.approx(np.sqrt(np.nanmean(watch.residuals["q"] ** 2)))
+    assert jam["rms_signal"] == pytest.approx(np.nanstd(watch.record["q"]))
+    assert jam["rms"] > 5.0 * jam["rms_identified"] > 4.0 * rows[63.0, "q"]["rms"]
+    before, missing = rows[63.0, "q"], rows[63.0, "p"]
+    assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
+
+
+@pytest.mark.parametrize("case", [passing, odd, unwatched, normed, standing, silent])
+def test_the_figure_has_something_on_it(case, tmp_path):
+    from matplotlib.image import imread
+
+    write_log_figure(case(), tmp_path / "log.png")
+    picture = imread(tmp_path / "log.png")[:, :, :3]
+    assert min(picture.shape[:2]) > 600
+    assert np.std(picture) > 0.05  # a blank page has none
+
+
+@given(st.integers(1, 400), st.integers(0, 40), st.randoms(use_true_random=False))
+def test_thinning_keeps_extremes_and_gaps(rows, every, random):
+    values = np.array([random.gauss(0.0, 1.0) for _ in range(rows)])
+    start = random.randrange(rows)
+    values[start : start + 2 * every] = np.nan
+    time_s = 5.0 + 0.01 * np.arange(rows)
+    when, drawn = thinned(time_s, values, every=every)
+    assert len(when) == len(drawn) <= (rows if every <= 2 else 2 * -(-rows // every))
+    if np.isfinite(values).any():
+        assert (np.nanmin(drawn), np.nanmax(drawn)) == (np.nanmin(values), np.nanmax(values))
+    assert np.isnan(drawn).any() or start + 2 * every > rows or every == 0
+    assert (np.diff(when) >= 0.0).all()
+    assert (when[0], when[-1] <= time_s[-1]) == (time_s[0], True)
+
+
+def of(frame, entity):
+    rows = frame[frame.entity == entity]
+    return rows.time_s.to_numpy(), rows.value.to_numpy()
+
+
+def lines_of(watched):
+    """Yield what a recording should hold: entity, times and values of its stretches."""
+    groups = {
+        "p": "rates",
+        "q": "rates",
+        "r": "rates",
+        "phi": "attitude",
+        "tas": "speed",
+        **dict.fromkeys(ODD, "other"),
+    }
+    for name in groups:
+        if name in watched.log.channels:
+            yield (
+                f"/sensors/{groups[name]}/{escaped(name)}",
+                [(segment.time_s, segment[name]) for segment in watched.log.segments],
+            )
+    for output in watched.watches[0].residuals:
+        name = escaped(output)
+        yield f"/residuals/{name}", [(watch.record.time_s, watch.residuals[output]) for watch in watched.watches]
+        yield f"/virtual/{name}", [(watch.record.time_s, watch.virtual(output)) for watch in watched.watches]
+    for of in watched.watches[0].scores:
+        scores = [watch.scores[of] for watch in watched.watches]
+        yield f"/levels/{escaped(of)}", [(score.known_s, score.values / score.threshold) for score in scores]
+
+
+def escaped(name):
+    import rerun as rr
+
+    return rr.escape_entity_path_part(name)
+
+
+@pytest.mark.parametrize("case", [jammed, passing, odd, normed, standing])
+def test_signals_come_back_from_the_recording_bit_for_bit(case, read):
+    frame = read(case)
+    for entity, parts in lines_of(case()):
+        time_s, values = (np.concatenate(column) for column in zip(*parts, strict=True))
+        there = np.isfinite(values)
+        times, signal = of(frame, entity)
+        np.testing.assert_array_equal(signal, values[there], err_msg=entity)
+        np.testing.assert_allclose(times, time_s[there], rtol=0.0, atol=1e-9)
+    angle = case().watches[0].virtual("psi") if case is passing else []  # what failed, but isn't predicted
+    np.testing.assert_array_equal(of(frame, "/virtual/psi")[1], angle)
+
+
+def breaks(path, entity):
+    """Return the times of the rows that hold no value."""
+    from rerun.chunk import RrdReader
+
+    times = []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        if "Scalars:scalars" in batch.schema.names:
+            empty = [len(row) == 0 for row in batch.column("Scalars:scalars").to_pylist()]
+            times += [time.value / 1e9 for time, is_empty in zip(batch.column("time"), empty, strict=True) if is_empty]
+    return sorted(times)
+
+
+def test_no_line_runs_over_a_gap(recorded):
+    path = recorded(jammed)
+    assert breaks(path, "/sensors/rates/q") == pytest.approx([60.02, 140.02])
+    assert breaks(path, "/sensors/rates/p") == pytest.approx([60.02, 100.0, 140.02])  # p misses two seconds
+    for entity in ("/residuals/q", "/levels/q", "/virtual/q"):
+        (between,) = breaks(path, entity)
+        assert 139.0 < between < 146.5
+    assert breaks(recorded(passing), "/sensors/rates/p") == []
+
+
+def words_of(path, entity, component):
+    from rerun.chunk import RrdReader
+
+    rows = []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        if component in batch.schema.names and "time" in batch.schema.names:
+            texts = [row[0] for row in batch.column(component).to_pylist()]
+            rows += list(zip((time.value / 1e9 for time in batch.column("time")), texts, strict=True))
+    return rows
+
+
+def test_the_recording_tells_what_happened_when(recorded, read):
+    path, watched = recorded(jammed), jammed()
+    missing, alarm = watched.alarms
+    told = dict(words_of(path, "/events", "TextLog:text")[::-1])
+    texts = [text for _, text in words_of(path, "/events", "TextLog:text")]
+    assert all(
+        any(told.text in text and f"{told.start_s:.2f} s  remark" in text for text in texts)
+        for told in watched.log.remarks
+    )
+    assert f"{alarm.time_s:.2f} s  alarm: residual of q ({alarm.test})" in texts
+    assert any("q failed; jam" in text for text in texts)
+    assert f"{missing.time_s:.2f} s  alarm: missing samples of p" in texts
+    assert f"{missing.time_s:.2f} s  p failed; dropout" in texts
+    assert f"{missing.end_known_s:.2f} s  the fault has gone, since {missing.ended_s:.2f} s" in texts
+    assert told[239.0] == f"239.00 s  outcome: {verdict_text(watched)}"
+    states = words_of(path, "/state", "StateChange:state")
+    assert states[:-1] == [(pytest.approx(stretch.start_s), str(stretch.state)) for stretch in stretches(watched)]
+    assert states[-1][1] == ""
+    frame = read(jammed)
+    for entity, times in (("/alarm", "time_s"), ("/named", "isolated_s")):
+        assert of(frame, entity)[0] == pytest.approx([getattr(missing, times), getattr(alarm, times)])
+
+
+def test_the_recording_holds_outcome_and_findings_for_programs(read):
+    frame, results = read(passing), log_results(passing())
+    verdict = frame[frame.entity == "/verdict"].set_index("series")
+    assert (verdict.text["verdict"], verdict.value["exit_code"]) == (results["verdict"], 1.0)
+    assert verdict.value["watched_hours"] == results["watched_hours"]
+    for number, row in enumerate(results["findings"], 1):
+        fields = frame[frame.entity == f"/findings/{number}/verdict"].set_index("series")
+        assert (fields.value["alarm_s"], fields.text["sensor"]) == (row["alarm_s"], row["sensor"])
+    assert not (frame.entity == "/findings/3/verdict").any()
+
+
+@pytest.mark.parametrize("case", [odd, unwatched, normed, standing, silent])
+def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, read, tmp_path, capfd):
+    write_log_recording(case(), tmp_path / "log.rrd")
+    assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
+    assert set(case().log.channels) <= set(read(case).series)

@@ -1,0 +1,286 @@
+"""The report of a campaign: one page that asks nothing of a network, escapes everything, and is read on a phone."""
+
+import base64
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import pytest
+
+from gtmbench.parts import parts_in, read_parts
+from gtmbench.report.page.contents import contents_of
+from gtmbench.report.page.write import data, markdown, page
+from gtmbench.report.tables.scores import in_markdown
+from gtmbench.study.campaign.conduct import WHAT
+from gtmbench.study.campaign.plan import load_campaign
+from gtmbench.study.campaign.rows import table_of
+from tests.helpers.campaigns import written
+from tests.helpers.hostile import refused
+from tests.study.campaign.test_scores import healthy, search, trial
+
+HOSTILE = "<script>alert('x')</script>|`**\u202e]( {{ 7*7 }} $x$ </title>"
+BROWSERS = ["chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"]
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+
+NAMES = {"isolated": True, "named_wrong": False, "axis_right": True, "sensor": "p", "kind": "jam", "kind_right": True}
+
+
+def rows_of_flight(flight, detectors=("quick", "slow", "siren")):
+    rows = []
+    for place, name in enumerate(detectors):
+        rows += [
+            healthy(name, flight, false_alarms=9 * (name == "siren"), peak_ratio=0.3 + 0.05 * flight),
+            trial(name, flight, 0.1 + 0.01 * flight + 2.0 * place, **NAMES),
+            trial(name, flight, None, channel="q", **NAMES | {"isolated": False, "sensor": None}),
+            {**search(flight, 0.1 * (1 + place)), "detector": name},
+        ]
+    return rows
+
+
+def campaign_in(folder, title="Three of them", detectors=("quick", "slow", "siren"), flights=8, of=None):
+    """Leave the folder of a campaign that was never flown."""
+    facts = {**load_campaign("ci").facts(), "name": "never flown", "title": title, "detectors": list(detectors)}
+    with parts_in(
+        folder, what=WHAT, tasks=of or flights, facts={"campaign": facts, "versions": {"gtmbench": "0"}}
+    ) as parts:
+        for flight in range(flights):
+            parts.write(flight, table_of(rows_of_flight(flight, detectors)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return campaign_in(tmp_path_factory.mktemp("campaign") / "out")
+
+
+@pytest.fixture(scope="module")
+def contents(folder):
+    return contents_of(read_parts(folder))
+
+
+class Seen(HTMLParser):
+    """Tags, what they refer to, and the text of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.references, self.text = [], [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.references += [value for name, value in attributes if name in ("src", "href", "action", "srcset")]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+# ---- what it says ----
+
+
+def test_the_verdict_comes_first_and_names_who_gets_no_score(contents):
+    first, *others = contents.verdict
+    assert first == "quick is the first of 2 detectors, significantly sooner than every other."
+    assert any(line.startswith("siren gets no score: more than 7") for line in others)
+    text = Seen(page(contents)).text
+    assert text.index(first) < text.index("What was run") < text.index("gtmbench report")
+
+
+def test_a_campaign_without_its_end_says_so(tmp_path):
+    contents = contents_of(read_parts(campaign_in(tmp_path / "out", flights=2, of=5)))
+    assert "Not finished: 3 of 5 flights are still to be flown (--resume)." in contents.verdict
+
+
+def test_json_has_null_for_what_has_no_score_and_the_reason(contents):
+    found = json.loads(data(contents))
+    siren = next(one for one in found["detectors"] if one["name"] == "siren")
+    assert siren["merits"] is None
+    assert "target" in siren["no_score"]
+    quick = next(one for one in found["detectors"] if one["name"] == "quick")
+    assert quick["merits"]["detected"]["hits"] == 8
+    assert quick["smallest"][0]["severity"]["value"] == 0.1
+    assert found["facts"]["versions"] == {"gtmbench": "0"}
+    assert found["ranks"][0] == {"detector": "quick", "best": 1, "worst": 1}
+
+
+def test_the_same_parts_are_the_same_page(contents, folder):
+    assert page(contents) == page(contents_of(read_parts(folder)))
+
+
+def test_markdown_has_every_table_and_no_broken_row(contents):
+    text = markdown(contents)
+    assert all(f"## {table.title}" in text for table in contents.tables)
+    tables = [block.splitlines() for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)]
+    assert len(tables) == len(contents.tables) + len(contents.confusions)
+    assert all(len({line.count("|") for line in lines}) == 1 for lines in tables)
+
+
+# ---- what it must not do ----
+
+
+def test_the_page_refers_to_nothing_outside_of_itself(contents):
+    text = page(contents)
+    seen = Seen(text)
+    assert seen.references
+    assert all(reference.startswith(("#", "data:image/svg+xml;base64,")) for reference in seen.references)
+    assert "http" not in re.sub(r'http-equiv="|data:image[^"]*', "", text)
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+@pytest.mark.parametrize("where", ["title", "detector"])
+def test_hostile_words_stay_words(tmp_path, where):
+    names = (HOSTILE, "slow") if where == "detector" else ("quick", "slow")
+    title = HOSTILE if where == "title" else "Three"
+    contents = contents_of(read_parts(campaign_in(tmp_path / "out", title=title, detectors=names)))
+    seen = Seen(page(contents))
+    assert seen.tags.count("script") == seen.tags.count("title") == 1
+    assert HOSTILE in seen.text
+    for reference in seen.references:
+        if reference.startswith("data:"):
+            assert b"<script" not in base64.b64decode(reference.partition(",")[2])
+    text = markdown(contents)
+    assert "<script" not in text
+    assert "](" not in text
+    assert json.loads(data(contents))["detectors"][0]["name"] == names[0]
+
+
+def test_markdown_shows_names_as_they_are():
+    assert in_markdown("a|b\n*c* [d](e) & <f>") == "a&#124;b &#42;c&#42; [d]&#40;e) &amp; &lt;f>"
+
+
+# ---- the command ----
+
+
+def test_the_command_writes_what_it_is_asked_for(cli, folder, tmp_path):
+    assert cli("report", folder)[0] == 0
+    assert (folder / "report.html").read_text().startswith("<!doctype html>")
+    (tmp_path / "there").mkdir()
+    for arguments, path in [
+        (["--out", "x.md"], "x.md"),
+        (["--out", "there", "--format", "json"], "there/report.json"),
+        (["--out", "there", "--format", "table"], "there/table.md"),
+    ]:
+        code, out, _ = cli("report", folder, *arguments, "--json")
+        found = json.loads(out)
+        assert (code, found["out"]) == (0, path)
+        assert found["verdict"].startswith("quick is the first")
+        assert (tmp_path / path).is_file()
+    again = cli("report", folder, "--out", "x.md")
+    refused(again)
+    assert "--force" in again[2]
+    assert cli("report", folder, "--out", "x.md", "--force")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--out", "report.pdf"], "says no format"),
+        (["--deadline", "0"], "--deadline is 0"),
+        (["--false-alarms-per-hour", "-1"], "--false-alarms-per-hour is -1"),
+    ],
+)
+def test_what_cant_be_meant_is_one_line(cli, folder, arguments, said):
+    found = cli("report", folder, *arguments)
+    refused(found)
+    assert said in found[2]
+
+
+def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
+    with parts_in(tmp_path / "other", what="fleet", tasks=1, facts={}):
+        pass
+    campaign_in(tmp_path / "empty", flights=0, of=3)
+    for folder, said in [
+        (".", "holds no parts"),
+        ("other", "no campaign's"),
+        ("empty", "nothing of empty is finished"),
+    ]:
+        found = cli("report", folder)
+        refused(found)
+        assert said in found[2]
+
+
+def test_a_campaign_that_is_flown_can_be_reported_with_its_searches(cli, tmp_path):
+    text = """
+title = "Of seconds"
+detectors = ["C"]
+isolate = false
+duration_s = 40
+excitation = "multisine"
+severity_reference_s = [2, 10]
+[operator]
+identify_s = [2, 10]
+[alarm]
+threshold_s = [10, 18]
+watch_from_s = 2
+healthy_records = 1
+[calibration]
+flights = 6
+duration_s = 60
+[[smallest]]
+kind = "bias"
+channels = ["q"]
+onset_s = 20
+size = [0.01, 100]
+"""
+    path = written(tmp_path, text)
+    assert cli("campaign", path, "--out", "out", "--jobs", 1, "-q")[0] == 0
+    (detector,) = contents_of(read_parts(tmp_path / "out")).scores.detectors
+    (found,) = detector.smallest
+    assert found.found.hits == 1
+    assert 0.01 < found.severity.value < 10.0
+
+
+# ---- in a browser ----
+
+
+@pytest.fixture(scope="module")
+def opened(contents, tmp_path_factory):
+    """Open the page in a browser that reaches no network, on a screen and on a phone."""
+    if BROWSER is None:
+        pytest.skip("the page needs a browser (Debian: chromium-headless-shell)")
+    playwright = pytest.importorskip("playwright.sync_api", reason="the page needs playwright")
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(page(contents))
+    with playwright.sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+
+        def look(width):
+            tab = browser.new_context(viewport={"width": width, "height": 800}, offline=True).new_page()
+            tab.complaints, tab.requests = [], []
+            tab.on("console", lambda message: tab.complaints.append(message.text))
+            tab.on("pageerror", lambda error: tab.complaints.append(str(error)))
+            tab.on("request", lambda request: tab.requests.append(request.url))
+            tab.goto(path.as_uri())
+            return tab
+
+        yield look
+        browser.close()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [375, 1280])
+def test_a_browser_shows_the_page_without_complaint_and_without_scrolling_sideways(opened, width):
+    tab = opened(width)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert tab.complaints == []
+    assert all(url.startswith(("file:", "data:")) for url in tab.requests)
+    assert tab.evaluate("[...document.images].every((image) => image.complete && image.naturalWidth > 100)")
+    assert tab.evaluate("document.images.length") >= 2
+    assert "is the first" in tab.locator(".verdict").inner_text()
+
+
+@pytest.mark.browser
+def test_a_click_on_a_heading_sorts_by_figures_and_another_turns_them_round(opened, contents):
+    tab = opened(1280)
+    column = contents.tables[0].columns.index("median (s)") + 1
+
+    def names():
+        return tab.locator("#t1 tbody tr td:nth-child(2)").all_inner_texts()
+
+    assert names() == ["quick", "slow", "siren"]
+    tab.locator(f"#t1 th:nth-child({column}) button").click()
+    assert names() == ["quick", "slow", "siren"]  # what has no figure stays last
+    tab.locator(f"#t1 th:nth-child({column}) button").click()
+    assert names() == ["slow", "quick", "siren"]
+    assert tab.locator(f"#t1 th:nth-child({column})").get_attribute("aria-sort") == "descending"

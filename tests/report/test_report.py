@@ -1,0 +1,97 @@
+"""What a study leaves behind: results and figures; `test_read_recording` looks at recordings."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from gtmbench.detectors.statistics.thresholds import rate_bound
+from gtmbench.report.figures.study import write_figures
+from gtmbench.report.recording.entities import trial_paths
+from gtmbench.report.recording.write import write_recording
+from gtmbench.report.tables.results import results, write_results
+from gtmbench.study.run import run_study
+from gtmbench.study.scenario import load_scenario
+from tests.helpers.watching import SHIPPED, dissertation
+
+
+@pytest.fixture(scope="module")
+def study():
+    return dissertation()
+
+
+def read_back(path, entity):
+    """Return times in seconds and values of an entity's scalars, as another program would read them."""
+    from rerun.chunk import RrdReader
+
+    times, values = [], []
+    for chunk in RrdReader(path).stream().filter(content=[entity]):
+        batch = chunk.to_record_batch()
+        names = batch.schema.names
+        scalars = [name for name in names if name.endswith("Scalars:scalars")]
+        if scalars and "time" in names:
+            times += [value.value for value in batch.column("time")]  # nanoseconds
+            values += batch.column(scalars[0]).to_pylist()
+    return np.array(times) / 1e9, np.array(values)
+
+
+def test_results_have_the_promised_keys(study):
+    plain = results(study)
+    assert plain["schema_version"] == 3
+    assert set(plain) == {"schema_version", "trim", "detectors", "trials", "setup", "versions", "seed"}
+    (detector,) = plain["detectors"]
+    own = {"operator", "threshold", "threshold_unit", "armed_s", "false_alarms", "false_alarms_per_hour_at_most"}
+    assert {*own, "healthy_hours"} <= set(detector)
+    assert (detector["name"], detector["detected"], detector["isolated"]) == ("dissertation", 15, None)
+    assert (detector["window_s"], detector["threshold_unit"], detector["look_ahead_s"]) == (10.01, "deg/s", 0.5)
+    promised = {"detector", "scenario", "fault", "channel", "onset_s", "detected", "alarm_time_s", "detection_delay_s"}
+    assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in plain["trials"])
+    assert plain["versions"]["jsbsim"] == "1.3.3"
+    assert json.loads(json.dumps(plain, allow_nan=False)) == json.loads(json.dumps(plain))
+
+
+def test_files_say_what_the_study_says(study, tmp_path):
+    write_results(study, tmp_path)
+    written = json.loads((tmp_path / "results.json").read_text())
+    assert written == json.loads(json.dumps(results(study)))
+    with (tmp_path / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["alarm_time_s"]) for row in rows] == [trial.alarm_time_s for trial in study.trials]
+    assert [row["channel"] for row in rows] == [trial.channel for trial in study.trials]
+
+
+def test_no_alarm_in_t_hours_bounds_the_rate_by_three_over_t():
+    assert rate_bound(0, 2.0) == pytest.approx(3.0 / 2.0, rel=0.002)
+    assert rate_bound(1, 1.0) == pytest.approx(4.744, abs=0.001)  # tables of the Poisson distribution
+    assert rate_bound(0, 0.0) is None
+
+
+def test_figures_are_pictures_with_something_on_them(study, tmp_path):
+    from matplotlib.image import imread
+
+    paths = write_figures(study, tmp_path)
+    expected = {"markov.png", "prediction.png", *(f"norm_{name}.png" for name in SHIPPED)}
+    assert {path.name for path in paths} == expected
+    for path in paths:
+        picture = imread(path)[:, :, :3]
+        assert min(picture.shape[:2]) > 300
+        assert np.std(picture) > 0.05  # a blank page has none
+
+
+def test_scenarios_by_any_name_and_several_severities_are_recorded(tmp_path, capfd):
+    path = tmp_path / "my scénario (2) #1+x.toml"
+    path.write_text(
+        "duration_s = 60.0\nseverity_reference_s = [5.0, 40.0]\n[operator]\ncausal_order = 5\nnoncausal_order = 5\n"
+        "identify_s = [5.0, 30.0]\n[alarm]\nwindow = 100\nthreshold_s = [30.0, 50.0]\nhealthy_records = 1\n"
+        '[[faults]]\nkind = "drift"\nchannels = ["r", "p"]\nonset_s = 40.0\nslope = [0.5, 1.0]\n'
+    )
+    study = run_study([load_scenario(path)])
+    write_recording(study, tmp_path / "study.rrd")
+    write_figures(study, tmp_path)
+    assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
+    roots = trial_paths(study.trials)
+    assert [root.rsplit("/", 1)[1] for root in roots] == ["r_1", "r_2", "p_1", "p_2"]
+    for trial, root in zip(study.trials, roots, strict=True):
+        _, values = read_back(tmp_path / "study.rrd", f"{root}/measured")
+        assert (values[:, 0] == trial.record[trial.channel]).all()

@@ -1,0 +1,127 @@
+"""The whole chain, from trim to verdicts, on the dissertation's study."""
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.study.run import run_study
+from gtmbench.study.scenario import load_scenario
+from tests.helpers.watching import SHIPPED, dissertation
+
+
+@pytest.fixture(params=[1, 2])
+def study(request):
+    return dissertation(request.param)
+
+
+def test_all_fifteen_faults_are_detected_without_a_false_alarm(study):
+    assert len(study.trials) == 15
+    assert {(trial.fault, trial.channel) for trial in study.trials} == {(kind, c) for kind in SHIPPED for c in "pqr"}
+    assert all(trial.detected for trial in study.trials), [trial.reason for trial in study.trials]
+    assert study.baseline.false_alarms == 0
+    assert study.baseline.healthy_hours > 0.5
+
+
+def test_delays_are_those_of_the_prototype(study):
+    """A slow drift of p takes minutes, of q half a minute; everything else is found within a window or so."""
+    delays = {(trial.fault, trial.channel): trial.detection_delay_s for trial in study.trials}
+    assert 60.0 < delays.pop(("drift", "p")) < 150.0
+    assert 10.0 < delays.pop(("drift", "q")) < 40.0
+    assert max(delays.values()) < 10.0
+
+
+def test_a_healthy_operator_predicts_within_a_noise_or_two(study):
+    """SNR 50 on r is some 0.06 deg/s; prediction errors of noisy inputs add to it."""
+    baseline = study.baseline
+    noise = np.std(baseline.flight["r"]) / 50.0
+    assert noise < baseline.monitor.operator.rms_residual[0] < 4.0 * noise
+    time_s = baseline.watch.record.time_s
+    watched = (time_s >= 200.0) & (time_s < 480.0)
+    assert np.sqrt(np.mean(baseline.watch.residuals["r"][watched] ** 2)) < 4.0 * noise
+
+
+def test_what_is_watched_begins_with_the_record_cut_there(study):
+    """As it would for somebody who switches it on then: nothing before is looked at, and the norm arms by itself."""
+    base = study.baseline
+    for watch in (base.watch, *(trial.watch for trial in study.trials)):
+        assert (watch.record.start_s, watch.record.end_s) == (25.0, 500.0)
+        (norm,) = watch.scores.values()
+        assert np.flatnonzero(norm.exists)[[0, -1]].tolist() == [50, len(watch.record) - 1 - 1050]
+        assert (norm.name, norm.armed_s) == ("E(k)", norm.known_s[np.argmax(norm.values <= norm.threshold)])
+    again = base.monitor.watch(base.healthy.between(25.0, 500.0))
+    assert (again.scores["E(k)"].values[50:-1050] == base.watch.scores["E(k)"].values[50:-1050]).all()
+    assert 5 * 440.0 < base.healthy_hours * 3600.0 < 5 * 475.0 - 5 * 10.51 + 1e-6
+
+
+def test_every_number_follows_from_the_public_functions_and_the_definitions():
+    """The study again, step by step, without `gtmbench.study`: section 4.4 from the front door."""
+    flight = gb.fly(aircraft="gtm", excitation="dissertation", duration_s=500, seed=1)
+    healthy = [gb.measure(flight, snr=50, seed=seed) for seed in (1, 1001, 2001)]
+    operator = gb.identify(
+        healthy[0].between(25, 200), inputs=["p", "q", "beta"], outputs=["r"], causal_order=50, noncausal_order=50
+    )
+    assert operator.samples == 17_501 - 100
+    norm = gb.windowed_norm(gb.residual(operator, healthy[1]), window=1000)
+    limit = 1.5 * max(norm.values[20_000:48_001])
+
+    truth = flight["p"][2_500:30_001]
+    half_width = 0.5 * np.sqrt(np.mean((truth - truth.mean()) ** 2))
+    broken = gb.inject(healthy[2], gb.Deadzone(channel="p", onset_s=300, half_width=half_width))
+    norm = gb.windowed_norm(gb.residual(operator, broken.between(25, 500)), window=1000).values  # from 25 s on
+    watched = np.concatenate([np.full(2_500, np.nan), norm])
+    above = watched > limit
+    first = next(k for k in range(2_551, 49_000) if above[k] and not above[k - 1] and k + 1000 + 50 >= 30_000)
+
+    trial = next(trial for trial in gb.run("faults/deadzone.toml") if trial.channel == "p")
+    assert trial.baseline.monitor.threshold == pytest.approx(limit, rel=1e-12)
+    assert trial.severity["half_width"] == pytest.approx(half_width, rel=1e-12)
+    assert trial.alarm_time_s == pytest.approx((first + 1000 + 50) * 0.01, abs=1e-9)
+    assert trial.detection_delay_s == pytest.approx(trial.alarm_time_s - 300.0, abs=1e-9)
+    assert (trial.look_ahead_s, trial.baseline.monitor.window_s) == (0.5, 10.01)
+    peak = np.nanmax(watched[30_000 - 1050 :])
+    assert trial.peak_ratio == pytest.approx(peak / limit, rel=1e-12)
+    assert trial.altered_share == pytest.approx(np.mean(broken["p"][30_000:] != healthy[2]["p"][30_000:]))
+
+
+def test_the_same_seed_gives_the_same_study_and_another_seed_another():
+    once, again, other = (gb.run("jam", seed=seed) for seed in (4, 4, 5))
+    assert [trial.row() for trial in once] == [trial.row() for trial in again]
+    assert once[0].baseline.monitor.threshold != other[0].baseline.monitor.threshold
+
+
+def test_a_harmless_fault_is_a_miss_with_its_reason(tmp_path):
+    path = tmp_path / "harmless.toml"
+    path.write_text(
+        '[[faults]]\nkind = "saturation"\nchannels = ["p"]\nonset_s = 300.0\nlimit = 500.0\n'
+        '[[faults]]\nkind = "drift"\nchannels = ["p"]\nonset_s = 300.0\nslope = 1e-6\n'
+        '[[faults]]\nkind = "jam"\nchannels = ["altitude"]\nonset_s = 300.0\n'
+    )
+    out_of_range, tiny, unwatched = gb.run(path)
+    assert not out_of_range.detected
+    assert out_of_range.altered_share == 0.0
+    assert out_of_range.reason == "the fault changed no sample"
+    assert not tiny.detected
+    assert "% of its threshold" in tiny.reason
+    assert not unwatched.detected
+    assert unwatched.reason == "dissertation doesn't use this channel"
+
+
+def test_scenarios_of_different_setups_dont_make_one_study(tmp_path):
+    path = tmp_path / "rich.toml"
+    path.write_text('excitation = "multisine"\n[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 300.0\n')
+    with pytest.raises(gb.InputError, match=r"'drift' and 'rich' differ in excitation \(dissertation and multisine\)"):
+        run_study([load_scenario("drift"), load_scenario(path)])
+
+
+def test_short_rich_flights_with_several_outputs_run_too(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(
+        'excitation = "multisine+turbulence"\nduration_s = 90.0\nnoise = "t2"\nseverity_reference_s = [5.0, 60.0]\n'
+        '[operator]\ninputs = ["p", "beta", "ny"]\noutputs = ["r", "q"]\ncausal_order = 20\nnoncausal_order = 0\n'
+        "identify_s = [5.0, 40.0]\n[alarm]\nwindow = 200\nthreshold_s = [40.0, 80.0]\nwatch_from_s = 5.0\n"
+        '[[faults]]\nkind = "drift"\nchannels = ["r"]\nonset_s = 60.0\nduration_s = 10.0\nslope = 10.0\n'
+    )
+    (trial,) = gb.run(path)
+    assert trial.detected
+    assert trial.look_ahead_s == 0.0
+    assert 0.0 <= trial.detection_delay_s < 12.0
