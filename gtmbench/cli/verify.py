@@ -43,10 +43,9 @@ def verify_command(paths: tuple[Path, ...], as_json: bool, quiet: bool) -> int:
     findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
     if as_json:
         print_json(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
-    elif not quiet:
-        echo(_verdict(told, wrong))
-        for row in findings:
-            echo(row["text"])
+    else:
+        for line in [_verdict(told, wrong)] * (not quiet) + [row["text"] for row in findings]:
+            echo(line)
     return code
 
 

@@ -61,6 +61,17 @@ def test_a_healthy_flight_is_0_and_says_how_little_that_shows(cli):
     assert "How sure     No false alarm in 2" in out
 
 
+def test_a_gyro_that_nobody_watches_is_told_beside_no_fault(cli, tmp_path):
+    log = gb.read_log(tmp_path / "healthy.csv")
+    gb.write_log(log.replace("p", np.full(len(log), np.nan)), tmp_path / "deaf.csv")
+    code, out, err = cli("monitor", "deaf.csv", "--identify", "0:30")
+    verdict, *lines = out.splitlines()
+    assert (code, err) == (0, "")
+    assert verdict.startswith("No fault found in ")
+    assert verdict.endswith("; p is not watched.")
+    assert any(line.startswith("Not watched  p isn't watched: ") for line in lines)
+
+
 @pytest.mark.parametrize(
     ("identify", "reason"),
     [(":", "nothing of the log is left to watch"), (":59.5", "what is left to watch is too short")],

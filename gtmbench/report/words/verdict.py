@@ -10,7 +10,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import unit_of
+from gtmbench.channels import GYROS, unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import is_ready
@@ -78,7 +78,9 @@ def verdict_text(watched: WatchedLog) -> str:
     passed = passed_alarms(watched)
     alarms = f" {_capital(counted(passed, 'alarm'))} had nothing left to explain." if passed else ""
     watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
-    return f"No fault found in {watched_of}.{alarms}"
+    blind = _unheard(watched)
+    but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
+    return f"No fault found in {watched_of}{but}.{alarms}"
 
 
 def causes(watched: WatchedLog) -> list[str]:
@@ -183,7 +185,9 @@ def _not_watched(watched: WatchedLog) -> list[str]:
     parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
     rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
     others = [f"others {rest_s:.1f}"] if rest_s >= _SHORT_S else []
-    return [f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else []
+    blind = tuple(f"{name} isn't watched" for name in _unheard(watched))
+    why = [f"{reason.rstrip('.')}." for reason in watched.reasons if blind and reason.startswith(blind)]
+    return [*why, *([f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else [])]
 
 
 def _learnt(watched: WatchedLog) -> list[str]:
@@ -228,6 +232,12 @@ def _unseen(watched: WatchedLog) -> list[str]:
     """Say whose silence says nothing."""
     names = watched.hardly_watched if watched.watches else ()
     return [f"a fault of {_listed(names, 'or')} would hardly have been detected"] if names else []
+
+
+def _unheard(watched: WatchedLog) -> list[str]:
+    """Return the gyros that no verdict is about; of a monitor that names no sensor nobody knows."""
+    suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
+    return [name for name in GYROS if suspects and name not in suspects]
 
 
 def _without_place(reason: str, watched: WatchedLog) -> str:
