@@ -140,10 +140,11 @@ def test_verify_says_what_was_altered(cli, tmp_path):
     with atomic_folder(tmp_path / "out") as aside:
         (aside / "results.json").write_text('{"delay_s": 4.5}')
         (aside / "trials.csv").write_text("delay_s\n4.5\n")
-    assert cli("verify", "out") == (0, "2 files hold what was written\n", "")
+    assert cli("verify", "out") == (0, "2 files hold what was written.\n", "")
     (tmp_path / "out/trials.csv").write_text("delay_s\n0.45\n")
     code, out, _ = cli("verify", "out")
-    assert (code, out) == (1, "out/trials.csv: it isn't what was written, by SHA256SUMS: altered or damaged\n")
+    wrong = "out/trials.csv: it isn't what was written, by SHA256SUMS: altered or damaged\n"
+    assert (code, out) == (1, f"1 of 2 files isn't what was written.\n{wrong}")
     assert cli("verify", "out/results.json")[0] == 0
     (tmp_path / "out/results.json").unlink()
     assert "results.json: No such file or directory" in cli("verify", "out", "-q")[1]
