@@ -8,6 +8,8 @@ has to be removed by hand. Readers never look at it.
 from __future__ import annotations
 
 import getpass
+import hashlib
+import os
 import platform
 import time
 import warnings
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 LEASE_S = 60.0  # without a sign of life, on another machine: then a holder counts as dead
 FOR_EVER_S = -1.0
 _LONGEST_BYTES = 1024
+_LONGEST_NAME = 200  # in bytes; systems take 255
 
 
 def lock_beside(target: Path) -> Path:
@@ -33,7 +36,9 @@ def lock_beside(target: Path) -> Path:
     >>> lock_beside(Path("results/study")).as_posix()
     'results/.study.gtmbench-lock'
     """
-    return target.parent / f".{target.name}.gtmbench-lock"
+    name = os.fsencode(target.name)
+    told = target.name if len(name) < _LONGEST_NAME else hashlib.sha256(name).hexdigest()
+    return target.parent / f".{told}.gtmbench-lock"
 
 
 @contextmanager

@@ -45,9 +45,7 @@ def monitor_fleet(
 
     logs = watching.logs_of(sources)
     if out is None:
-        raise InputError(
-            f"logs found: {len(logs)}; what is said of them goes into a folder, so give --out DIR, or one log"
-        )
+        raise InputError(f"logs found: {len(logs)}; what is said of them goes into a folder; give --out DIR")
     with progress_bar(silent=as_json or quiet) as tell:
         parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
     results = fleet_results(parts)

@@ -30,12 +30,12 @@ class _Told(NamedTuple):
 @click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
 @common_options
 def verify_command(paths: tuple[Path, ...], as_json: bool, quiet: bool) -> int:
-    """Say whether files still hold what was written: folders of results or parts, monitors, baselines.
+    """Check that files are unchanged since they were written: folders of results or parts, monitors, baselines.
 
-    Of a folder every file that its SHA256SUMS names, every part, every monitor. What carries no digest, or isn't
-    named there, can't be told, and is refused.
+    In a folder it checks every file in its SHA256SUMS, every part and every monitor. A file without a digest that
+    isn't listed there can't be checked and is refused.
 
-    Exit codes: 0 all do; 1 one was altered, damaged or is missing; 2 it can't be told of one.
+    Exit codes: 0 all are unchanged; 1 a file was altered, damaged or is missing; 2 a file can't be checked.
     """
     told = [each for path in paths for each in _told_of(path)]
     wrong = [each for each in told if each.wrong]

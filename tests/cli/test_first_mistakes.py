@@ -85,7 +85,7 @@ FILES = {
     "ms.csv": lambda: scaled(0, 1e3),
     "us.csv": lambda: scaled(0, 1e6),
     "stamp.csv": lambda: scaled(0, 1e6, head=HEAD.replace("time_s", "timestamp")),
-    "two_times.csv": lambda: text(flight()[:, [0, *range(7)]], head="t_s," + HEAD),
+    "two_times.csv": lambda: text(flight()[:, [0, *range(7)]], head="t_s,timestamp_s," + HEAD.removeprefix("time_s,")),
     "words.csv": with_words,
     "comma.csv": lambda: text(decimal=","),
     "german.csv": lambda: text(separator=";", decimal=","),
@@ -166,7 +166,7 @@ MISTAKES = [
     ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
     (
         "monitor flights # flights/day1.csv flights/day2.csv",
-        "logs found: 2; what is said of them goes into a folder, ...",
+        "logs found: 2; what is said of them goes into a folder; give --out DIR",
     ),
     (
         "monitor notes --out fleet # notes/readme.md",
@@ -249,7 +249,10 @@ MISTAKES = [
         "monitor stamp.csv --detector C",
         "stamp.csv: column 'timestamp' ... states no unit; ... in us: --map time=timestamp:us",
     ),
-    ("monitor two_times.csv --identify 0:30", "two_times.csv: columns 't_s' and 'time_s' ... choose: --map time=t_s:s"),
+    (
+        "monitor two_times.csv --identify 0:30",
+        "two_times.csv: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s",
+    ),
     # columns and their units
     ("monitor bare.csv", f"bare.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
     ("monitor bare.csv --identify 0:30", f"bare.csv: no channels 'p', 'q', 'r': {UNITS}, ..."),
@@ -318,12 +321,12 @@ MISTAKES = [
 
 # what is read as it is meant, with a word on it
 READ_RIGHT = [
-    ("german.csv", "p, q, r"),
-    ("tabs.csv", "p, q, r"),
-    ("bom.csv", "p, q, r"),
+    ("german.csv", "gyros     p q r          25 Hz"),
+    ("tabs.csv", "gyros     p q r          25 Hz"),
+    ("bom.csv", "gyros     p q r          25 Hz"),
     ("utf16.csv", "read as utf-16"),
     ("joined.csv", "rows that repeat the header: 1; were files put together?"),
-    ("seconds.csv", "p, q, r"),
+    ("seconds.csv", "gyros     p q r          25 Hz"),
     ("words.csv", "column 'p_deg_s': 1333 of 2000 cells hold no number, such as 'OVF'"),
 ]
 

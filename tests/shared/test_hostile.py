@@ -93,7 +93,7 @@ def test_a_log_of_anything_is_read_or_refused(tmp_path, record_property):
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     from gtmbench.report.recording.write import write_log_recording
-    from tests import logged
+    from tests.helpers import logged
 
     path = tmp_path_factory.mktemp("recording") / "short.rrd"
     write_log_recording(logged.short(), path)

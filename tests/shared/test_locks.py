@@ -103,6 +103,12 @@ def test_a_lock_that_cannot_be_written_is_one_line(tmp_path):
         pass
 
 
+def test_a_name_may_be_as_long_as_the_system_takes_it(cli, tmp_path):
+    name = "x" * 250 + ".toml"
+    assert cli("new", name) == (0, f"{name}: edit it, then: gtmbench run {name}\n", "")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
 def test_two_commands_at_one_file_one_wins_and_one_is_told(tmp_path):
     """Both are begun at once; whoever comes second is told, by the lock or by what the first has written."""
     command = [sys.executable, "-m", "gtmbench", "autopilot", "--out", str(tmp_path / "mine.toml"), "--quiet"]

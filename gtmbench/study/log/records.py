@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -72,10 +73,13 @@ def _check_rate(log: FlightLog) -> None:
     if hz < _SLOWEST_HZ:
         time = next((source for source in log.sources if source.channel == "time"), None)
         stated = None if time is None else unit(time.unit)
-        hint = "" if time is None or stated is None else unit_hint(time.column, stated.factor / hz)
+        hint = ""
+        if time is not None and stated is not None:
+            ms = f"; if its stamps are milliseconds, type --map {shlex.quote(f'time={time.column}:ms')}"
+            hint = unit_hint(time.column, stated.factor / hz) or ms
         raise InputError(
             f"{log.path} has {hz:.3g} sample{'s' * (hz != 1.0)} a second; at least {_SLOWEST_HZ:g} are needed, better "
-            f"10 or more{hint or '; if its stamps are milliseconds, type --map time=COLUMN:ms'}"
+            f"10 or more{hint}"
         )
 
 

@@ -23,6 +23,7 @@ from gtmbench.study.campaign.watchers import named
 from gtmbench.study.flights import fly_setup
 from tests.helpers.campaigns import TINY, loaded, results, table, written
 from tests.helpers.hostile import refused
+from tests.helpers.sealed import resealed
 from tests.helpers.watching import EXAMPLE, dissertation, monitor, spike
 
 AXES_OF_TWO = TINY.replace(
@@ -351,7 +352,11 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
         conduct(loaded(tmp_path, text.replace("onset_s = 12", "onset_s = 13")), out, resume=True)
     kept = out / "monitor-C.json"
     content = kept.read_text()
-    kept.write_text(content.replace('"gtmbench": "', '"gtmbench": "1'))
+    other = content.replace('"gtmbench": "', '"gtmbench": "1')
+    kept.write_text(other)
+    with pytest.raises(gb.InputError, match=r"monitor-C.json: what it holds isn't what was written"):
+        conduct(whole, out, resume=True)
+    kept.write_text(json.dumps(resealed(json.loads(other))))
     with pytest.raises(gb.InputError, match=r"monitors.monitor-C.json was '\w+' and is"):
         conduct(whole, out, resume=True)
     kept.write_text(content)
@@ -370,7 +375,7 @@ def test_work_of_another_version_is_refused_where_it_is_done(tmp_path, monkeypat
     conduct(loaded(tmp_path), tmp_path / "out")
     work = sent[0]
     assert len(done(work)) == 5
-    with pytest.raises(gb.InputError, match=r"a worker has gtmbench \S+ instead of 0.2"):
+    with pytest.raises(gb.InputError, match=r"a worker \(process \d+ on .*\) has gtmbench \S+ instead of 0.2"):
         done(work._replace(versions=(("gtmbench", "0.2"), *work.versions[1:])))
 
 

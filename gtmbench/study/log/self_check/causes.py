@@ -450,7 +450,7 @@ class _Table:
         mixed = rates_from(signs)
         covariance = np.einsum("gtl,tj->gjl", of.cross, mixed)
         rates = np.einsum("tj,ts,sj->j", mixed, of.terms, mixed)
-        own = np.maximum(of.gyros, 1e-300)[:, np.newaxis, np.newaxis]
+        own = np.maximum(of.gyros, 1e-200)[:, np.newaxis, np.newaxis]
         gains = _GAINS[:, np.newaxis, np.newaxis, np.newaxis]
         left = 1.0 - 2.0 * covariance / (gains * own) + rates[:, np.newaxis] / (gains**2 * own)
         price = _PRICE * live * ((gains < 0) + (np.abs(np.log(np.abs(gains))) > 1.0))
