@@ -12,6 +12,7 @@ from gtmbench.errors import InputError
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.airliner import MANOEUVRES, airliner
 from tests.helpers.monitors import record
+from tests.helpers.sealed import resealed
 
 FREE = bank_between(["p", "beta", "ny"], ["r"])
 
@@ -138,13 +139,13 @@ def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
 def test_a_file_that_says_doubt_is_read_and_saved_with_the_word_of_now(tmp_path):
     old, new = tmp_path / "old.json", tmp_path / "new.json"
     gb.save_monitor(calibrated("pitch"), new)
-    old.write_text(new.read_text().replace('"uncertainty"', '"doubt"'))
+    old.write_text(json.dumps(resealed(json.loads(new.read_text().replace('"uncertainty"', '"doubt"')))))
     assert old.read_bytes() != new.read_bytes()
     gb.save_monitor(gb.load_monitor(old), tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == new.read_bytes()
     both = json.loads(new.read_text())
     both["figures"]["residuals"]["p"]["doubt"] = None
-    old.write_text(json.dumps(both))
+    old.write_text(json.dumps(resealed(both)))
     with pytest.raises(InputError, match="unknown key 'doubt'"):
         gb.load_monitor(old)
 
@@ -174,7 +175,7 @@ def test_an_uncertainty_that_is_none_is_refused_by_name(change, words, tmp_path)
     document = json.loads((tmp_path / "m.json").read_text())
     saved = document["figures"]["residuals"]["p"]
     saved["uncertainty"] = change(saved["uncertainty"])
-    (tmp_path / "m.json").write_text(json.dumps(document))
+    (tmp_path / "m.json").write_text(json.dumps(resealed(document)))
     with pytest.raises(InputError, match=words):
         gb.load_monitor(tmp_path / "m.json")
 
