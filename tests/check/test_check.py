@@ -228,8 +228,9 @@ def test_a_bank_has_residuals_scores_and_thresholds_of_every_output():
         score = groups[f"healthy score {name}"]
         assert score.values["margin"] == pytest.approx(1.0 / np.nanmax(baseline.watch.scores[name].values), rel=1e-4)
         assert score.values["thresholds"] == rounded(tuple(baseline.monitor.thresholds[name].values()))
-    monitor = replace(baseline.monitor, thresholds={**baseline.monitor.thresholds, "q": {"mean 0.08 s": 99.0}})
-    assert len(figures_of(with_baseline(watching.study(), monitor=monitor))[5].values["thresholds"]) == 1
+    scores = baseline.watch.scores
+    one = replace(baseline.watch, scores={**scores, "q": replace(scores["q"], tests={"mean 0.08 s": 99.0})})
+    assert figures_of(with_baseline(watching.study(), watch=one))[5].values["thresholds"] == (99.0,)
 
 
 def test_a_function_has_alarms_and_hours_and_nothing_else_to_compare():
