@@ -243,7 +243,7 @@ def test_a_scenario_may_be_called_anything_that_can_be_printed(cli, tmp_path):
         Path(f"{name}.toml").write_text(QUICK)
     code, _, err = cli("run", *(f"./{name}.toml" for name in names), "--out", "found")
     assert (code, err) == (0, "")
-    written = {"markov.png", "prediction.png", "results.json", "study.rrd", "trials.csv"}
+    written = {"SHA256SUMS", "markov.png", "prediction.png", "results.json", "study.rrd", "trials.csv"}
     assert {path.name for path in Path("found").iterdir()} == written | {f"norm_{name}.png" for name in names}
     assert {path.name for path in tmp_path.iterdir()} == {"found", *(f"{name}.toml" for name in names)}
 
