@@ -47,7 +47,7 @@ def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
     assert ": drift 0.5" in verdict
     assert "Learnt from  0.0 to 30.0 s of this log (bank C)." in lines
     assert len(lines) < 12
-    code, details, err = cli("monitor", "broken.csv", "--monitor", "C", *HALF, "--details")
+    code, details, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, "--details")
     assert (code, err, details.startswith(out)) == (1, "", True)
     assert "identified and calibrated on this log: 0.00 to 30.00 s" in details
     assert "q failed; drift 0.5" in details
