@@ -18,6 +18,7 @@ from gtmbench.detectors.statistics.statistic import Statistic, Tolerance, tolera
 from gtmbench.detectors.statistics.thresholds import thresholds_of
 from gtmbench.detectors.statistics.whitening import White
 from tests.helpers.monitors import record
+from tests.helpers.sealed import resealed
 
 PERIOD_S = 0.02
 STATISTICS = [
@@ -102,7 +103,7 @@ def test_a_rival_whose_thresholds_nothing_passes_isnt_loaded(tmp_path):
     document = json.loads(path.read_text())
     for judging in document["figures"]["judgings"].values():
         judging["thresholds"] = {"sample": 1e308}
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(resealed(document)))
     with pytest.raises(gb.InputError, match="'limits' is blind: a gyro that is 10000 deg/s off"):
         gb.load_monitor(path)
 
@@ -114,7 +115,7 @@ def test_a_filter_whose_thresholds_nothing_passes_isnt_loaded(tmp_path):
     document = json.loads(path.read_text())
     for judging in document["figures"]["judgings"].values():
         judging["thresholds"] = dict.fromkeys(judging["thresholds"], 1e308)
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(resealed(document)))
     with pytest.raises(gb.InputError, match=r"judgings\.p\.thresholds, 'mean 0\.08 s' is 1e\+308; nothing passes that"):
         gb.load_monitor(path)
 
