@@ -13,6 +13,7 @@ import time
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from difflib import get_close_matches
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 LARGEST_TOML_BYTES = 100_000
 _FRACTION = re.compile(r"\d\.\d")
 _MOST_DOTS = 100
+_LONGEST_NAME = 255
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
 SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
@@ -61,9 +63,11 @@ def no_such(path: Path, otherwise: str = "") -> str:
     folder, near = path.parent if is_folder(path.parent) else Path(), []
     with suppress(OSError, ValueError):
         near = [str(each) for pattern in ("*", "*/*") for each in islice(folder.glob(pattern), 1000) if is_file(each)]
-    here = [f"; did you mean '{name}'?" for name in near if Path(name).name == path.name]
-    likely = here[0] if here else meant(path, near)
-    return f"{path}: no such file{likely or (otherwise and f'; {otherwise}')}"
+    alike = {Path(name).stem.lower(): name for name in near if Path(name).suffix.lower() == path.suffix.lower()}
+    here = [name for name in near if Path(name).name == path.name]
+    here += [alike[stem] for stem in get_close_matches(path.stem[:_LONGEST_NAME].lower(), alike, n=1)]
+    likely = f"did you mean '{here[0]}'?" if here else otherwise
+    return f"{path}: no such file{likely and f'; {likely}'}"
 
 
 def no_file(source: object, what: str, shipped: Iterable[str]) -> str:

@@ -37,6 +37,7 @@ from gtmbench.testing.contract.case import contract_case, standard_records
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.testing.flights import fly_once
 from tests.helpers.monitors import record, truth
+from tests.helpers.sealed import resealed
 
 PERIOD_S = 0.02
 
@@ -350,7 +351,7 @@ def _changed(key, value):
 def test_a_file_that_was_changed_is_refused_in_one_line(saved, tmp_path, change, said):
     document = json.loads(saved.read_text())
     path = tmp_path / "changed.json"
-    path.write_text(json.dumps(document | {"figures": change(document["figures"])}))
+    path.write_text(json.dumps(resealed(document | {"figures": change(document["figures"])})))
     with pytest.raises(gb.InputError, match=said) as refused:
         gb.load_monitor(path)
     assert "\n" not in str(refused.value)

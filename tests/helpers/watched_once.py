@@ -27,6 +27,8 @@ def remembered(watch_log):
 
 
 def _as_told(path):
+    if not Path(path).is_file():  # a pipe would be read for ever
+        raise TypeError(path)
     return str(path), Path(path).read_bytes()
 
 

@@ -91,7 +91,7 @@ def test_the_template_states_the_defaults():
 
 
 def test_what_the_template_leaves_out_loads_too(load):
-    lines = TEMPLATE.read_text(encoding="utf-8").split("# ---- what breaks")[1].splitlines()[1:]
+    lines = TEMPLATE.read_text(encoding="utf-8").split("# ---- the faults")[1].splitlines()[1:]
     commented_in = "\n".join(line.removeprefix("# ") for line in lines)
     assert {spec.kind for spec in load(commented_in).faults} <= set(FAULTS)
 

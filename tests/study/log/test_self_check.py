@@ -84,8 +84,8 @@ def test_stamps_in_another_unit_are_told_with_what_to_type(tmp_path):
     rows = [line.split(",", 1) for line in lines]
     rewritten = "\n".join([header, *(f"{1e3 * float(time_s):g},{rest}" for time_s, rest in rows)])
     (tmp_path / "log.csv").write_text(rewritten + "\n")
-    found = watch_log(tmp_path / "log.csv", C, healthy=[(0.0, 40_000.0)])
-    assert [cause.to_type for cause in found.check.causes] == ["--map time=time_s:ms"]
+    with pytest.raises(gb.InputError, match=r"0\.025 samples a second; .* it is in ms: --map time=time_s:ms$"):
+        watch_log(tmp_path / "log.csv", C, healthy=[(0.0, 40_000.0)])
     mended = watch_log(tmp_path / "log.csv", C, healthy=HALF, mapping=["time=time_s:ms"])
     assert mended.outcome is Outcome.HEALTHY
 
