@@ -5,6 +5,7 @@ from pathlib import Path
 from gtmbench.detectors.bank.bank import Bank
 
 MOST = 12  # that are kept
+LARGEST_BYTES = 100_000_000
 
 
 def remembered(watch_log):
@@ -27,7 +28,7 @@ def remembered(watch_log):
 
 
 def _as_told(path):
-    if not Path(path).is_file():  # a pipe would be read for ever
+    if not Path(path).is_file() or Path(path).stat().st_size > LARGEST_BYTES:  # a pipe would be read for ever
         raise TypeError(path)
     return str(path), Path(path).read_bytes()
 
