@@ -98,7 +98,7 @@ def causes(watched: WatchedLog) -> list[str]:
 def doubt_text(doubtful: Sequence[Alarm]) -> str:
     """Say which alarms may be no fault, and what else may have raised them."""
     told = _listed([f"{alarm.source} at {alarm.time_s:.1f} s" for alarm in doubtful], most=_FEW)
-    doubts = _listed(list(dict.fromkeys(alarm.doubt for alarm in doubtful)), "or", most=_FEW)
+    doubts = _listed(list(dict.fromkeys(alarm.doubt for alarm in doubtful)), most=1)
     return f"{counted(len(doubtful), 'alarm')} ({told}) may be no fault: {doubts}"
 
 
@@ -231,7 +231,7 @@ def _next(watched: WatchedLog) -> list[str]:
 def _unseen(watched: WatchedLog) -> list[str]:
     """Say whose silence says nothing."""
     names = watched.hardly_watched if watched.watches else ()
-    return [f"a fault of {_listed(names, 'or')} would hardly have been detected"] if names else []
+    return [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
 
 
 def _unheard(watched: WatchedLog) -> list[str]:
