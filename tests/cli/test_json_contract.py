@@ -147,6 +147,8 @@ def printed(folder, cli, monkeypatch):
         for place in WORKED_OUT:
             monkeypatch.setattr(place, _kept(_found(place), kept[place]))
         arguments = case.split()
+        if "report c" in case and not (folder / "c").exists():  # workers share the cases as they come
+            assert cli(*CASES["campaign"][2].split(), "-q")[0] == 0
         code, said, err = cli(*arguments)
         for made in ("x.toml", "checked/new.toml"):
             (folder / made).unlink(missing_ok=True)
