@@ -87,10 +87,11 @@ def check_cluster(
     with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls) as client:
         if versions is None:
             return
+        here = versions()
         for worker, told in client.run(versions, on_error="return").items():
             if isinstance(told, BaseException):
                 raise InputError(f"worker {worker} can't do this work ({one_line(f'{type(told).__name__}: {told}')})")
-            if differs := difference(versions(), told):
+            if differs := difference(here, told):
                 raise InputError(f"worker {worker} has {differs}; rows of both don't mix: install the same everywhere")
 
 

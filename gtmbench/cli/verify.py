@@ -85,7 +85,8 @@ def _folder(folder: Path) -> Iterator[_Told]:
         parts = read_parts(folder)
         damaged = parts.damaged()
         yield from (_Told(parts.path(number), damaged[number]) for number in damaged)
-        yield from (_Told(path, "") for path in folder.glob("part-*.parquet") if path not in map(parts.path, damaged))
+        whole = {*folder.glob("part-*.parquet")} - {*map(parts.path, damaged)}
+        yield from (_Told(path, "") for path in sorted(whole))
     yield from map(_monitor, monitors)
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
@@ -97,15 +96,6 @@ def imu_lines(watched: WatchedLog) -> list[str]:
     if not compared.alarms:
         return [f"IMUs: {names} agree in what their means over seconds tell"]
     return [f"IMUs: {_parting_text(alarm)}" for alarm in compared.alarms]
-
-
-def listed(names: Sequence[str]) -> str:
-    """Write names in a row.
-
-    >>> listed(["IMU", "IMU2", "IMU3"])
-    'IMU, IMU2 and IMU3'
-    """
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
 def _parting_text(alarm: Alarm) -> str:

@@ -10,11 +10,11 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import GYROS, unit_of
+from gtmbench.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import is_ready
-from gtmbench.detectors.virtual import ANGLES
 from gtmbench.record import Span
 from gtmbench.report.watched import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
 from gtmbench.report.words.certificate import certificate_text
@@ -90,8 +90,8 @@ def causes(watched: WatchedLog) -> list[str]:
         return [" or ".join(wrong)]
     if watched.check.stops:
         return [_without_place(watched.check.stops[0], watched)]
-    doubts = [doubt_text([alarm for alarm in watched.alarms if alarm.doubt])] if _is_doubted(watched) else []
-    weak = [*doubts, *_unseen(watched)]
+    doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
+    weak = [*([doubt_text(doubtful)] if doubtful else []), *_unseen(watched)]
     return weak or list(watched.reasons[:1]) or ["no stretch is long enough to be watched"]
 
 
@@ -137,7 +137,7 @@ def _fault_text(same: Sequence[Alarm]) -> str:
     if judged is None:
         return f"something failed {at}"
     if judged.sensor is None:
-        who = "the attitude" if set(judged.candidates) <= set(ANGLES) else "a sensor"
+        who = "the attitude" if set(judged.candidates) <= set(ATTITUDE) else "a sensor"
         return f"{who} failed {at}: cannot tell which of {_listed(judged.candidates, 'or')}"
     if judged.swapped:
         return f"the {sensor_text(judged.sensor)} and the {sensor_text(str(judged.partner))} have changed places {at}"
@@ -192,15 +192,15 @@ def _not_watched(watched: WatchedLog) -> list[str]:
 
 def _learnt(watched: WatchedLog) -> list[str]:
     monitor, spans = watched.monitor, watched.identified_s
-    title = _capital(title_text(monitor))
+    title = title_text(monitor)
     if not is_ready(monitor):
-        return [f"Nothing: {title_text(monitor)} was not calibrated."]
+        return [f"Nothing: {title} was not calibrated."]
     if spans:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
-        return [f"{_spans(spans)} of this log{chosen} ({title_text(monitor)})."]
+        return [f"{_spans(spans)} of this log{chosen} ({title})."]
     logs = monitor.provenance.get("logs")
     named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
-    return [f"{_listed(named)} ({title_text(monitor)})." if named else f"{title} came calibrated."]
+    return [f"{_listed(named)} ({title})." if named else f"{_capital(title)} came calibrated."]
 
 
 def _read(watched: WatchedLog) -> list[str]:
@@ -246,10 +246,6 @@ def _without_place(reason: str, watched: WatchedLog) -> str:
     return what if place.startswith(watched.log.path.name) and what else reason
 
 
-def _is_doubted(watched: WatchedLog) -> bool:
-    return any(alarm.doubt for alarm in watched.alarms)
-
-
 def _length_s(watched: WatchedLog) -> float:
     return sum(len(segment) * segment.sample_period_s for segment in watched.log.segments)
 
@@ -260,9 +256,7 @@ def _spans(spans: Iterable[Span]) -> str:
 
 def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
     """Write a list: ``p, q or phi``; of a long one how many more there are."""
-    if len(names) > most:
-        return f"{', '.join(names[:most])} and {len(names) - most} more"
-    return f" {word} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+    return f"{', '.join(names[:most])} and {len(names) - most} more" if len(names) > most else listed(names, word)
 
 
 def _capital(text: str) -> str:

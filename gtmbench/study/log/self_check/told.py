@@ -6,6 +6,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 
+from gtmbench.checks import listed
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.units import alike_unit
 from gtmbench.study.log.self_check.causes import Change, Guess
@@ -19,7 +20,7 @@ def cause_text(changes: Sequence[Change]) -> str:
     'the sign of p is turned and psi is 0.50 s late'
     """
     signs = [name for change in changes if change.kind == "sign" for name in change.channels]
-    said = [f"the sign{'s' if len(signs) > 1 else ''} of {_listed(signs)} {_are(signs)} turned"] if signs else []
+    said = [f"the sign{'s' if len(signs) > 1 else ''} of {listed(signs)} {_are(signs)} turned"] if signs else []
     return " and ".join([*said, *(_TEXTS[change.kind](change) for change in changes if change.kind != "sign")])
 
 
@@ -88,13 +89,13 @@ def _option(channel: str, source: Source | None, changes: Sequence[Change], read
 def _unit_text(change: Change) -> str:
     small, large = ("rad/s", "deg/s") if change.channels[0] in GYROS else ("rad", "deg")
     if change.size > 1.0:
-        return f"{_listed(change.channels)} {_are(change.channels)} 57 times too small: {small} taken for {large}"
-    return f"{_listed(change.channels)} {_are(change.channels)} 57 times too large: {large} taken for {small}"
+        return f"{listed(change.channels)} {_are(change.channels)} 57 times too small: {small} taken for {large}"
+    return f"{listed(change.channels)} {_are(change.channels)} 57 times too large: {large} taken for {small}"
 
 
 def _swap_text(change: Change) -> str:
     if len(change.channels) == 2:
-        return f"{_listed(change.channels)} are swapped"
+        return f"{listed(change.channels)} are swapped"
     others = (*change.channels[1:], change.channels[0])
     places = ", ".join(f"{name} reads {other}" for name, other in zip(change.channels, others, strict=True))
     return f"gyros have changed places: {places}"
@@ -104,7 +105,7 @@ def _late_text(change: Change) -> str:
     against = ""
     if len(change.channels) > 1:
         against = " against the gyros" if change.channels[0] in ANGLES else " against the attitude"
-    return f"{_listed(change.channels)} {_are(change.channels)} {change.size:.2f} s late{against}"
+    return f"{listed(change.channels)} {_are(change.channels)} {change.size:.2f} s late{against}"
 
 
 def _clock_text(change: Change) -> str:
@@ -115,14 +116,10 @@ def _clock_text(change: Change) -> str:
 
 
 def _held_text(change: Change) -> str:
-    return f"{_listed(change.channels)} {_are(change.channels)} held: one fresh reading in {change.size:.2g} s"
+    return f"{listed(change.channels)} {_are(change.channels)} held: one fresh reading in {change.size:.2g} s"
 
 
 _TEXTS = {"held": _held_text, "unit": _unit_text, "swap": _swap_text, "late": _late_text, "clock": _clock_text}
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _are(names: Sequence[str]) -> str:
