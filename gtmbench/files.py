@@ -66,6 +66,7 @@ def no_such(path: Path, otherwise: str = "") -> str:
     alike = {Path(name).stem.lower(): name for name in near if Path(name).suffix.lower() == path.suffix.lower()}
     here = [name for name in near if Path(name).name == path.name]
     here += [alike[stem] for stem in get_close_matches(path.stem[:_LONGEST_NAME].lower(), alike, n=1)]
+    here += [name for name in near if Path(name).stem == path.stem]  # its ending is mistyped
     likely = f"did you mean '{here[0]}'?" if here else otherwise
     return f"{path}: no such file{likely and f'; {likely}'}"
 

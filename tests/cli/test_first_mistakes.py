@@ -163,6 +163,7 @@ MISTAKES = [
     ("monitor day1.csv # flights/day1.csv", "day1.csv: no such file; did you mean 'flights/day1.csv'?"),
     ("monitor nowhere/flight.csv # flight.csv", "nowhere/flight.csv: no such file; did you mean 'flight.csv'?"),
     ("monitor flight.csv --detector montior.json # monitor.json", "montior.json: ...; did you mean 'monitor.json'?"),
+    ("monitor flight.cvs --detector C # flight.csv", "flight.cvs: no such file; did you mean 'flight.csv'?"),
     ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
     (
         "monitor flights # flights/day1.csv flights/day2.csv",
