@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gtmbench.bench.aircraft import aircraft_of
 from gtmbench.bench.aircraft_file import Facts, listed
-from gtmbench.bench.fleet import jsbsim_aircraft
+from gtmbench.bench.known_aircraft import jsbsim_aircraft
 from gtmbench.bench.survey import survey
 from gtmbench.bench.tuning import find_autopilot
 from gtmbench.errors import GtmbenchError

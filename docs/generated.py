@@ -19,11 +19,9 @@ from gtmbench.api import __all__ as public
 ROOT = Path(__file__).parents[1]
 HERE = ROOT / "docs/reference/generated"
 ROOMS = {  # where a name is defined: what one does there
-    "record": "Records",
-    "channels": "Records",
-    "logs": "Records",
+    "values": "Records",
+    "files": "Records",
     "bench": "Fly and measure",
-    "attitude": "Fly and measure",
     "faults": "Break",
     "method": "Identify and predict",
     "detectors": "Watch and explain",
@@ -82,7 +80,7 @@ def theory_page() -> Iterator[str]:
 def channels_page() -> Iterator[str]:
     """Yield the channel table."""
     yield from title("Channels")
-    yield from (*(gtmbench.channels.__doc__ or "").strip().splitlines(), "")
+    yield from (*(gtmbench.values.channels.__doc__ or "").strip().splitlines(), "")
     heads = ("name", "unit", "column of a log", "meaning", "noise of the T2's sensor", "JSBSim's property")
     yield from (".. list-table::", "   :header-rows: 1", "")
     rows = (

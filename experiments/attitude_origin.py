@@ -25,15 +25,15 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, welch
 
 import gtmbench as gb
-from gtmbench.attitude import carried_on
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.jobs.processes import spread
 from gtmbench.method.attitude_origin import origin_of
-from gtmbench.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
+from gtmbench.values.attitude import carried_on
+from gtmbench.values.channels import ATTITUDE, GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped
 

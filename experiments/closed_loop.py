@@ -23,8 +23,8 @@ import gtmbench as gb
 from dissertation.figures import blank, block, junction, wire
 from dissertation.reproduction import Reproduction, reproduce
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.closed_loop import Noise, closed_loop, loop_records
 from theory.iir import IirModel, arx, iv4
 from theory.laurent import laurent

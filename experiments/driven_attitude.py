@@ -32,12 +32,12 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.attitude import ESTIMATORS
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
-from gtmbench.channels import ATTITUDE, GYROS, header_of
-from gtmbench.processes import spread
+from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.certificate import KINDS, certificate_of
+from gtmbench.values.attitude import ESTIMATORS
+from gtmbench.values.channels import ATTITUDE, GYROS, header_of
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped
 

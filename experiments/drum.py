@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 import gtmbench as gb
 from dissertation.figures import norm_panel
 from dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
+from gtmbench.values.record import FloatArray
 from theory.nested import count, nested_operators, norms
 from theory.vibration import Held, Modes, Sinusoids, measured, simulate
 

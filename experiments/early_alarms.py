@@ -22,16 +22,16 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
-from gtmbench.processes import spread
-from gtmbench.progress import Progress
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
+from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed

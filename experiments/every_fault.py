@@ -28,7 +28,6 @@ import pandas as pd
 import scipy.optimize  # noqa: F401  a diagnosis imports it when it first needs it, which isn't what is timed
 
 import gtmbench as gb
-from gtmbench.channels import ATTITUDE, GYROS, SENSORS, axis_of, unit_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation.diagnosis import SAME
@@ -36,12 +35,13 @@ from gtmbench.detectors.monitor.alarms import AlarmLogic
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.processes import spread
-from gtmbench.progress import Progress
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
+from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS, axis_of, unit_of
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed

@@ -24,8 +24,8 @@ from scipy.stats import norm, uniform
 import gtmbench as gb
 from dissertation.figures import blank, block, wire
 from dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.hammerstein import Pair, centred, covariance, without_nonlinearities
 from theory.state_space import companion
 

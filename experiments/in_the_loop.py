@@ -26,14 +26,14 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.processes import spread
-from gtmbench.progress import Progress
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
+from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped
 from studies.targets import Target, held, is_missed

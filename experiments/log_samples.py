@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.channels import ACCELEROMETERS, GYROS
 from gtmbench.errors import InputError
-from gtmbench.processes import spread
+from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
+from gtmbench.values.channels import ACCELEROMETERS, GYROS
 from recorded.flights import CHANNELS, LogFile, watched
 from studies.conduct import Campaign, Findings, conducted
 

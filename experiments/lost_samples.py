@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 import gtmbench as gb
-from gtmbench.channels import header_of
+from gtmbench.values.channels import header_of
 
 CHANNELS = ("phi", "theta", "psi", "p", "q", "r")
 RATES_HZ = (10, 25, 50, 100, 125, 200, 250, 400, 1000)

@@ -19,8 +19,8 @@ import scipy.signal
 
 import gtmbench as gb
 from dissertation.reproduction import Reproduction, listed, reproduce
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.closed_loop import loop_records
 from theory.laurent import laurent, reflected, split
 from theory.nuclear_norm import nuclear_norm_path

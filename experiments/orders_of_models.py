@@ -22,8 +22,8 @@ from matplotlib.figure import Figure
 
 import gtmbench as gb
 from dissertation.reproduction import Reproduction, reproduce
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.closed_loop import loop_records
 from theory.pem import pem
 from theory.plants import Example, example_3_2_1, example_3_2_2, example_3_2_2_as_printed

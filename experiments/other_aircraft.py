@@ -24,12 +24,12 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.fleet import jsbsim_aircraft, load_aircraft
-from gtmbench.channels import GYROS
+from gtmbench.bench.known_aircraft import jsbsim_aircraft, load_aircraft
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.processes import spread
+from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import score
+from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.targets import Target, held, is_missed
 

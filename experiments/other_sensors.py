@@ -23,16 +23,16 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
-from gtmbench.processes import spread
-from gtmbench.progress import Progress
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
+from gtmbench.values.channels import ATTITUDE, GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed

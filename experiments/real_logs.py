@@ -24,7 +24,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from gtmbench.errors import InputError
-from gtmbench.processes import spread
+from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS

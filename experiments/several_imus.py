@@ -4,8 +4,8 @@
 
 Of every log below the folders that has two IMUs or more, and of synthetic flights whose estimator is driven by the
 broken IMU or by another: one IMU's gyro is broken after what is healthy (a log's first 40 %), at times drawn anew, and
-`gtmbench.study.log.imus` compares. Prints tables; writes report.md and faults.csv into DIR. Ends with code 1 where any
-IMU is named wrong (never with --quick).
+`gtmbench.study.log.imu_comparison` compares. Prints tables; writes report.md and faults.csv into DIR. Ends with
+code 1 where any IMU is named wrong (never with --quick).
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.read import read_log
-from gtmbench.processes import spread
-from gtmbench.record import Span
+from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.imus import channels_of, compared, opened_with
-from gtmbench.testing.flights import fly_once
+from gtmbench.study.log.imu_comparison import channels_of, compared, opened_with
+from gtmbench.testing.shared_flights import fly_once
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Span
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped
 

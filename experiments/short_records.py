@@ -29,10 +29,10 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.faults.distortions import lagged
-from gtmbench.processes import spread
-from gtmbench.progress import progress_bar
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.report.tables.markdown import markdown

@@ -24,8 +24,8 @@ from dissertation.reproduction import (
     reproduce,
 )
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.motions import holds_for_free_responses
 from theory.numeric import NumericOperator
 from theory.polynomials import write_polynomial

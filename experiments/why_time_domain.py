@@ -19,8 +19,8 @@ from scipy.signal import stft
 
 import gtmbench as gb
 from dissertation.reproduction import Reproduction, reproduce
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import panels
+from gtmbench.values.record import FloatArray
 from theory.iir import arx
 from theory.state_space import StateSpace
 

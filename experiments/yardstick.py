@@ -34,7 +34,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import gtmbench as gb
-from gtmbench.channels import header_of
+from gtmbench.values.channels import header_of
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 DETECTORS = ("C", "C-early", "kinematic-kalman-no-fir")

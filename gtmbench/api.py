@@ -1,28 +1,26 @@
 """Everything public: what `import gtmbench as gb` gives. It is imported when the first of it is asked for."""
 
-from gtmbench.attitude import AttitudeEstimator
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
-from gtmbench.channels import CHANNELS, Channel
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
-from gtmbench.detectors.files import load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
@@ -52,6 +50,7 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.files.logs import read_log, write_log
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
@@ -59,8 +58,6 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
 from gtmbench.intake.open import open_log
 from gtmbench.intake.resampling import decimate
-from gtmbench.logs import read_log, write_log
-from gtmbench.method.alarms import Alarms, alarms, threshold
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
@@ -71,19 +68,19 @@ from gtmbench.method.identify import identify
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
 from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
+from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
 from gtmbench.method.selection.inputs import InputChoice, select_inputs
 from gtmbench.method.selection.orders import OrderChoice, select_orders
-from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record
+from gtmbench.method.windowed_alarms import Alarms, alarms, threshold
 from gtmbench.report.figures.plot import plot
-from gtmbench.report.fleet import watch_fleet
+from gtmbench.report.fleet_report import watch_fleet
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
-from gtmbench.study.log.inject import ChangedColumn, inject_log
-from gtmbench.study.log.live import watch_live
+from gtmbench.study.log.injection import ChangedColumn, inject_log
+from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import bank_between, watch_log
 from gtmbench.study.log.watched import Outcome, WatchedLog
@@ -91,6 +88,9 @@ from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.channels import CHANNELS, Channel
+from gtmbench.values.record import Record
 
 __all__ = [
     "CHANNELS",

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gtmbench.artefacts import Artefacts, artefacts_in, file_name
+from gtmbench.files.artefacts import Artefacts, artefacts_in, file_name
 
 if TYPE_CHECKING:
-    from gtmbench.record import Record
+    from gtmbench.values.record import Record
 
 _ARTEFACTS = pytest.StashKey[Artefacts]()
 _SLOW = "slow_flight"
@@ -86,7 +86,7 @@ def _told(item: pytest.Item, path: str) -> bool:
 @pytest.fixture(scope="session")
 def fly_once() -> Callable[..., Record]:
     """Fly, once a session for the same arguments: fly_once(excitation="doublets", duration_s=60, seed=7); truth."""
-    from gtmbench.testing.flights import fly_once
+    from gtmbench.testing.shared_flights import fly_once
 
     return fly_once
 
@@ -100,6 +100,6 @@ def gtm_flight(fly_once: Callable[..., Record]) -> Record:
 @pytest.fixture(scope="session")
 def gtm_record() -> Record:
     """Return what the T2's sensors read on the standard flight: healthy, noise included."""
-    from gtmbench.testing.flights import standard_record
+    from gtmbench.testing.shared_flights import standard_record
 
     return standard_record()

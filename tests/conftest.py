@@ -8,10 +8,10 @@ from hypothesis import settings
 
 from gtmbench.bench.flight import fly
 from gtmbench.cli.app import main
+from gtmbench.files.shipped import share
 from gtmbench.method.regression import triangle
 from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
-from gtmbench.shipped import share
 from gtmbench.study import flights, healthy_records
 from gtmbench.study.log import watch, watched
 from gtmbench.study.log.certificate import certificate_of

@@ -24,8 +24,8 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.check.baseline import new_baseline, read_reference, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.files import SUMS, read_sums
-from gtmbench.parts import read_parts
+from gtmbench.files.disk import SUMS, read_sums
+from gtmbench.jobs.parts import read_parts
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 from tests.check.test_check import SHORT
@@ -36,7 +36,7 @@ ROOT = Path(__file__).parent.parent
 FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
-import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.run
+import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.reference_run
 from gtmbench.cli.app import main
 for line in sys.stdin:
     told = json.loads(line)
@@ -381,7 +381,10 @@ class Ordeals:
 
 TIMED = """
 import contextlib, sys, time
-import gtmbench.files, gtmbench.locks, gtmbench.seals, gtmbench.parts, gtmbench.cli.output, gtmbench.detectors.files
+import gtmbench.detectors.monitor_file
+from gtmbench.cli import output
+from gtmbench.files import disk, locks, seals
+from gtmbench.jobs import parts
 spent, begun = [0.0], time.perf_counter()
 def timed(function):
     def wrapped(*given, **named):
@@ -401,11 +404,11 @@ def alone(*given, **named):
         finally:
             began = time.perf_counter(); inner.__exit__(None, None, None); spent[0] += time.perf_counter() - began
     return around()
-former = gtmbench.locks.alone
-for module in (gtmbench.parts, gtmbench.cli.output):
+former = locks.alone
+for module in (parts, output):
     module.alone = alone
-gtmbench.files.to_disk, gtmbench.files._sums = timed(gtmbench.files.to_disk), timed(gtmbench.files._sums)
-for module, name in ((gtmbench.parts, "fill_slot"), (gtmbench.parts, "is_intact"), (gtmbench.seals, "digest_of")):
+disk.to_disk, disk._sums = timed(disk.to_disk), timed(disk._sums)
+for module, name in ((parts, "fill_slot"), (parts, "is_intact"), (seals, "digest_of")):
     setattr(module, name, timed(getattr(module, name)))
 from gtmbench.cli.app import main
 try:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.method.residual import WindowedNorm
-from gtmbench.record import FloatArray
 from gtmbench.report.style import COLOURS
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

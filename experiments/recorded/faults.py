@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
 from gtmbench.errors import InputError
@@ -17,6 +16,7 @@ from gtmbench.study.log.certificate import KINDS, Smallest
 from gtmbench.study.log.records import outside
 from gtmbench.study.log.starts import steady
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 
 TIMES = (1, 3)  # the certificate's size
 CERTIFICATE, EVERYDAY = "certificate", "everyday"  # whence a fault's size

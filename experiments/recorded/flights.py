@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.attitude import DRIVEN
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.intake.contents import log_contents
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.values.attitude import DRIVEN
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from recorded.mutations import Mutation
 
 BANK = "C"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.record import Record
 from gtmbench.study.log.self_check.causes import Change, undone
+from gtmbench.values.record import Record
 
 _DEG = math.degrees(1.0)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import click
 
 from gtmbench.errors import InputError
-from gtmbench.progress import Progress, progress_bar
+from gtmbench.jobs.progress import Progress, progress_bar
 
 
 class Findings(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 from theory.state_space import StateSpace
 
 Noise = Literal["process", "measured", "input", "output"]

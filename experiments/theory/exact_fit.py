@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.state_space import StateSpace
 
 Rationals = list[Fraction]

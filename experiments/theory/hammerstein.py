@@ -21,7 +21,7 @@ from scipy.stats.distributions import rv_frozen
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 from theory.state_space import StateSpace
 
 Nonlinearity = Callable[[FloatArray], FloatArray]

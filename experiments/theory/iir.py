@@ -16,7 +16,7 @@ from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import Residual
-from gtmbench.record import FloatArray, Record, check_record, frozen
+from gtmbench.values.record import FloatArray, Record, check_record, frozen
 from theory.state_space import StateSpace, companion
 
 _TRUSTED = 1e-4  # of a column's length, what those before it must leave: of less, squares would lose too many digits

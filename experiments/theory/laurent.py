@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 from theory.annuli import Annulus, annuli, on_circle, refuse_zero
 from theory.state_space import ComplexArray, StateSpace
 from theory.transfer_matrix import TransferMatrix

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.exact import Matrix, exact_entry, read_exactly, rows
 from theory.rational import Coefficients, DifferentialEquation, coefficients, entries
 

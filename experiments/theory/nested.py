@@ -10,7 +10,7 @@ from gtmbench.method.identify import identify
 from gtmbench.method.residual import WindowedNorm, residual, windowed_norm
 from gtmbench.method.selection.excitations import count_excitations
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 
 def nested_operators(healthy: Record, order: int) -> tuple[Transmissibility, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 from theory.realisation import block_hankel, hankel_singular_values, markov_parameters
 
 _FLOOR: Final = 1e-6  # of the data's greatest singular value: the solver leaves 1e-8 of it

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.state_space import ComplexArray, StateSpace
 
 _NEGLIGIBLE = 1e-10  # of the largest singular value that a block had to begin with

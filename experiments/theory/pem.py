@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.values.record import FloatArray, Record, frozen
 from theory.iir import Channels, IirModel, innovations, lagged, model_of, regressor, signals, solve
 
 _LONG = 30  # lags, at least, of the ARX model that the search starts from

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.state_space import StateSpace, companion, lqr
 
 _ZEROS: Final = (0.4j, -0.4j, 0.3, -0.3)  # of (3.1), (3.5) and (3.98)

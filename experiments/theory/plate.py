@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.vibration import Modes, modes_of
 
 _X: Final = np.repeat([2, 3, 4], 3)  # powers of (4.14): x^(i+1) y^(j-1), i the slow index

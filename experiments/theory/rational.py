@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.state_space import ComplexArray
 
 Polynomial = Any  # of p: an element of sympy's ring K[p], K the rationals or rational functions of the symbols

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.annuli import on_circle
 from theory.laurent import reflected
 from theory.state_space import StateSpace

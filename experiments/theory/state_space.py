@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 
 ComplexArray = NDArray[np.complex128]
 

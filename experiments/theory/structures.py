@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.checks import shown, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 from theory.exact import Matrix, operator_of_system, read_exactly, rows
 from theory.rational import PolynomialMatrix, RationalOperator
 from theory.state_space import StateSpace

@@ -12,7 +12,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 from theory.state_space import ComplexArray, StateSpace, companion
 
 _TOLERANCE = 1e-10  # of the norms of A, B and C: directions that are reached more weakly count as unreached

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.values.record import FloatArray, Record, frozen
 from theory.state_space import ComplexArray, StateSpace
 
 _Ends = tuple[FloatArray, FloatArray]

@@ -14,12 +14,12 @@ from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.engine import writers
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import CHANNELS, COMMANDS, Role
 from gtmbench.checks import number, whole
-from gtmbench.clock import even_times_s
-from gtmbench.record import FloatArray, Record, Span
+from gtmbench.values.channels import CHANNELS, COMMANDS, Role
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record, Span
 
 LONGEST_S = 24 * 3600.0
 FLOWN = tuple(channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND)  # what is read each step

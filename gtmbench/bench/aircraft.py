@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
-from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.checks import boolean, keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
-from gtmbench.record import Span
+from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES
+from gtmbench.values.record import Span
 
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for

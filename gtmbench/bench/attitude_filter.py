@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from gtmbench.attitude import STEEPEST_DEG, AttitudeEstimator, carried_on, estimator_of, less, too_steep
 from gtmbench.bench.sensors import stream
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, check_record
+from gtmbench.values.attitude import STEEPEST_DEG, AttitudeEstimator, carried_on, estimator_of, less, too_steep
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record, check_record
 
 FASTEST_DEG_S = 1e6  # no gyro reads this, and no float overflows below
 REFERENCE_NOISE_DEG = 0.5  # of the references of an estimator that is named, at every sample

@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import keys, number
-from gtmbench.record import Span
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
+from gtmbench.values.record import Span
 
 Commands = tuple[float, float, float, float]  # in the order of `COMMANDS`, in their units
 _READ = (*GYROS, *ATTITUDE, "tas", "altitude")

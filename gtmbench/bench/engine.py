@@ -16,9 +16,9 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
-from gtmbench.channels import CHANNELS, COMMANDS, GYROS, Role
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
+from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, Role
 
 # The six accelerations that vanish in trim, with what each is driven by.
 ACCELERATIONS = {

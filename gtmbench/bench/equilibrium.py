@@ -13,10 +13,10 @@ from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import CHANNELS
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import CHANNELS
+from gtmbench.values.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.channels import SURFACES
 from gtmbench.checks import meant
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import SURFACES
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,9 +13,9 @@ from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.equilibrium import mistaken_units
 from gtmbench.bench.excitation import Excitation
-from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.errors import EnvelopeError
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import COMMANDS, unit_of
+from gtmbench.values.record import FloatArray, Record
 
 _LOOKED_STEPS = 100  # how often a flight looks whether it is within its envelope
 

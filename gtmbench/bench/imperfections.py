@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from gtmbench.bench.sensors import stream
-from gtmbench.channels import GYROS
 from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
-from gtmbench.record import FloatArray, Record, check_record
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray, Record, check_record
 
 LARGEST = 1e9  # of every figure; far beyond any sensor, and far from where numbers overflow
 SMALLEST_QUANTUM = 1e-9  # a finer one doesn't round, it costs digits

@@ -12,8 +12,8 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft, aircraft_of, facts_of
 from gtmbench.bench.engine import engine, set_condition, silenced, simulating
-from gtmbench.channels import SURFACES
 from gtmbench.errors import GtmbenchError
+from gtmbench.values.channels import SURFACES
 
 _LONGEST_S = 20.0  # it has been seen to take 18
 _FULL = 1  # its mode: all six axes

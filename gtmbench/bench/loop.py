@@ -13,21 +13,21 @@ from typing import Protocol
 
 import numpy as np
 
-from gtmbench.attitude import OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
 from gtmbench.bench.airborne import FLOWN, Airborne, Outside, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
 from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import check_envelope
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.sensors import noise_blocks
-from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import meant, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_onset
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.attitude import OWN, AttitudeEstimator, SteepError, estimator_of, too_steep
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, SENSORS
+from gtmbench.values.record import FloatArray, Record
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
 GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
@@ -177,7 +177,7 @@ def fly_in_loop(
     accommodate : Accommodation, optional
     attitude : str or AttitudeEstimator
         The source of phi, theta and psi. "own": a vertical gyro, which doesn't use p, q and r. Or an estimator, or the
-        name of one (`gtmbench.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
+        name of one (`gtmbench.values.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
         references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`.
 
     Raises

@@ -10,10 +10,10 @@ import numpy as np
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import set_condition
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import CHANNELS, COMMANDS
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import CHANNELS, COMMANDS
+from gtmbench.values.record import FloatArray
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")  # ft/s, rad/s, rad
 _STEPS = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4])

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gtmbench.channels import CHANNELS, COMMANDS, GYROS, SENSORS
 from gtmbench.checks import meant, number, whole
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, SENSORS
+from gtmbench.values.record import FloatArray, Record
 
 SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)

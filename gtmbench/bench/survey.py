@@ -18,9 +18,9 @@ from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
+from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES
 
 Facts = dict[str, Any]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.autopilot import Autopilot
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import LoopFlight, fly_in_loop
 from gtmbench.bench.modes import STATES, LinearModel, linearised
-from gtmbench.channels import COMMANDS
 from gtmbench.errors import EnvelopeError, GtmbenchError, TrimError
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Record
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.values.channels import COMMANDS
+from gtmbench.values.record import Record
 
 # What an axis' gains are changed by together; each in octaves, so that neighbours are half and twice a gain.
 AXES = {

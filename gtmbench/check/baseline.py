@@ -22,9 +22,9 @@ from gtmbench.check.figures import Group, Value, trial_names
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
 from gtmbench.errors import InputError, NoteWarning
-from gtmbench.files import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
-from gtmbench.seals import KEY, altered, digest_of
-from gtmbench.shipped import shipped_baselines, shipped_scenarios
+from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.files.seals import KEY, altered, digest_of
+from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 

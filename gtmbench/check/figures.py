@@ -9,14 +9,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.check.rules import KINDS, WINDOW_S
 from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import FloatArray
 
 Value = bool | int | float | tuple[float, ...]
 _DIGITS = 5

@@ -13,10 +13,10 @@ from xml.etree import ElementTree as ET
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, Number, Pair
 from gtmbench.check.figures import Group
-from gtmbench.check.run import Check
+from gtmbench.check.reference_run import Check
 from gtmbench.checks import printable
-from gtmbench.files import atomic_write
-from gtmbench.plain import finite_or_none
+from gtmbench.files.disk import atomic_write
+from gtmbench.files.plain import finite_or_none
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.output import F, echo
-from gtmbench.shipped import shipped_aircraft
+from gtmbench.files.shipped import shipped_aircraft
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
@@ -36,7 +36,7 @@ def aircraft_options(command: F) -> F:
 def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     from gtmbench.bench.equilibrium import mistaken_units
-    from gtmbench.bench.fleet import load_aircraft
+    from gtmbench.bench.known_aircraft import load_aircraft
     from gtmbench.bench.model_file import check_model
 
     aircraft = load_aircraft(name, without_io=without_io)
@@ -64,7 +64,7 @@ def aircraft_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[
     """
     from gtmbench.bench.aircraft import facts_of
     from gtmbench.bench.aircraft_file import commented
-    from gtmbench.bench.fleet import FACTS, jsbsim_aircraft, load_aircraft, model_folder
+    from gtmbench.bench.known_aircraft import FACTS, jsbsim_aircraft, load_aircraft, model_folder
 
     craft = load_aircraft(name, without_io=without_io)
     own = craft.folder

@@ -39,7 +39,7 @@ from gtmbench.cli.score import score_command
 from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.cli.verify import verify_command
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
-from gtmbench.files import is_file
+from gtmbench.files.disk import is_file
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 

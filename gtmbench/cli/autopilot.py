@@ -9,8 +9,8 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_options, at_condition, told_aircraft
 from gtmbench.cli.output import claim_file, common_options, echo, print_json
-from gtmbench.files import atomic_write
-from gtmbench.progress import progress_bar
+from gtmbench.files.disk import atomic_write
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 

@@ -13,9 +13,9 @@ from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.progress import progress_bar
+from gtmbench.files.shipped import shipped_banks
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
-from gtmbench.shipped import shipped_banks
 
 if TYPE_CHECKING:
     from gtmbench.detectors.bank.bank import Bank
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.method.attitude_origin import Origin
-    from gtmbench.record import Record
+    from gtmbench.values.record import Record
 
 
 @click.command("calibrate")
@@ -77,13 +77,13 @@ def calibrate_command(
     The output states how much other flights would change the thresholds; more than three times is refused.
     """
     from gtmbench.bench.imperfections import parse_imperfections
-    from gtmbench.detectors.files import save_monitor
+    from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
     from gtmbench.report.words.units import counted
-    from gtmbench.study.calibration import with_provenance
     from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-    from gtmbench.study.log.auto import recipe_for_logs
+    from gtmbench.study.log.auto_bank import recipe_for_logs
     from gtmbench.study.log.origin import FROM_LOG
+    from gtmbench.study.watchers import with_provenance
 
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
@@ -180,7 +180,7 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.bank.composed import AUTO
     from gtmbench.detectors.bank.detectability import signatures
     from gtmbench.detectors.bank_detector import BankMonitor
-    from gtmbench.detectors.files import load_monitor
+    from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.report.words.monitor import facts
     from gtmbench.report.words.units import counted
 

@@ -12,12 +12,12 @@ from gtmbench.checks import whole
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder
-from gtmbench.progress import progress_bar
+from gtmbench.files.disk import atomic_folder
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.parts import Parts, Shard
+    from gtmbench.jobs.parts import Parts, Shard
 
 
 def _shard(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -72,7 +72,7 @@ def campaign_command(
 
     Exit codes: 0 success; 2 bad input, or an interruption; 3 some trials failed, and their rows say why.
     """
-    from gtmbench.parts import Shard
+    from gtmbench.jobs.parts import Shard
     from gtmbench.report.tables.campaign import campaign_results, write_campaign
     from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
     from gtmbench.study.campaign.conduct import check_size, conduct

@@ -13,8 +13,8 @@ import click
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.progress import progress_bar
-from gtmbench.shipped import MAIN_JOB, is_installed, shipped_baselines
+from gtmbench.files.shipped import MAIN_JOB, is_installed, shipped_baselines
+from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
     from gtmbench.check.baseline import Reference
@@ -77,8 +77,8 @@ def _check(
     path: Path, detector: str | None, calibrated: Path | None, junit: Path | None, *, as_json: bool, quiet: bool
 ) -> int:
     from gtmbench.check.baseline import read_reference
+    from gtmbench.check.reference_run import check
     from gtmbench.check.report import check_lines, check_results, regression_line, write_junit
-    from gtmbench.check.run import check
 
     if junit is not None:
         if junit.suffix.lower() != ".xml":
@@ -163,7 +163,7 @@ def _check_target(path: Path) -> None:
 
 def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
-    from gtmbench.check.run import run_reference
+    from gtmbench.check.reference_run import run_reference
 
     try:
         with progress_bar(silent=silent) as tell:

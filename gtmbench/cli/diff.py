@@ -11,7 +11,7 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.progress import progress_bar
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:

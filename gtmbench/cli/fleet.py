@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from gtmbench.cli.output import echo, print_json, print_table, screen_width
 from gtmbench.errors import InputError
-from gtmbench.files import is_file
-from gtmbench.progress import progress_bar
+from gtmbench.files.disk import is_file
+from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.fleet import Watching
+    from gtmbench.study.log.log_fleet import Watching
 
 _MOST_ROWS = 40  # on a screen
 
@@ -39,7 +39,7 @@ def monitor_fleet(
     quiet: bool,
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
-    from gtmbench.report.fleet import FIGURE, REPORT, TABLE, written
+    from gtmbench.report.fleet_report import FIGURE, REPORT, TABLE, written
     from gtmbench.report.tables.fleet import fleet_results
     from gtmbench.report.words.fleet import MEANING, RIGHT, fleet_table
 

@@ -132,14 +132,14 @@ def fly_command(
     quiet: bool,
 ) -> None:
     """Fly and write a log of the truth, or with --noise of the sensor readings."""
-    from gtmbench.attitude import OWN, estimator_of
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
     from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
-    from gtmbench.logs import check_log_path, write_log
+    from gtmbench.files.logs import check_log_path, write_log
     from gtmbench.report.tables.loop import event_rows
     from gtmbench.report.words.judgement import loop_text
+    from gtmbench.values.attitude import OWN, estimator_of
 
     check_log_path(out)
     claim_file(out, force=force)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
     from gtmbench.study.fault_tables import FaultSpec
     from gtmbench.study.log.bending import Following
-    from gtmbench.study.log.inject import ChangedColumn
+    from gtmbench.study.log.injection import ChangedColumn
 
 
 @click.command("inject")
@@ -86,7 +86,7 @@ def inject_command(
     from gtmbench.intake.read import read_log
     from gtmbench.report.words.units import counted
     from gtmbench.study.log.bending import following_in_log
-    from gtmbench.study.log.inject import inject_log
+    from gtmbench.study.log.injection import inject_log
 
     broken = {name for fault in faults for name in fault.changes}
     read = read_log(log)

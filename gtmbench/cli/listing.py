@@ -9,18 +9,18 @@ from pathlib import Path
 
 import click
 
-from gtmbench.channels import CHANNELS
 from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.files import read_toml
-from gtmbench.imports import DETECTORS, FAULTS, installed
-from gtmbench.report.tables.envelope import envelope
-from gtmbench.shipped import (
+from gtmbench.files.disk import read_toml
+from gtmbench.files.shipped import (
     share,
     shipped_aircraft,
     shipped_banks,
     shipped_campaigns,
     shipped_scenarios,
 )
+from gtmbench.imports import DETECTORS, FAULTS, installed
+from gtmbench.report.tables.envelope import envelope
+from gtmbench.values.channels import CHANNELS
 
 
 @click.command("list")
@@ -30,7 +30,7 @@ def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
     """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
     sections = listing()
     if with_all:
-        from gtmbench.bench.fleet import jsbsim_titles
+        from gtmbench.bench.known_aircraft import jsbsim_titles
 
         sections["aircraft"] |= jsbsim_titles()
     counts = ", ".join(f"{len(entries)} {_title(key)}" for key, entries in sections.items())

@@ -24,13 +24,13 @@ from gtmbench.cli.output import (
     screen_width,
 )
 from gtmbench.errors import InputError
-from gtmbench.files import LOGS, atomic_write, is_file, no_such
-from gtmbench.progress import progress_bar
+from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
+from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
-    from gtmbench.record import Span
     from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.values.record import Span
 
 
 _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
@@ -132,7 +132,7 @@ def monitor_command(
         }
         _refuse(alone, "of one log; several logs have --out")
         watcher = _watcher(detector, calibrated, inputs, outputs, look, healthy) or AUTO
-        from gtmbench.study.log.fleet import LIMIT_S, Watching
+        from gtmbench.study.log.log_fleet import LIMIT_S, Watching
 
         watching = Watching(
             detector=watcher if detector is None or calibrated is not None else detector,  # a name is found anew
@@ -307,7 +307,7 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
 
         write_log_recording(watched, record)
     if save is not None and is_ready(watched.monitor):
-        from gtmbench.detectors.files import save_monitor
+        from gtmbench.detectors.monitor_file import save_monitor
 
         save_monitor(watched.monitor, save)
 

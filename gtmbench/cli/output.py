@@ -14,9 +14,9 @@ import click
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
-from gtmbench.files import check_file, check_folder
-from gtmbench.locks import alone, lock_beside
-from gtmbench.plain import dumps
+from gtmbench.files.disk import check_file, check_folder
+from gtmbench.files.locks import alone, lock_beside
+from gtmbench.files.plain import dumps
 
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogColumn

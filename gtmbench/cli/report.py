@@ -9,7 +9,7 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write
+from gtmbench.files.disk import atomic_write
 from gtmbench.report.tables.envelope import envelope
 
 _FORMATS = {"html": "report.html", "md": "report.md", "json": "report.json", "table": "table.md"}  # default names
@@ -49,8 +49,8 @@ def report_command(
 
     An unfinished campaign is scored on its flights so far. docs/how_to/scores.md explains the figures.
     """
-    from gtmbench.parts import read_parts
-    from gtmbench.report.page.contents import contents_of
+    from gtmbench.jobs.parts import read_parts
+    from gtmbench.report.page.sections import contents_of
     from gtmbench.report.page.write import FORMATS
     from gtmbench.report.tables.scores import first_and_rest
     from gtmbench.study.scores.scoring import DEADLINE_S

@@ -12,8 +12,8 @@ from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import trial_faults, trial_option
 from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_write
-from gtmbench.progress import Progress, progress_bar
+from gtmbench.files.disk import atomic_write
+from gtmbench.jobs.progress import Progress, progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def rescue_command(
     reading out of the loop. `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
     from gtmbench.detectors.accommodate import Accommodate
-    from gtmbench.detectors.files import load_monitor
+    from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.report.figures.rescue import rescue_figure
     from gtmbench.report.recording.rescue import write_rescue_recording
     from gtmbench.study.rescue import fly_rescue

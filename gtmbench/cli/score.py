@@ -10,7 +10,7 @@ import click
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.monitor import healthy_part
 from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
-from gtmbench.progress import progress_bar
+from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
     from gtmbench.study.log.truth import Scored, ScoredLog

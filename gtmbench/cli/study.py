@@ -17,10 +17,10 @@ from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files import atomic_folder, atomic_write
-from gtmbench.progress import progress_bar
+from gtmbench.files.disk import atomic_folder, atomic_write
+from gtmbench.files.shipped import MAIN_JOB
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
-from gtmbench.shipped import MAIN_JOB
 
 if TYPE_CHECKING:
     from gtmbench.study.scenario import Scenario

@@ -12,7 +12,7 @@ import click
 
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError, NoteWarning
-from gtmbench.files import SUMS, is_file, is_folder, read_sums
+from gtmbench.files.disk import SUMS, is_file, is_folder, read_sums
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
@@ -73,7 +73,7 @@ def _told_of(path: Path) -> Iterator[_Told]:
 
 
 def _folder(folder: Path) -> Iterator[_Told]:
-    from gtmbench.parts import holds_parts, read_parts
+    from gtmbench.jobs.parts import holds_parts, read_parts
 
     monitors = [path for path in sorted(folder.glob("*.json")) if _is_monitor(path)]
     if not is_file(folder / SUMS) and not holds_parts(folder) and not monitors:
@@ -105,7 +105,7 @@ def _is_monitor(path: Path) -> bool:
 
 
 def _monitor(path: Path) -> _Told:
-    from gtmbench.detectors.files import check_monitor
+    from gtmbench.detectors.monitor_file import check_monitor
 
     try:
         check_monitor(path)

@@ -18,13 +18,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from gtmbench.channels import SENSORS
 from gtmbench.checks import meant, shown, whole
-from gtmbench.clock import same_period
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, factor_of, raw_needs, reproduces
-from gtmbench.record import Record
+from gtmbench.values.channels import SENSORS
+from gtmbench.values.clock import same_period
+from gtmbench.values.record import Record
 
 SUSPECTED, REPLACED, GIVEN_BACK = "suspected", "replaced", "given back"  # what is told, of a gyro
 STAND_INS = ("attitude", "zero")

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import unit_of
-from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
@@ -19,25 +17,27 @@ from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import WITNESSES
+from gtmbench.detectors.monitor.alarm_engine import Engine
 from gtmbench.detectors.monitor.arming import Arming
-from gtmbench.detectors.monitor.engine import Engine
+from gtmbench.detectors.monitor.bank_stream import BankStream
+from gtmbench.detectors.monitor.bank_trials import BankTrials
 from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.scores import reach_of, residual_scores
-from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
-from gtmbench.detectors.monitor.trials import BankTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.problem import Estimator, Records, as_records
-from gtmbench.notebook import card, figure
-from gtmbench.progress import Progress, silent
-from gtmbench.record import BoolArray, FloatArray, Record, sealed
+from gtmbench.values.channels import unit_of
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.notebook import card, figure
+from gtmbench.values.record import BoolArray, FloatArray, Record, sealed
 
 RATE = 0.002  # false alarms an hour, wanted where nobody says
 _RATE_OF_ENERGY = 1.0  # of a flight by a bank that judges energy

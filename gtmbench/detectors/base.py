@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import number
-from gtmbench.clock import FloatArray
 from gtmbench.detectors.alarm import Alarm, alarms_at
+from gtmbench.detectors.buffered_stream import BufferedStream, RollingBuffer
 from gtmbench.detectors.protocol import Score, Stream, Watch
-from gtmbench.detectors.stream import BufferedStream, RollingBuffer
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import came_down, rising
+from gtmbench.files.plain import exact
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import as_records
-from gtmbench.plain import exact
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Record, check_record
+from gtmbench.method.windowed_alarms import came_down, rising
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import Record, check_record
 
 
 class BaseMonitor:

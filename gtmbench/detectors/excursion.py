@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ from gtmbench.detectors.base import BaseMonitor
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Record, check_record
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.values.record import Record, check_record
 
 Function = Callable[[Record], ArrayLike]
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 _SAID_BIAS = 0.1  # deg/s

@@ -19,7 +19,7 @@ from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
 from gtmbench.method.regression.slow import interpolated
-from gtmbench.record import BoolArray, FloatArray, Record, joined
+from gtmbench.values.record import BoolArray, FloatArray, Record, joined
 
 _BLOCK_S, _FIRST, _WAIT = 2.0, 12, 5  # blocks that settle it, and that a block waits until it is believed
 _HALF_S = 0.15  # to either side: slow motion

@@ -7,11 +7,11 @@ import numpy as np
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
-from gtmbench.method.alarms import rising
 from gtmbench.method.convolution import filtered
 from gtmbench.method.residual import moving_sum, residual
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.method.windowed_alarms import rising
+from gtmbench.values.record import FloatArray, Record
 
 
 class NormTrials:

@@ -9,9 +9,9 @@ from gtmbench.detectors.basis import Basis, basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.progress import Progress, silent
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 
 class PredictingMonitor(Monitor, Protocol):

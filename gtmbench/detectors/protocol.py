@@ -16,9 +16,9 @@ import numpy as np
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.notebook import card
-from gtmbench.progress import Progress, silent
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.values.notebook import card
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 Signals = Mapping[str, FloatArray]  # by sensor, shape (samples,)
 _NONE: Mapping[str, Any] = MappingProxyType({})

@@ -11,17 +11,17 @@ from typing import Any
 
 from gtmbench.checks import meant, shown
 from gtmbench.detectors.adapt import adapted, installed, installed_names
-from gtmbench.detectors.auto import AutoDetector
+from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.files import load_monitor
+from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
-from gtmbench.files import LOGS, is_folder
-from gtmbench.shipped import shipped_banks
+from gtmbench.files.disk import LOGS, is_folder
+from gtmbench.files.shipped import shipped_banks
 
 DISSERTATION = "dissertation"
 

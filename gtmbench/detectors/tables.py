@@ -7,11 +7,11 @@ from typing import Any
 
 from gtmbench import checks
 from gtmbench.checks import names, number, shown, text, whole
-from gtmbench.clock import same_period
 from gtmbench.errors import InputError
+from gtmbench.files.plain import exact
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.plain import exact
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.clock import same_period
+from gtmbench.values.record import FloatArray, frozen
 
 OPERATOR_KEYS = (
     "inputs",

@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 TIE_S = 1e-9
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.checks import meant
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 ANGLES = ("phi", "theta", "psi")
 _SETTLE = 50  # rows before the start that fix the constant of integration

@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm, alarms_at
 from gtmbench.detectors.norm_trials import NormTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import came_down, rising, threshold
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
-from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
+from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.notebook import card, figure
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Record, Span, check_record
+from gtmbench.method.windowed_alarms import came_down, rising, threshold
+from gtmbench.values.channels import unit_of
+from gtmbench.values.notebook import card, figure
+from gtmbench.values.record import Record, Span, check_record
 
 SCORE = "E(k)"
 _GROSS = 1e4  # in the outputs' unit: a residual that no detector may overlook

@@ -13,7 +13,7 @@ from gtmbench.faults.distortions import random_walk
 from gtmbench.faults.draws import Distribution, drawn
 from gtmbench.faults.fault import Distorted, Fault, Formula, Value, check_unit, periods
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

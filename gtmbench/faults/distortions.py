@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
+from gtmbench.values.clock import FloatArray
 
 NOTHING = (math.nan, 0.0)  # what a lag carries before its first sample
 

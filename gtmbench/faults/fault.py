@@ -16,17 +16,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator
-from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.checks import number, shown
-from gtmbench.clock import even_times_s
 from gtmbench.errors import InputError
 from gtmbench.faults.intermittent import SLACK_S, Intermittent
 from gtmbench.faults.parameter import Parameter as Parameter
 from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 Distorted = tuple[FloatArray, Any]  # broken samples, and what is carried into the next stretch
 Value = Any  # a float, or an array of them: formulas hold for either

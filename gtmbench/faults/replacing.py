@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.faults.distortions import followed, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Formula, Value, periods
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

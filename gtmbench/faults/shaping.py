@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gtmbench.channels import unit_of
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Formula, Value, check_unit
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,5 +2,5 @@
 
 `formats` reads columns and stamps, `mapping` makes channels of columns, `stamps` orders the clocks, `plausibility`
 remarks on what looks wrong, `segments` cuts records at gaps; `open` is the door to all of it. (For logs of our own that
-are to come back bit for bit there is `gtmbench.logs`.)
+are to come back bit for bit there is `gtmbench.files.logs`.)
 """

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, CHANNELS, GYROS
 from gtmbench.checks import naming
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
@@ -22,7 +21,8 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import Track
-from gtmbench.record import Span
+from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS
+from gtmbench.values.record import Span
 
 _IMU = re.compile(r"(?P<topic>(IMU|GYR)\d?(#\d+)?|sensor_gyro(#\d+)?|vehicle_imu(#\d+)?|sensor_combined(#\d+)?)\..+")
 

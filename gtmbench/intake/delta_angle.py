@@ -13,10 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.lattice import JITTER
 from gtmbench.intake.resampling import HOLE, PAUSE, resampled
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 _FASTER = 1.96  # times: an interval has to hold two samples to be integrated over; periods are measured
 _LOST = HOLE + 1.0  # periods of the gyros, at least: a line over one lost sample, and jitter, is within the noise

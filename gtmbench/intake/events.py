@@ -9,8 +9,8 @@ from enum import StrEnum
 import numpy as np
 
 from gtmbench.checks import one_line
-from gtmbench.clock import FloatArray
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 _AT_ONCE_S = 0.5  # of a kind and so close: one, told twice
 _CALM_S = 5.0  # until a flag that rises again tells something anew

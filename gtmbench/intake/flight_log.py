@@ -10,8 +10,8 @@ from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
-from gtmbench.notebook import card
-from gtmbench.record import Record
+from gtmbench.values.notebook import card
+from gtmbench.values.record import Record
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST_REMARKS = 36

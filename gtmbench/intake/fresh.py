@@ -14,15 +14,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.mapping import Chosen
 from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import Track
-from gtmbench.record import sealed
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import sealed
 
 SENSORS = (GYROS, ATTITUDE, ACCELEROMETERS, ("alpha", "beta"))  # axes measured at once
 _FEWEST = 20  # readings: of fewer nothing is regular

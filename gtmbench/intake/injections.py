@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from gtmbench.channels import GYROS
 from gtmbench.checks import one_line
+from gtmbench.values.channels import GYROS
 
 GYRO = "gyro"  # a sensor of three axes
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
-from gtmbench.pieces import joined, pieces
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import joined, pieces
 
 JITTER = 0.02  # of a period, either way: an interpolation's error would be greater
 _EXACT_S = 2e-9  # stamps of an exact clock are rounded to the nanosecond

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.resampling import AFTER, HALF, Places, laid, low_passed, oversampling
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 Rows = tuple[FloatArray, BoolArray]  # values, and where a sample is there, if not known
 

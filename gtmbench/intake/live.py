@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.checks import naming
-from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, measured, origin_of
 from gtmbench.intake.formats.registry import read_raw
@@ -29,7 +28,8 @@ from gtmbench.intake.mapping import Chosen, Turns, choose, choose_of, split_mapp
 from gtmbench.intake.resampling import PAUSE, nominal
 from gtmbench.intake.stamps import LATEST_S, NEAR, in_their_places, is_waited_for, own_rows
 from gtmbench.intake.times import beyond_seconds, time_column
-from gtmbench.record import Record
+from gtmbench.values.clock import FloatArray, same_period
+from gtmbench.values.record import Record
 
 _WHOLE = "open the log as a whole"
 _EXACT_S = 1e-9  # of stamps: their rounding

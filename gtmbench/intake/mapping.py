@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.channels import CHANNELS
 from gtmbench.checks import meant
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
-from gtmbench.pieces import pieces
+from gtmbench.values.channels import CHANNELS
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import pieces
 
 AS_IT_IS = "as it is"
 _MOST_NAMED = 40  # columns in a message

@@ -6,9 +6,9 @@ import re
 import shlex
 from dataclasses import dataclass
 
-from gtmbench.channels import ACCELEROMETERS, CHANNEL_OF_HEADER, GYROS
 from gtmbench.intake.formats.raw import Meaning
 from gtmbench.intake.units import dimension_of, hint, unit
+from gtmbench.values.channels import ACCELEROMETERS, CHANNEL_OF_HEADER, GYROS
 
 # lower case, letters and digits only; "-" turns the sign: a body's z axis points down
 _NAMES = {

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, SENSORS
 from gtmbench.checks import names, number, one_line
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
@@ -27,8 +25,10 @@ from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned
 from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import Track
-from gtmbench.pieces import beside
-from gtmbench.record import Record
+from gtmbench.values.channels import ATTITUDE, SENSORS
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import beside
+from gtmbench.values.record import Record
 
 
 def open_log(

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.tracks import Track
-from gtmbench.record import runs
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import runs
 
 _STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to
 _USED_TO = 10  # times the longest of its other stays, but one

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-from gtmbench.channels import ATTITUDE
-from gtmbench.clock import FloatArray
 from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
 from gtmbench.intake.names import guess
+from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.clock import FloatArray
 
 _NAMED = re.compile(
     r"(?i)(?P<stem>.{0,200}?(?:(?<![a-z])q|quat|quaternion|orientation|attitude)[_.]?)(?P<part>[wxyz0-3]|\[[0-3]\])"

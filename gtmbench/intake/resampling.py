@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.checks import whole
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import JITTER
-from gtmbench.pieces import pieces
-from gtmbench.record import BoolArray, Record, check_record, sealed
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import pieces
+from gtmbench.values.record import BoolArray, Record, check_record, sealed
 
 HALF = 13  # half of the low-pass's length, in samples of the result
 PAUSE = 3.5  # periods, its own or the record's: a step that is longer is a pause; shorter ones miss a sample or two

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.checks import naming
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import rewrite_raw
@@ -18,7 +17,8 @@ from gtmbench.intake.mapping import Chosen, choose, split_mapping
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
-from gtmbench.record import Span
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import Span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,8 +18,6 @@ from operator import itemgetter
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, GYROS
-from gtmbench.clock import FloatArray, same_period
 from gtmbench.errors import InputError
 from gtmbench.intake.delta_angle import is_integrated, mean_rates
 from gtmbench.intake.flight_log import Remark, remark
@@ -28,8 +26,10 @@ from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
-from gtmbench.pieces import beside, joined
-from gtmbench.record import BoolArray, Record, Span
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.clock import FloatArray, same_period
+from gtmbench.values.pieces import beside, joined
+from gtmbench.values.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
 _BESIDE = 30  # samples: what is further away doesn't move a spline

@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.lattice import rounded_coarsely
-from gtmbench.pieces import joined, pieces
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import joined, pieces
+from gtmbench.values.record import BoolArray
 
 IntArray = NDArray[np.int64]
 

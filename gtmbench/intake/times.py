@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
 from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
@@ -17,7 +16,8 @@ from gtmbench.intake.names import Guess, is_table_header, stated_unit
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST
 from gtmbench.intake.units import unit
-from gtmbench.record import Span
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import Span
 
 _WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
 _BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps

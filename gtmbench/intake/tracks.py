@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, GYROS
-from gtmbench.clock import FloatArray
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.clock import FloatArray
 
 SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from gtmbench.channels import CHANNELS
+from gtmbench.values.channels import CHANNELS
 
 _DEG = math.degrees(1.0)
 _G = 9.80665

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from gtmbench.checks import listed
 from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
-from gtmbench.record import BoolArray, Record
+from gtmbench.values.record import BoolArray, Record
 
 _HALF_OCTAVE = 2.0**0.5
 _LOWEST_HZ = 0.5

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _REFLECTED = 0.9999  # at most: 1/A stays stable
 _BLOCK = 8192  # rows at a time: what is worked out of them stays in the cache

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _BLOCK = 48  # outputs a row of the product: more multiply more zeros, fewer starve BLAS (measured)
 _STRETCH = 160 * _BLOCK  # outputs a product: their windows, 0.6 MB for 3 inputs and 101 lags, stay in the cache

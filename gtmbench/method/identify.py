@@ -12,7 +12,7 @@ from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.problem import Estimate, Estimator, Problem, Records, Weights, operator_names, pose_problem
 from gtmbench.method.regression.triangle import rounding
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 
 
 def identify(

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.clock import lateness_s
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import operator_of
@@ -17,7 +16,8 @@ from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, check_record
+from gtmbench.values.clock import lateness_s
+from gtmbench.values.record import FloatArray, Record, check_record
 
 _LARGEST = 1e150  # what can be squared and summed
 _BLOCK = 64  # samples that are taken into the triangle together

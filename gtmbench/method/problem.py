@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import names, whole
-from gtmbench.clock import same_period
 from gtmbench.errors import InputError
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.regression.stretches import Stretch, check_constant, stretches
 from gtmbench.method.regression.triangle import Columns, Triangle, triangle
-from gtmbench.record import FloatArray, Record, check_record
+from gtmbench.values.clock import same_period
+from gtmbench.values.record import FloatArray, Record, check_record
 
 _MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
 

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.checks import meant, names
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record, check_record
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import FloatArray, Record, check_record
 
 _G = 9.80665  # m/s2
 _STEP = 1e-5  # of a derivative, in the formulas' units

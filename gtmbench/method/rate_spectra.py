@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.channels import ATTITUDE, GYROS
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _NEEDS = {"p": ("p", "phi", "theta", "q", "r"), "q": ("q", "phi", "theta", "r"), "r": ("r", *ATTITUDE, "q")}
 _STEEP_DEG = 60.0  # beyond, one gyro's noise stands in another's rate

@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, check_record, frozen
+from gtmbench.values.record import FloatArray, Record, check_record, frozen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

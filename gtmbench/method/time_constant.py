@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record
 
 _MEAN_S = 0.5  # samples are means over this long: the attitude's own noise and small delays are not
 _BLOCK_S = 20.0  # a block has a constant and a trend of its own, as of a bias that wanders

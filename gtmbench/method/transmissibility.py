@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.errors import InputError
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.convolution import filtered
-from gtmbench.notebook import card, figure
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import unit_of
+from gtmbench.values.notebook import card, figure
+from gtmbench.values.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

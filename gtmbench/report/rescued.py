@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from gtmbench.bench.loop import DEPARTURE, ENVELOPE
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
-from gtmbench.record import Record, Span
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.rescue import Rescue
+from gtmbench.values.record import Record, Span
 
 TINTS = {"unaided": "#d62728", "rescued": "#1f77b4"}
 _BEFORE_S = 5.0  # the onset: where what is shown begins

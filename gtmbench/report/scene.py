@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 _SIDES = 10  # of what is round
 _NOSE_TO_TAIL = ((0.50, 0.0), (0.47, 0.025), (0.40, 0.05), (0.30, 0.058), (-0.15, 0.058), (-0.40, 0.03), (-0.55, 0.008))

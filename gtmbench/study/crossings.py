@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.columns import Column, Row
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Monitor, Score, Watch
-from gtmbench.method.alarms import rising
+from gtmbench.files.arrow_table import Column, Row
+from gtmbench.method.windowed_alarms import rising
 from gtmbench.study.score import first_after
 
 _TIE_S = 1e-9
@@ -34,7 +34,7 @@ def crossings(watch: Watch, onset_s: float) -> Row:
     --------
     >>> from gtmbench.detectors.protocol import Score, Watch
     >>> from gtmbench.detectors.function import FunctionDetector
-    >>> from gtmbench.record import Record
+    >>> from gtmbench.values.record import Record
     >>> record = Record(np.zeros(5), channels=["p"], sample_period_s=1.0)
     >>> values = np.array([0.0, 0.2, 0.55, 1.1, 2.4])
     >>> score = Score(name="p", values=values, known_s=record.time_s, armed=values < 9.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from gtmbench.channels import SENSORS, axis_of
 from gtmbench.checks import keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
+from gtmbench.values.channels import SENSORS, axis_of
 
 _KEYS = ("detect_within_s", "isolate_as", "kind", "undetectable_because")
 _OWN = {"channel": "the channel that the trial breaks", "axis": "it, or the other sensor of its axis"}

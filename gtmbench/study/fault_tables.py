@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.sensors import rms_about_mean
-from gtmbench.channels import CHANNELS, sensor_list, unit_of
 from gtmbench.checks import keys, naming, number, shown, table_of
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
-from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation, expectations
+from gtmbench.values.channels import CHANNELS, sensor_list, unit_of
+from gtmbench.values.record import Record
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
 _SHARES = {"": ("rms", "peak"), "s": ("slew",)}  # of what a severity may be a share, by what its unit is divided by

@@ -7,22 +7,22 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
-from gtmbench.attitude import OWN
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.flight import fly
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
-from gtmbench.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.replacing import Delay
-from gtmbench.progress import Tell
-from gtmbench.record import Record
+from gtmbench.jobs.progress import Tell
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import Injection
+from gtmbench.values.attitude import OWN
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
+from gtmbench.values.record import Record
 
 BROKEN = 2  # the record that is broken in the trials
 SEED_STEP = 1000  # between the noise seeds of one study's records, so that studies with near seeds share none

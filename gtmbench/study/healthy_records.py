@@ -10,28 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import OWN, estimator_of
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.excitation import parts_of
-from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.sensors import NOISES, measure
-from gtmbench.channels import GYROS, SENSORS
 from gtmbench.checks import meant, naming, number, whole
-from gtmbench.clock import same_period
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.processes import spread
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Record
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.flights import check_flown, with_late_attitude
 from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for, outside
+from gtmbench.values.attitude import OWN, estimator_of
+from gtmbench.values.channels import GYROS, SENSORS
+from gtmbench.values.clock import same_period
+from gtmbench.values.record import Record
 from gtmbench.version import __version__
 
 _MOST_FLIGHTS = 2000
@@ -56,7 +56,8 @@ class CalibrationFlights:
     imperfections : Imperfections
         Of the healthy gyros, to be tolerated.
     attitude : str
-        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.attitude.ESTIMATORS`, driven by the gyros.
+        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.values.attitude.ESTIMATORS`, driven by the
+        gyros.
     attitude_late_s : float
         How much later than the other sensors' the attitude's samples are.
 

@@ -8,20 +8,20 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.attitude import OWN, estimator_of
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
-from gtmbench.channels import CHANNELS, sensor_list
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files import is_file
-from gtmbench.record import Span
-from gtmbench.shipped import read_shipped, shipped_scenarios
+from gtmbench.files.disk import is_file
+from gtmbench.files.shipped import read_shipped, shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
+from gtmbench.values.attitude import OWN, estimator_of
+from gtmbench.values.channels import CHANNELS, sensor_list
+from gtmbench.values.record import Span
 
 _MOST_TRIALS = 1000
 _MOST_FAULTS = 100_000  # of a campaign's flight

@@ -31,13 +31,13 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.notebook import card, figure
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.values.channels import axis_of
+from gtmbench.values.notebook import card, figure
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds

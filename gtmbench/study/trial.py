@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass, field, fields
 
 from gtmbench.bench.loop import LoopEvent, departed_s
 from gtmbench.bench.trim import Trim
-from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
-from gtmbench.notebook import card
-from gtmbench.record import Record
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
+from gtmbench.values.channels import unit_of
+from gtmbench.values.notebook import card
+from gtmbench.values.record import Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

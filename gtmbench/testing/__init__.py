@@ -7,7 +7,7 @@ what failed. In pytest the plugin names the recording after the test; elsewhere 
 
 from gtmbench.testing.assertions import assert_detects, assert_quiet, assert_residual
 from gtmbench.testing.contract.suite import CONTRACT, check_detector
-from gtmbench.testing.flights import fly_once, standard_record
+from gtmbench.testing.shared_flights import fly_once, standard_record
 
 __all__ = [
     "CONTRACT",

@@ -8,19 +8,19 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from gtmbench.artefacts import artefacts
-from gtmbench.channels import unit_of
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
+from gtmbench.files.artefacts import artefacts
 from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record, check_record
 from gtmbench.report.words.judgement import fault_text
-from gtmbench.study.calibration import prepared
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
-from gtmbench.testing.flights import calibration_records, standard_record
+from gtmbench.study.watchers import prepared
+from gtmbench.testing.shared_flights import calibration_records, standard_record
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import Record, check_record
 
 _TIE = 1e-9  # seconds
 Predictor = Transmissibility | Callable[[Record], Residual]

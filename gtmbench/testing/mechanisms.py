@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.intake.events import Event, EventKind, in_order
-from gtmbench.record import FloatArray, Record, Span
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record, Span
 
 CHANNELS = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 _FIRST_SEED = 700_000  # of the flights: nobody else flies them

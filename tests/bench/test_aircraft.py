@@ -10,8 +10,8 @@ from scipy.interpolate import RegularGridInterpolator
 import gtmbench as gb
 from gtmbench.bench.engine import engine, set_condition
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
-from gtmbench.shipped import share
+from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.files.shipped import share
 
 CRAFT = load_aircraft("gtm")
 SIX = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")

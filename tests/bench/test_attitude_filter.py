@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Record
 
 PERIOD_S = 0.01
 NAMES = [*GYROS, *ATTITUDE]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import CHANNELS
+from gtmbench.values.channels import CHANNELS
 
 EXCITATIONS = ["dissertation", "multisine", "doublets", "turbulence", "multisine+turbulence"]
 

@@ -9,7 +9,7 @@ from scipy.signal import lsim
 from gtmbench.bench.imperfections import LARGEST, Imperfections, imperfect, parse_imperfections
 from gtmbench.bench.sensors import measure
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 GYROS = ("p", "q", "r")
 PERIOD_S = 0.01

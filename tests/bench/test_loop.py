@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
+from gtmbench.values.channels import SENSORS
 
 GTM = gb.load_aircraft("gtm")
 OWN = GTM.autopilot

@@ -16,8 +16,8 @@ from gtmbench.bench.aircraft import aircraft_of, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation, excitation
-from gtmbench.bench.fleet import jsbsim_aircraft, jsbsim_facts, load_aircraft
-from gtmbench.channels import SURFACES
+from gtmbench.bench.known_aircraft import jsbsim_aircraft, jsbsim_facts, load_aircraft
+from gtmbench.values.channels import SURFACES
 
 SMALL = ("c172p", "dr1")  # a piston engine; one that reads properties of another simulator
 OUTPUT = '<output name="here.csv" type="CSV" rate="10"><rates>ON</rates></output>'

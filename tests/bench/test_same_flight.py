@@ -13,8 +13,8 @@ import pytest
 from gtmbench.bench import airborne as flight_module
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
 from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
-from gtmbench.bench.fleet import load_aircraft
 from gtmbench.bench.flight import fly
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.sensors import measure
 
 KERNELS = ["Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX"]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gtmbench.bench.sensors import measure
-from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.channels import COMMANDS, SENSORS
+from gtmbench.values.record import Record
 
 # NASA's own figures: gtm_design/config/NoiseParams_T2.m of GTM_DesignSim (LAR-17625-1), its MIDG unit
 T2 = {

@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.bench import tuning
 from gtmbench.bench.modes import STATES, linearised
 from gtmbench.bench.tuning import OCTAVES, similar_autopilot
-from gtmbench.channels import COMMANDS
+from gtmbench.values.channels import COMMANDS
 
 
 def test_the_gtm_is_similar_to_itself():

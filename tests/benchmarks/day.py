@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import gtmbench as gb
-from gtmbench.logs import write_log
+from gtmbench.files.logs import write_log
 
 from .timing import status_bytes
 

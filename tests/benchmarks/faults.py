@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.shipped import shipped_scenarios
+from gtmbench.files.shipped import shipped_scenarios
 
 PERIOD_S, SAMPLES = 0.01, 20_000
 

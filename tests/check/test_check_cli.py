@@ -9,10 +9,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from gtmbench.bench.sensors import measure
-from gtmbench.check import run as study_check
+from gtmbench.check import reference_run as study_check
 from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.shipped import shipped_baselines
+from gtmbench.files.shipped import shipped_baselines
 from tests.check.test_check import SHORT, study
 from tests.helpers.sealed import rerecorded
 from tests.helpers.watching import EXAMPLE
@@ -178,7 +178,7 @@ def test_a_baseline_that_holds_is_renewed_to_the_same_bytes(cli, baseline):
 @pytest.mark.usefixtures("baseline")
 def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_command_line(cli, tmp_path, monkeypatch):
     """The baseline imports nothing: it states the name, and says so where nothing goes by that."""
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     shutil.copy(EXAMPLE, tmp_path / "mine.py")
     own = ("--detector", "mine.py:LimitCheck")
     code, out, err = cli("check", "limits.toml", "--update", "--scenario", "short.toml", *own)

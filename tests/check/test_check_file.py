@@ -25,11 +25,11 @@ from gtmbench.check.baseline import (
 )
 from gtmbench.check.compare import pairs
 from gtmbench.check.figures import Group, rounded
+from gtmbench.check.reference_run import check, run_reference
 from gtmbench.check.rules import KINDS, RULES
-from gtmbench.check.run import check, run_reference
 from gtmbench.detectors.registry import find_detector
-from gtmbench.files import LARGEST_TOML_BYTES
-from gtmbench.shipped import shipped_baselines
+from gtmbench.files.disk import LARGEST_TOML_BYTES
+from gtmbench.files.shipped import shipped_baselines
 from gtmbench.study.scenario import load_scenario
 
 HEALTHY = Group(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})

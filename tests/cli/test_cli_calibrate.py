@@ -15,7 +15,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.imperfections import drawn
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
-from gtmbench.shipped import shipped_banks
+from gtmbench.files.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records
 from tests.helpers.monitors import monitor, record
 from tests.helpers.sealed import resealed

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
 from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED, Accommodate, distrusted, lesser
+from gtmbench.values.channels import SENSORS
 from tests.helpers.monitors import monitor as made_up
 from tests.helpers.monitors import truth
 from tests.helpers.rescuing import early_monitor

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import GYROS
-from gtmbench.detectors.auto import AutoDetector
+from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
 from gtmbench.detectors.statistics.statistic import Statistic
+from gtmbench.files.shipped import shipped_banks
 from gtmbench.intake.contents import log_contents
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.shipped import shipped_banks
-from gtmbench.study.log.auto import bank_for_logs
+from gtmbench.study.log.auto_bank import bank_for_logs
 from gtmbench.study.log.origin import origin_in_logs
 from gtmbench.testing.contract.suite import check_detector
+from gtmbench.values.channels import GYROS
 from tests.helpers.intake_files import dataflash_text
 from tests.helpers.monitors import record
 

@@ -12,8 +12,8 @@ from gtmbench.detectors.bank_detector import calibrate
 from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.scores import Track, residual_scores
 from gtmbench.errors import InputError
-from gtmbench.record import Record
-from gtmbench.shipped import shipped_banks
+from gtmbench.files.shipped import shipped_banks
+from gtmbench.values.record import Record
 from tests.helpers.monitors import monitor, record
 
 PERIOD_S = 0.02

@@ -12,7 +12,7 @@ from gtmbench.detectors.monitor.scores import crossings, residual_scores
 from gtmbench.detectors.protocol import watch
 from gtmbench.detectors.statistics.statistic import STATISTICS
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.monitors import record as made_up
 
 SENSORS = ("inlet", "outlet", "wall")

@@ -11,11 +11,11 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
+from gtmbench.detectors.buffered_stream import BufferedStream
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.stream import BufferedStream
-from gtmbench.shipped import shipped_banks
-from gtmbench.testing.contract.case import contract_case
+from gtmbench.files.shipped import shipped_banks
+from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_detector, check_property
 from tests.helpers.monitors import record
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
+from gtmbench.detectors.buffered_stream import BufferedStream
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.stream import BufferedStream
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 TS, SAMPLES = 0.25, 60  # exact in binary: times of parts are those of the whole
 

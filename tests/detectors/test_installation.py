@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import Corrector, Learner, corrected, expected_of
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 TURNED = np.array([[1.02, 0.02, -0.01], [0.0, 0.98, 0.03], [-0.02, 0.0, 1.01]])

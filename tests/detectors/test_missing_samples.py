@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.monitor.missing import MissingSamples
-from gtmbench.record import Record
-from gtmbench.shipped import shipped_banks
-from gtmbench.testing.contract.case import contract_case
-from gtmbench.testing.contract.stream import STREAM
+from gtmbench.files.shipped import shipped_banks
+from gtmbench.testing.contract.streaming import STREAM
+from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import check_property
-from gtmbench.testing.contract.watch import WATCH
+from gtmbench.testing.contract.watching import WATCH
+from gtmbench.values.record import Record
 from tests.helpers import watching
 from tests.helpers.monitors import monitor, record
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import header_of
 from gtmbench.detectors.monitor.regime import Regime, RegimeStream
 from gtmbench.intake.formats import registry
-from gtmbench.study.log.live import watch_live
+from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.watch import watch_log
+from gtmbench.values.channels import header_of
 from tests.helpers.monitors import monitor, record
 
 PERIOD_S, ROWS = 0.02, 6000

@@ -11,7 +11,7 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.registry import as_detector, detector_names, find_detector, for_data_file
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
-from gtmbench.shipped import shipped_banks
+from gtmbench.files.shipped import shipped_banks
 from tests.helpers.monitors import monitor, record
 
 OWN = """

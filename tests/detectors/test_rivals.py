@@ -24,18 +24,18 @@ from gtmbench.detectors.rivals.kalman import STATES, LinearKalmanFilter, _erring
 from gtmbench.detectors.rivals.kinematic_kalman import KinematicKalmanFilter, _gain
 from gtmbench.detectors.rivals.ksfd import KinematicConsistency
 from gtmbench.detectors.rivals.level import Level
-from gtmbench.detectors.rivals.limits import LimitChecks
+from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.one_step import OneStepPrediction
 from gtmbench.detectors.rivals.pca import PrincipalComponents
 from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares
 from gtmbench.detectors.rivals.rival import JUDGES
+from gtmbench.detectors.rivals.rival_stream import named
 from gtmbench.detectors.rivals.signals import Scale, body_increments, with_turns
-from gtmbench.detectors.rivals.stream import named
 from gtmbench.detectors.statistics.statistic import Tolerance
 from gtmbench.detectors.statistics.whitening import White
-from gtmbench.testing.contract.case import contract_case, standard_records
+from gtmbench.testing.contract.subject import contract_case, standard_records
 from gtmbench.testing.contract.suite import CONTRACT, check_property
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
 from tests.helpers.monitors import record, truth
 from tests.helpers.sealed import resealed
 

@@ -8,7 +8,7 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.statistics.whitening import White
-from gtmbench.shipped import shipped_banks
+from gtmbench.files.shipped import shipped_banks
 from tests.helpers.monitors import monitor, record
 
 BANKS = tuple(shipped_banks())

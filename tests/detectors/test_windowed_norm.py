@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from gtmbench.detectors.protocol import Detector, Monitor, Stream
 from gtmbench.detectors.windowed_norm import SCORE, DissertationOperator
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import alarms, threshold
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual, windowed_norm
-from gtmbench.record import Record
+from gtmbench.method.windowed_alarms import alarms, threshold
+from gtmbench.values.record import Record
 
 TS = 0.01
 RECIPE = DissertationOperator(inputs=("u", "v"), outputs=("y",), causal_order=6, noncausal_order=3, window=80)

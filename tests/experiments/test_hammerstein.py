@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import chi2, expon, norm, uniform
 
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.oracles import RARE, siso
 from tests.helpers.scripts import script
 from theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.scripts import script
 from theory import plants
 from theory.plate import Plate

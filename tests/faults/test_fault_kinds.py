@@ -34,7 +34,7 @@ from gtmbench.faults.kinds import (
     Stuck,
     Swap,
 )
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 PERIOD_S = 0.01
 START_S, ONSET_S, DURATION_S = 3.0, 4.2, 1.3

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gtmbench.channels import SENSORS
 from gtmbench.errors import InputError
 from gtmbench.faults import kinds as faults
 from gtmbench.faults.fault import Fault, inject, other_channel, severity
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds import Drift, Saturation
-from gtmbench.record import Record
+from gtmbench.values.channels import SENSORS
+from gtmbench.values.record import Record
 
 PERIOD_S = 0.01
 START_S, ONSET_S, DURATION_S = 3.0, 4.2, 1.3

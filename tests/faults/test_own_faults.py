@@ -14,9 +14,9 @@ from gtmbench.faults import registry
 from gtmbench.faults.fault import Fault, inject, other_channel, severity
 from gtmbench.faults.kinds import FAULTS, Drift, Jam
 from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault
-from gtmbench.record import Record
 from gtmbench.study.fault_tables import build, resolve, spec_of
 from gtmbench.study.scenario import load_scenario
+from gtmbench.values.record import Record
 
 OWN = """
 from dataclasses import dataclass

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import SENSORS
 from gtmbench.faults.fault import inject
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.record import Record
 from gtmbench.report.words.judgement import trial_events, trial_text
 from gtmbench.report.words.study import trial_rows
 from gtmbench.study.fault_tables import fault_specs
+from gtmbench.values.channels import SENSORS
+from gtmbench.values.record import Record
 from tests.helpers.watching import scenario
 from tests.study.test_score import alarm, judged, named, verdict
 

@@ -6,8 +6,8 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.bench.attitude_filter import filtered_attitude
-from gtmbench.channels import ATTITUDE, GYROS
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
+from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import intake_files as files
 
 SECOND = 1_000_000  # in us

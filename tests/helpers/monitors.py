@@ -6,7 +6,7 @@ import numpy as np
 from filelock import FileLock
 
 import gtmbench as gb
-from gtmbench.artefacts import artefacts
+from gtmbench.files.artefacts import artefacts
 
 NAMES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "ny", "nz", "tas")
 NOISE = (0.5, 0.5, 0.3, 0.02, 0.02, 0.02, 0.03, 0.03, 0.002, 0.007, 0.06)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from gtmbench.method.identify import identify
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 MARKOV = np.array([0.5, -1.0, 2.0, 0.3, -0.7])  # lags -2..2
 RARE = 1e-5  # a right estimator fails a test of this level once in 100,000 seeds

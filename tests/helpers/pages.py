@@ -30,7 +30,7 @@ def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
     `cheap` has what is added to those that begin so, `codes` with which code one ends that doesn't end with 0.
     """
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     monkeypatch.setattr("os.cpu_count", lambda: 1)  # flights are flown in turn
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

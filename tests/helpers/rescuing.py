@@ -3,7 +3,7 @@
 from functools import cache
 
 import gtmbench as gb
-from gtmbench.testing.flights import calibration_records
+from gtmbench.testing.shared_flights import calibration_records
 from tests.helpers.monitors import shared
 
 

@@ -4,7 +4,7 @@ import re
 import tomllib
 
 from gtmbench.check.baseline import _figures_digest
-from gtmbench.seals import KEY, seal
+from gtmbench.files.seals import KEY, seal
 
 
 def resealed(document):

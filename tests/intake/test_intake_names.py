@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import CHANNELS
 from gtmbench.intake.names import guess
 from gtmbench.intake.units import unit
+from gtmbench.values.channels import CHANNELS
 
 SAMPLES = 300
 

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gtmbench.channels import CHANNELS
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.logs import read_log, write_log
-from gtmbench.record import Record
+from gtmbench.files.logs import read_log, write_log
+from gtmbench.values.channels import CHANNELS
+from gtmbench.values.record import Record
 
 ENDINGS = (".csv", ".parquet")
 PERIODS = (0.01, 0.02, 0.03, 0.04, 1 / 30, 1 / 60, 1 / 128, 0.001)

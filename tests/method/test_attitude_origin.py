@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.attitude import carried_on
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.method.attitude_origin import origin_of
+from gtmbench.values.attitude import carried_on
+from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.scripts import script
 
 RATE_HZ = 200.0

@@ -12,7 +12,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.identify import identify
 from gtmbench.method.regression.slow import slow
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 PERIOD_S = 0.04
 

@@ -9,7 +9,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.method.identify import identify
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.oracles import dense, lagged, record, siso
 
 LEVELS = {"u": 0.3, "v": 0.5, "y": 0.4}

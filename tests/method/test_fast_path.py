@@ -13,7 +13,7 @@ from gtmbench.method.regression import gram as gram_module
 from gtmbench.method.regression import stretches as stretches_module
 from gtmbench.method.regression import triangle as triangle_module
 from gtmbench.method.regression.stretches import Scaling, Stretch
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.oracles import dense, exact_least_squares, lagged, least_squares, record
 
 EPS = np.finfo(float).eps

@@ -7,7 +7,7 @@ from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import residual
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 ORDERS = [(0, 0), (3, 2), (5, 0), (0, 4), (1, 6)]  # r, d
 INPUTS, OUTPUTS = ["p", "q"], ["r", "beta"]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmbench.method.identify import identify
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.oracles import lagged
 from tests.helpers.plants import companion, example_3_1, example_3_2
 

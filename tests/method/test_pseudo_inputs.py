@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 G = 9.80665
 KT = 1852.0 / 3600.0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gtmbench.errors import InputError
 from gtmbench.method.residual import Residual, residual, windowed_norm
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")
 ORDERS = [(0, 0), (3, 2), (4, 0), (0, 5)]  # r, d

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.method.alarms import alarms
 from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
-from gtmbench.method.stream import AlarmStream, NormStream, ResidualStream
+from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record
+from gtmbench.method.windowed_alarms import alarms
+from gtmbench.values.record import Record
 
 INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")
 CHANNELS = ("ny", *OUTPUTS, *INPUTS)  # not in the operator's order, and one that it doesn't know

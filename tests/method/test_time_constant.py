@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import ATTITUDE
 from gtmbench.method.time_constant import accelerometers_tilt, time_constant_of
 from gtmbench.study.log.bending import following_in_log
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
+from gtmbench.values.channels import ATTITUDE
 
 
 @cache

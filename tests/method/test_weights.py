@@ -10,7 +10,7 @@ from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers.oracles import MARKOV, dense, distances, is_chi_square, lagged, least_squares, record, siso
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmbench.method.identify import identify
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 
 def identified(record, orders, channels="pqb", weights=None):

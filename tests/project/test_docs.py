@@ -93,7 +93,7 @@ def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
 
 def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
     """One chain: every command ends as its remark says, with what those before it wrote."""
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 3)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 3)
     page = ROOT / "docs/how_to/scenarios.md"
     for content in blocks(page, "toml"):
         (tmp_path / content.split("\n")[0].removeprefix("# ")).write_text(content)

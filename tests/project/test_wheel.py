@@ -80,7 +80,7 @@ def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
 
 def test_the_wheel_brings_its_data_and_the_name_of_what_ships_works_anywhere(installed, tmp_path):
     script = (
-        "import gtmbench as gb; from gtmbench.shipped import share;"
+        "import gtmbench as gb; from gtmbench.files.shipped import share;"
         "print('_share' in str(share()), len(gb.load_scenario('faults/drift.toml').faults), "
         "gb.load_campaign('ci').flights)"
     )

@@ -15,9 +15,9 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.figures.panels import thinned
+from gtmbench.report.log_findings import State, began_s, stretches
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.watched import State, began_s, stretches
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines, verdict_text
 from tests.helpers.logged import (

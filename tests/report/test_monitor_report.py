@@ -11,7 +11,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.plain import plain
+from gtmbench.files.plain import plain
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.recording.write import write_recording

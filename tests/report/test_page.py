@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from gtmbench.parts import parts_in, read_parts
-from gtmbench.report.page.contents import contents_of
+from gtmbench.jobs.parts import parts_in, read_parts
+from gtmbench.report.page.sections import contents_of
 from gtmbench.report.page.write import data, markdown, page
 from gtmbench.report.tables.scores import in_markdown
 from gtmbench.study.campaign.conduct import WHAT

@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench import logs
-from gtmbench.bench.fleet import load_aircraft
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.check.baseline import read_reference
-from gtmbench.shipped import share
+from gtmbench.files import logs
+from gtmbench.files.shipped import share
 from tests.helpers.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent

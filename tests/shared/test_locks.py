@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench import locks
+from gtmbench.files import locks
 
 ROOT = Path(__file__).parents[2]
 HOLDING = """
 import sys, time
 from pathlib import Path
-from gtmbench.locks import alone
+from gtmbench.files.locks import alone
 with alone(Path(sys.argv[1]), "a run is at work"):
     print("held", flush=True)
     time.sleep(60)

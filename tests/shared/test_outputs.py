@@ -13,7 +13,7 @@ import pytest
 import rerun.blueprint as rrb
 
 import gtmbench as gb
-from gtmbench.files import SUMS, atomic_folder, atomic_write, read_sums
+from gtmbench.files.disk import SUMS, atomic_folder, atomic_write, read_sums
 from gtmbench.report.recording.entities import log_lines, recorded
 
 ROOT = Path(__file__).parents[2]

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
-from gtmbench import files
-from gtmbench.parts import Shard, hold, parts_in, read_parts
+from gtmbench.files import disk
+from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
 
 FACTS = {"campaign": {"axes": {"seed": [1, 2]}}, "versions": {"numpy": "2"}}
 ROOT = Path(__file__).parents[2]
@@ -198,7 +198,7 @@ def test_what_is_no_place_for_a_folder_is_refused(tmp_path, place):
 def test_a_folder_that_isnt_ones_own_to_write_is_refused(tmp_path, monkeypatch):
     """Root may write anywhere, so the system is asked in words."""
     (tmp_path / "a").mkdir()
-    monkeypatch.setattr("gtmbench.parts.os.access", lambda *_: False)
+    monkeypatch.setattr("gtmbench.jobs.parts.os.access", lambda *_: False)
     with pytest.raises(gb.InputError, match="no permission"), begun(tmp_path / "a"):
         pass
 
@@ -228,7 +228,7 @@ def test_a_full_disk_loses_nothing(half, monkeypatch):
     ],
 )
 def test_one_run_at_a_time_but_shards_beside_each_other(tmp_path, monkeypatch, there, comes, refused):
-    monkeypatch.setattr("gtmbench.parts._PATIENCE_S", 0.2)
+    monkeypatch.setattr("gtmbench.jobs.parts._PATIENCE_S", 0.2)
     with begun(tmp_path / "a", shard=there):
         if refused:
             with pytest.raises(gb.InputError, match="is at work in"), begun(tmp_path / "a", resume=True, shard=comes):
@@ -243,7 +243,7 @@ def test_one_run_at_a_time_but_shards_beside_each_other(tmp_path, monkeypatch, t
 WRITING = """
 import sys, time
 from pathlib import Path
-from gtmbench.files import atomic_write
+from gtmbench.files.disk import atomic_write
 with atomic_write(Path(sys.argv[1])) as aside:
     aside.write_text("half")
     print("writing", flush=True)
@@ -262,8 +262,8 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         killed.send_signal(signal.SIGKILL)
         killed.wait()
         assert len(list(tmp_path.glob(".gtmbench-*"))) == 2
-        files._clear_left_behind.cache_clear()
-        with files.atomic_write(tmp_path / "other.txt") as aside:
+        disk._clear_left_behind.cache_clear()
+        with disk.atomic_write(tmp_path / "other.txt") as aside:
             aside.write_text("whole")
             (left,) = [path for path in tmp_path.glob(".gtmbench-*") if not aside.is_relative_to(path)]
         assert (left / "new/result.txt").read_text() == "half"
@@ -273,8 +273,8 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         for writer in writers:
             writer.kill()
             writer.communicate()
-    files._clear_left_behind.cache_clear()
-    with files.atomic_write(tmp_path / "other.txt") as aside:
+    disk._clear_left_behind.cache_clear()
+    with disk.atomic_write(tmp_path / "other.txt") as aside:
         aside.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["other.txt"]
 
@@ -284,7 +284,7 @@ def test_a_folder_that_was_left_behind_without_a_lock_is_cleared_too(tmp_path):
     (tmp_path / ".gtmbench-abcdefgh/study.rrd").touch()
     (tmp_path / ".gtmbench-notes").mkdir()  # nobody's of ours: another length
     began = time.monotonic()
-    with files.atomic_write(tmp_path / "other.txt") as aside:
+    with disk.atomic_write(tmp_path / "other.txt") as aside:
         aside.touch()
     assert {path.name for path in tmp_path.iterdir()} == {"other.txt", ".gtmbench-notes"}
     assert time.monotonic() - began < 1.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench.processes import Lost, completed, spread, survived
+from gtmbench.jobs.processes import Lost, completed, spread, survived
 
 SHARED = {}
 
@@ -70,7 +70,7 @@ def test_what_is_made_comes_as_soon_as_it_is_made_and_tasks_are_taken_as_they_ar
 
 ORPHANED = """
 import os, signal, sys, time
-from gtmbench.processes import completed
+from gtmbench.jobs.processes import completed
 from tests.shared.test_processes import pid_and_sleep
 if __name__ == "__main__":
     for _, (pid, parent) in completed(pid_and_sleep, [0.0, 60.0, 60.0, 60.0], processes=2):

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.clock import even_period_s
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.clock import even_period_s
+from gtmbench.values.record import Record
 
 # as they are meant, and as they are typed
 PERIODS = {

@@ -111,7 +111,7 @@ class Learner(gb.SimpleDetector):
 
 
 def test_calibration_flies_in_the_loop(monkeypatch):
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     closed = gb.run_study([scenario("loop", LOOP)], detectors=[Learner()]).baseline
     damped = closed.monitor.learned["p"]
     text = LOOP.replace("[autopilot]\n", "").replace('"turbulence"', '"turbulence"\nnoise = "t2"')

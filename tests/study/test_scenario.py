@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import gtmbench
-from gtmbench.bench.fleet import load_aircraft
-from gtmbench.channels import CHANNELS, SENSORS
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, other_channel, severity
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.parameter import Parameter
-from gtmbench.record import Record
-from gtmbench.shipped import shipped_scenarios
+from gtmbench.files.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import Severity, build, parse_severity, resolve
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_scenario
+from gtmbench.values.channels import CHANNELS, SENSORS
+from gtmbench.values.record import Record
 
 TEMPLATE = Path(gtmbench.__file__).parent / "cli" / "template.toml"
 

@@ -22,9 +22,9 @@ from gtmbench.faults.kinds import (
     Spikes,
     Stuck,
 )
-from gtmbench.method.alarms import came_down
-from gtmbench.record import Record
+from gtmbench.method.windowed_alarms import came_down
 from gtmbench.study.score import SAME_KINDS, false_alarms, score
+from gtmbench.values.record import Record
 
 # a second a sample; E(k) needs k..k+2 and one sample of look-ahead, so it is known 3 s after k
 SAMPLES, ONSET_S, THRESHOLD = 20, 10.0, 2.0

@@ -175,7 +175,7 @@ def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
     ],
 )
 def test_progress_is_told_step_by_step(given, calibration, each, monkeypatch):
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     told = []
     gb.run_study([short_jam()], detectors=[make() for make in given], progress=lambda *step: told.append(step))
     watched = ["healthy record 1"] * each + ["healthy record 2"] * each + ["jam of p"] * each
@@ -215,7 +215,7 @@ def test_several_detectors_in_one_study_are_each_as_alone():
 def test_the_example_of_a_detector_of_ones_own_stands_beside_ours(monkeypatch):
     """A file of 25 lines at most: found by its name, calibrated on the study's flights, one row a trial."""
     assert len(EXAMPLE.read_text().splitlines()) <= 25
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     watched = gb.run_study([short_jam()], detectors=[f"{EXAMPLE}:LimitCheck", monitor()])
     mine, ours = (trial.row() for trial in watched.trials)
     assert (mine["detector"], ours["detector"]) == ("limit check", "C")
@@ -305,7 +305,7 @@ def test_a_detector_is_calibrated_with_the_noise_that_the_studys_sensors_have(sn
             given.extend(records)
             return super().learn(records)
 
-    monkeypatch.setattr("gtmbench.study.calibration.FLIGHTS", 2)
+    monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     setup = replace(short_jam().setup, excitation="dissertation", duration_s=20.0, snr=snr, noise=noise)
     base = gb.run_study(
         [replace(short_jam(), setup=setup)], detectors=[Keeping(channels=("p", "beta", "phi"))]

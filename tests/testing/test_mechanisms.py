@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.testing.mechanisms import CHANNELS, MECHANISMS, late_s
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 
 SEEDS = (0, 1)
 

@@ -34,7 +34,7 @@ FAILING = """
 """
 COUNTING = """
     import pytest
-    from gtmbench.testing import flights as shared_flights
+    from gtmbench.testing import shared_flights
 
     def fly(*arguments, really=shared_flights.fly):
         with open({log!r}, "a") as log:

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.artefacts import Artefacts, artefacts, artefacts_in, file_name
-from gtmbench.testing import assert_detects, assert_quiet, assert_residual, flights, fly_once, standard_record
+from gtmbench.files.artefacts import Artefacts, artefacts, artefacts_in, file_name
+from gtmbench.testing import assert_detects, assert_quiet, assert_residual, fly_once, shared_flights, standard_record
 from tests.helpers import monitors
 from tests.report.test_report import read_back
 
@@ -275,11 +275,11 @@ def test_a_detector_that_isnt_calibrated_is_so_once_a_session(monkeypatch):
 def test_the_standard_flights_calibrate_and_are_none_of_those_that_are_watched(monkeypatch):
     flown = []
     short = gb.fly(duration_s=1.0)
-    monkeypatch.setattr(flights, "_flown", lambda *arguments: flown.append(arguments) or short)
-    records = flights.calibration_records.__wrapped__()
+    monkeypatch.setattr(shared_flights, "_flown", lambda *arguments: flown.append(arguments) or short)
+    records = shared_flights.calibration_records.__wrapped__()
     assert [arguments[:3] for arguments in flown] == [("gtm", "multisine+turbulence", 200.0)] * 6
     seeds = [arguments[3] for arguments in flown]
-    assert len({flights.STANDARD_SEED, *seeds}) == 7
+    assert len({shared_flights.STANDARD_SEED, *seeds}) == 7
     assert all(
         (record["p"] == gb.measure(short, noise="t2", seed=s)["p"]).all()
         for record, s in zip(records, seeds, strict=True)
@@ -350,19 +350,19 @@ def test_flights_are_flown_once_and_read_back_bit_for_bit(tmp_path, monkeypatch)
     assert fly_once(**arguments) is flown
     expected = gb.fly(**arguments)
     for shared in range(2):  # the first writes, the second, another process it may be, reads
-        flights._flown.cache_clear()
+        shared_flights._flown.cache_clear()
         if shared:
-            monkeypatch.setattr(flights, "fly", None)
+            monkeypatch.setattr(shared_flights, "fly", None)
         with artefacts_in(Artefacts(flights=tmp_path / "flights")):
             again = fly_once(**arguments)
         assert (again.values == expected.values).all()
         assert (again.channels, again.sample_period_s) == (expected.channels, expected.sample_period_s)
-    flights._flown.cache_clear()
+    shared_flights._flown.cache_clear()
 
 
 def test_the_standard_record_is_none_that_a_monitor_is_calibrated_on():
     from gtmbench.study.healthy_records import _MOST_FLIGHTS, CalibrationFlights
 
     first = CalibrationFlights().seed
-    assert not first <= flights.STANDARD_SEED < first + _MOST_FLIGHTS
+    assert not first <= shared_flights.STANDARD_SEED < first + _MOST_FLIGHTS
     assert (len(standard_record()), standard_record().end_s) == (20_001, 200.0)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text
 from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic
 from gtmbench.errors import InputError
+from gtmbench.files.shipped import read_shipped, shipped_banks
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
-from gtmbench.shipped import read_shipped, shipped_banks
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 _MOST_RESIDUALS = 50
 _DRIVEN_WHITENING_S = 1.5

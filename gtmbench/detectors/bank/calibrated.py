@@ -8,13 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.statistics.noise import second_order
+from gtmbench.detectors.statistics.learnt_noise import second_order
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, check_record, sealed
+from gtmbench.values.record import FloatArray, Record, check_record, sealed
 
 Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of a score (by label)
 

@@ -18,18 +18,18 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
-from gtmbench.detectors.statistics.noise import followed
+from gtmbench.detectors.statistics.learnt_noise import followed
 from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Residual, healthy_maxima, rate_bound
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.problem import Estimator
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.progress import Progress, silent
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.values.record import FloatArray, Record, frozen
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 _MOST = 20.0  # deviations that one sample may count for

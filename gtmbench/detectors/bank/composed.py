@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
-from gtmbench.channels import GYROS, SENSORS
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, load_bank
 from gtmbench.errors import InputError
+from gtmbench.values.channels import GYROS, SENSORS
 
 AUTO = "auto"
 _FROM = ("C", "B")  # the better relations first

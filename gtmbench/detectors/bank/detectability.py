@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.channels import SENSORS, unit_of
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, without_spread
@@ -20,7 +19,8 @@ from gtmbench.detectors.statistics.whitening import White
 from gtmbench.detectors.virtual import integrable
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derive, raw_needs
-from gtmbench.record import FloatArray, Record, check_record, frozen
+from gtmbench.values.channels import SENSORS, unit_of
+from gtmbench.values.record import FloatArray, Record, check_record, frozen
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.regression.slow import interpolated
 from gtmbench.method.regression.stretches import Scaling, Stretch, check_constant
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 Scale = FloatArray  # RMS of inputs and output, in this order
 

@@ -25,8 +25,8 @@ from gtmbench.detectors.tables import (
     table_of,
 )
 from gtmbench.errors import InputError
+from gtmbench.files.plain import exact
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.plain import exact
 
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")

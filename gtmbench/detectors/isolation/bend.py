@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
 CANDIDATES = (

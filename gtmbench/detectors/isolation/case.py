@@ -8,8 +8,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator
-from gtmbench.channels import GYROS, axis_of
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
@@ -18,7 +16,9 @@ from gtmbench.detectors.isolation.readings import Habit, straight_rows
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.channels import GYROS, axis_of
+from gtmbench.values.record import FloatArray, Record
 
 ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them

@@ -16,8 +16,8 @@ from gtmbench.detectors.alarm import NOISE_CHANGED, TIMES_LOUDER, Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
-from gtmbench.detectors.statistics.noise import BLOCK_S
-from gtmbench.record import FloatArray
+from gtmbench.detectors.statistics.learnt_noise import BLOCK_S
+from gtmbench.values.record import FloatArray
 
 NOISE_WANDERS = "the noise wanders"
 _WANDERS = 0.15  # sigma^2 of the noise, beyond which names stand on what is left by `_wandering`

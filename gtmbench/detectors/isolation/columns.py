@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
-from gtmbench.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
 _OUTLIERS = 0.3

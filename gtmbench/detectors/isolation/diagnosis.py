@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import axis_of
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
@@ -37,6 +36,7 @@ from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
+from gtmbench.values.channels import axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY = 0.97  # of what is wrong

@@ -13,11 +13,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,12 +9,12 @@ from itertools import combinations
 
 import numpy as np
 
-from gtmbench.channels import axis_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, sharpness_of
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.values.channels import axis_of
 
 _LIKELY = 3  # estimators
 _RARELY = 10.0  # of -2 log likelihood: an attitude that is taken for driven isn't

@@ -8,7 +8,6 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from gtmbench.channels import axis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
@@ -17,7 +16,8 @@ from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import axis_of
+from gtmbench.values.record import FloatArray
 
 UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make

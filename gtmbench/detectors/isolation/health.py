@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.statistics.statistic import Steadiness, glr
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 MOST = 20.0  # deviations that one sample may count for
 

@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.case import own
 from gtmbench.detectors.isolation.effects import powers
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _VARIANCES = np.geomspace(1e-3, 1e5, 27)  # of noise that a fault adds, over the noise that is there
 _BINS = 72  # of a periodogram

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 def vertex(places: FloatArray, heights: FloatArray) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.method.autoregressive import innovations
-from gtmbench.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count

@@ -17,13 +17,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.channels import axis_of
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derived, raw_needs
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.channels import axis_of
+from gtmbench.values.record import FloatArray, Record
 
 VANES = ("alpha", "beta", "tas")
 _AIR = {"p": ("r", "r_air"), "q": ("q", "q_air"), "r": ("r", "r_air")}  # of a gyro: what tells of its axis

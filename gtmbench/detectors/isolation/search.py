@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.detectors.isolation.fitter import Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.faults.kinds import FAULTS
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _GRID = 12
 _TURNS = 5

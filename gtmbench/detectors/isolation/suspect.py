@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
@@ -18,7 +17,8 @@ from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import InputError
-from gtmbench.record import BoolArray, FloatArray
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray
 
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs

@@ -15,7 +15,7 @@ import numpy as np
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.effects import Path
 from gtmbench.detectors.isolation.suspect import Suspect
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _PULSES = (1, 2, 3, 5, 8, 13, 21)  # rows
 _REMEMBERED = 60  # rows of a step's response that are looked at, at most

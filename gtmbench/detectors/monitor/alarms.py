@@ -48,7 +48,7 @@ from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader
 from gtmbench.detectors.monitor.review import Closing, Outcome, review
 from gtmbench.detectors.monitor.scores import Crossing, Track
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 _WINDOW_S = 60.0  # on so much a fault's end is looked for
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis

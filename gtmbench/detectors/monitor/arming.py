@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.monitor.scores import IntArray, Track
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(kw_only=True)

@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.clock import even_times_s
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about, rows_of
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.scores import ResidualScore
-from gtmbench.method.alarms import rising
-from gtmbench.record import FloatArray, Record
+from gtmbench.method.windowed_alarms import rising
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 _SOON_S = 10.0  # after an excursion: what begins then may come of it
 

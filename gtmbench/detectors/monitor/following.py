@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator, held
-from gtmbench.channels import ATTITUDE
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.attitude import AttitudeEstimator, held
+from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.statistics.statistic import Spread
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 
 class Memory:

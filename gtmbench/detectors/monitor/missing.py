@@ -27,7 +27,7 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.faults.replacing import Dropout
-from gtmbench.record import BoolArray
+from gtmbench.values.record import BoolArray
 
 NEVER = np.iinfo(np.int64).max
 _TOLERATED_S, _TOLERATED_ROWS = 0.5, 5

@@ -16,11 +16,11 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
+from gtmbench.detectors.monitor.bank_stream import BankStream
 from gtmbench.detectors.monitor.excursions import blotted
 from gtmbench.detectors.monitor.regime import Regime
-from gtmbench.detectors.monitor.stream import BankStream
 from gtmbench.detectors.monitor.surroundings import Surroundings
-from gtmbench.record import BoolArray, FloatArray, Record, joined
+from gtmbench.values.record import BoolArray, FloatArray, Record, joined
 
 _EVERY_S = 1.0  # a state is kept
 _LOOKED_S = 0.25  # after so long, at the latest, motion is looked at where samples come one by one

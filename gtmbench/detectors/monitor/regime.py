@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import ATTITUDE, GYROS
-from gtmbench.clock import even_times_s
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
-from gtmbench.record import BoolArray, FloatArray, Record, joined, runs
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import BoolArray, FloatArray, Record, joined, runs
 
 _COVERED = 0.999  # of the identified rows
 _BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns

@@ -14,8 +14,8 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of
 from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.detectors.statistics.statistic import Spread
-from gtmbench.pieces import pieces, rows_of_piece
-from gtmbench.record import FloatArray, Record, check_record, sealed
+from gtmbench.values.pieces import pieces, rows_of_piece
+from gtmbench.values.record import FloatArray, Record, check_record, sealed
 
 
 class RecordResiduals:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.statistics.noise import NoiseFollower, follower
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
-from gtmbench.method.alarms import rising
-from gtmbench.record import FloatArray, Record, sealed
+from gtmbench.method.windowed_alarms import rising
+from gtmbench.values.record import FloatArray, Record, sealed
 
 IntArray = NDArray[np.int_]
 _REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known

@@ -14,15 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.attitude import AttitudeEstimator
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import IntArray
-from gtmbench.detectors.statistics.noise import NoiseFollower, follower
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance, over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trials to go on from
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.clock import even_times_s
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about
 from gtmbench.detectors.monitor.excursions import Excursions, Rise
 from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
 from gtmbench.detectors.monitor.scores import Track, extend
-from gtmbench.method.alarms import rising
-from gtmbench.record import Record
+from gtmbench.method.windowed_alarms import rising
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import Record
 
 
 class Surroundings:

@@ -17,7 +17,7 @@ from gtmbench.detectors.rivals.features import CHANNELS, FEATURES, PER_SIGNAL, f
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import GYROS, Generator, Lookback, Scale, stacked
 from gtmbench.imports import load_extra
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _THINNED_S = 0.1  # a window is learnt from every so often
 _LAYERS = 4

@@ -12,7 +12,7 @@ from gtmbench.detectors.rivals.isolation_forest import IsolationForest
 from gtmbench.detectors.rivals.kalman import LinearKalmanFilter
 from gtmbench.detectors.rivals.kinematic_kalman import KinematicKalmanFilter
 from gtmbench.detectors.rivals.ksfd import KinematicConsistency
-from gtmbench.detectors.rivals.limits import LimitChecks
+from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.one_step import OneStepPrediction
 from gtmbench.detectors.rivals.pca import PrincipalComponents
 from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, body_increments, windows
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 CHANNELS = (*GYROS, *ANGLES, *AIR)
 PER_SIGNAL = 4

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from gtmbench.detectors.alarm import TIMES_LOUDER
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
 from gtmbench.detectors.rivals.level import Level
-from gtmbench.detectors.statistics.noise import NoiseFollower, followed
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
 from gtmbench.detectors.statistics.statistic import Carried, Given, Statistic, Tolerance, over, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Luck, healthy_maxima
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.detectors.tables import keys
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 IntArray = NDArray[np.int_]
 _WHITENING_S = 0.3  # the banks'

@@ -15,10 +15,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from gtmbench.channels import COMMANDS
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import GYROS, Generator, Scale
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import COMMANDS
+from gtmbench.values.record import FloatArray
 
 STATES = ("p", "q", "r", "alpha", "beta", "tas", "phi", "theta")
 FORCES = ("nx", "ny", "nz")

@@ -17,7 +17,7 @@ import numpy as np
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import ANGLES, GYROS, Generator, Lookback, body_increments
 from gtmbench.method.convolution import filtered
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _FEW = 1e-3  # the least gain
 

@@ -18,7 +18,7 @@ import numpy as np
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, body_rates, running
 from gtmbench.method.convolution import filtered
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _G = 9.80665  # m/s2
 _M_S_PER_KT = 1852.0 / 3600.0

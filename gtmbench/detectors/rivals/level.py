@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _MOST = 1e150  # so that sums stay finite
 WINDOWS_S = (0.0, *Statistic().windows_s)  # a sample, and those of the banks

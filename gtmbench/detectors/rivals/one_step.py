@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gtmbench.channels import COMMANDS
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, Scale, stacked, with_turns
 from gtmbench.method.convolution import filtered
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import COMMANDS
+from gtmbench.values.record import FloatArray
 
 _BLOCK = 4096  # equations at a time
 _COMMAND_NOISE = 0.1  # of a command's deviation: it has none, and its past alone would be all but collinear

@@ -17,7 +17,7 @@ import numpy as np
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, Scale, stacked, with_turns
 from gtmbench.imports import load_extra
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _THINNED = 5  # every so many samples are learnt from
 

@@ -13,10 +13,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtmbench.channels import COMMANDS
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Scale, stacked, with_turns
-from gtmbench.record import FloatArray
+from gtmbench.values.channels import COMMANDS
+from gtmbench.values.record import FloatArray
 
 _UNSURE = 10.0  # variance of a parameter before anything was seen, in standard units
 

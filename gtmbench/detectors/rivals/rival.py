@@ -19,16 +19,16 @@ from gtmbench.detectors.bank.calibration import divided
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
 from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.rivals.rival_stream import RivalStream
 from gtmbench.detectors.rivals.signals import GYROS, Generator
-from gtmbench.detectors.rivals.stream import RivalStream
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
+from gtmbench.files.plain import exact
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import as_records
-from gtmbench.plain import exact
-from gtmbench.progress import Progress, silent
-from gtmbench.record import FloatArray, Record, frozen
+from gtmbench.values.record import FloatArray, Record, frozen
 
 RATE = 0.002  # false alarms an hour, where nobody says: the banks'
 JUDGES: dict[str, Statistic] = {

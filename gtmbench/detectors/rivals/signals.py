@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 GYROS = ("p", "q", "r")
 ANGLES = ("phi", "theta", "psi")

@@ -14,7 +14,7 @@ import numpy as np
 from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _STEP = 20.0  # deviations, beyond what is tolerated
 _NOISE = 10.0  # times the noise, beyond what is tolerated

@@ -14,7 +14,7 @@ import numpy as np
 
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _LONG_S = 20.0
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged

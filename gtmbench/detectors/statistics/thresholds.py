@@ -20,8 +20,8 @@ import numpy as np
 from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
-from gtmbench.plain import finite_or_none
-from gtmbench.record import FloatArray
+from gtmbench.files.plain import finite_or_none
+from gtmbench.values.record import FloatArray
 
 _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail

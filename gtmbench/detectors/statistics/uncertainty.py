@@ -19,7 +19,7 @@ from gtmbench.method.pseudo_inputs import derive
 from gtmbench.method.regression.slow import HALF as HALF
 from gtmbench.method.regression.slow import fir, held, reflected, regressors, smoothed
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 _CHUNK = 512  # rows: what they are turned into stays in the cache
 _KEPT = 1024  # rows whose F' phi(k) is remembered: some 10 MB

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.method.autoregressive import autocovariance, innovations, yule_walker
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files import count_lines
+from gtmbench.files.disk import count_lines
 from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
 from gtmbench.intake.formats.raw import RawLog, RawSeries, dates_in_seconds
 from gtmbench.intake.units import unit

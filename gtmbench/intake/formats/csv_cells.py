@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.csv import Layout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
+from gtmbench.values.clock import FloatArray
 
 _SPACES = r"\s+"  # the separator of cells between any spaces
 _EXACT = 15  # decimals: a column with as many is written by programs that leave nothing out

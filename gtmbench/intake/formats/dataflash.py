@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
@@ -28,6 +27,7 @@ from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, readin
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.injections import Injection
 from gtmbench.intake.units import unit
+from gtmbench.values.clock import FloatArray
 
 _HEAD = b"\xa3\x95"
 _FMT = 0x80

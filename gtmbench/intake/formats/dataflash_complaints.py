@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event, EventKind, onsets
 from gtmbench.intake.formats.dataflash_events import Told, column_of, messages_of
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 # LogStructure.h of AP_InertialSensor, AP_NavEKF2 and AP_NavEKF3; with instances the second is IMU#1
 _IMUS, _ESTIMATORS = ("IMU", "IMU2", "IMU3"), ("EKF4", "NKF4", "XKF4")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event, EventKind, touchdowns
+from gtmbench.values.clock import FloatArray
 
 _IN_USE = ("NKF4", "XKF4")  # PI is the number of the estimator in use
 TOLD_BY = ("EV", "ERR", "MSG", "STAT", *_IN_USE)

@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterator, Mapping
 from math import degrees
 
-from gtmbench.channels import GYROS
 from gtmbench.intake.formats.dataflash_events import Told, rows_of
 from gtmbench.intake.injections import GYRO, Injection, spells
+from gtmbench.values.channels import GYROS
 
 TOLD_BY = ("PARM",)
 _OF_AXIS = re.compile(r"SIM_GYR(\d?)_(BIAS|SCALE)_([XYZ])")

@@ -11,8 +11,8 @@ from types import ModuleType
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
+from gtmbench.files.logs import LARGEST_LOG_BYTES, MOST_LOG_VALUES
 from gtmbench.imports import load_extra
-from gtmbench.logs import LARGEST_LOG_BYTES, MOST_LOG_VALUES
 
 LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
 LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
-from gtmbench.pieces import rows_of_piece
+from gtmbench.values.pieces import rows_of_piece
 
 if TYPE_CHECKING:
     import pyarrow as pa

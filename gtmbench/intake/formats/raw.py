@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
-from gtmbench.pieces import pieces
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.pieces import pieces
 
 IntArray = NDArray[np.int64]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files import is_file, no_such
+from gtmbench.files.disk import is_file, no_such
 from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv

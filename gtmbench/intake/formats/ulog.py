@@ -11,8 +11,6 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.channels import ATTITUDE
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import (
@@ -28,6 +26,8 @@ from gtmbench.intake.formats.raw import (
 from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events
 from gtmbench.intake.formats.ulog_injections import ulog_injections
+from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.clock import FloatArray
 
 
 def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event, EventKind, onsets
-from gtmbench.record import BoolArray
+from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
 _SENSORS = {"gyro": "gyro", "accel": "accelerometer"}

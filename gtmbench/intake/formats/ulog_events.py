@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.clock import FloatArray
 from gtmbench.intake.events import Event, EventKind, touchdowns
+from gtmbench.values.clock import FloatArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
 _ARMED = 2  # vehicle_status.msg: ARMING_STATE_ARMED

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.channels import GYROS
-from gtmbench.clock import FloatArray
 from gtmbench.intake.injections import GYRO, Injection, spells
+from gtmbench.values.channels import GYROS
+from gtmbench.values.clock import FloatArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
 _COMMAND = 420  # MAV_CMD_INJECT_FAILURE: param1 the unit, param2 the type, param3 the instance from 1, or 0 for all

@@ -21,7 +21,7 @@ from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, reproduces
 from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of, solved, weights_of
 from gtmbench.method.regression.slow import slow
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _LEAST = 10.0  # equations that say something of their own
 _LEAST_VARIANCE = 1e-12  # of the residual, over the output's

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _TURNS, _SETTLED = 6, 1e-4
 _LEAST_VARIANCE = 1e-12

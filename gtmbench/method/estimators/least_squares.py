@@ -12,7 +12,7 @@ from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.regression.triangle import Triangle, absorb
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 Noise = float | Mapping[str, float]
 

@@ -14,7 +14,7 @@ from gtmbench.method.estimators.least_squares import solve, summary
 from gtmbench.method.problem import Estimate, Problem, require_equations
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import triangle
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import Noise, check_noise, noise_levels, summary
 from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.regression.stretches import Stretch
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _FLOOR_SEGMENT = 256  # samples a spectrum is taken over
 

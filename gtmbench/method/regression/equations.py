@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.method.regression.slow import regressors
 from gtmbench.method.regression.stretches import Stretch
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
 _CHUNK = 4096

@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.method.regression.stretches import CHUNK, Run, Stretch, runs
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 ROWS = 1 << 11  # equations that are written out at a time
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 HALF = 5  # samples to either side that `slow` takes
 _CUTOFF = 0.1  # of the sample rate

@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record
 
 CHUNK = 1 << 15  # samples that are scaled at a time
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtmbench.method.regression.gram import ROWS, gram, rows
 from gtmbench.method.regression.stretches import Stretch, runs
-from gtmbench.record import FloatArray, frozen
+from gtmbench.values.record import FloatArray, frozen
 
 _CONDITION_TRUSTED = 3e4  # of Phi: its square, 1e9 of double precision's 1e16, is what Cholesky may lose
 _RESIDUAL_TRUSTED = 1e-5  # of the target: below, its square is lost in the rounding of the Gram matrix

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 
 def information(power: FloatArray, equations: float, rank: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,7 @@ from gtmbench.checks import names, number
 from gtmbench.errors import InputError
 from gtmbench.method.problem import Records, Weights, pose_problem
 from gtmbench.method.regression.triangle import without
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,7 @@ from gtmbench.checks import whole
 from gtmbench.method.problem import Problem, Records, Weights, operator_names, pose_problem
 from gtmbench.method.regression.triangle import Triangle, without
 from gtmbench.method.selection.criteria import information
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

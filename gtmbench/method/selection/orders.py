@@ -20,7 +20,7 @@ from gtmbench.method.problem import Problem, Records, Weights, as_records, opera
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
 from gtmbench.method.selection.criteria import information
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import Styles, beside_labels, in_decades, label_ends, panels
 from gtmbench.report.style import COLOURS, strokes
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.channels import GYROS
 from gtmbench.report.figures.panels import as_it_is, one_legend, panels
 from gtmbench.report.style import COLOURS
+from gtmbench.values.channels import GYROS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,14 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.checks import printable
 from gtmbench.intake.events import EventKind, of_kind
-from gtmbench.record import FloatArray, Span
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
-from gtmbench.report.scores import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS, VERDICTS, colours
-from gtmbench.report.watched import (
+from gtmbench.report.log_findings import (
     TINTS,
     State,
     Stretch,
@@ -30,12 +26,16 @@ from gtmbench.report.watched import (
     tints_of,
     whole_of,
 )
+from gtmbench.report.score_units import LOWEST, level, part
+from gtmbench.report.style import COLOURS, EVENTS, VERDICTS, colours
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import FloatArray, Span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gtmbench.record import FloatArray
-from gtmbench.report.scores import HIGHEST, LOWEST
+from gtmbench.report.score_units import HIGHEST, LOWEST
 from gtmbench.report.style import COLOURS
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

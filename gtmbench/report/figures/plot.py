@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtmbench.bench.loop import LoopFlight
-from gtmbench.channels import CHANNELS, Role, unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -18,18 +17,19 @@ from gtmbench.method.residual import Residual, WindowedNorm
 from gtmbench.method.selection.excitations import ExcitationCount
 from gtmbench.method.selection.orders import OrderChoice
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.figures.log import log_figure
 from gtmbench.report.figures.panels import as_it_is, draw_threshold, panels, short_label, thinned
 from gtmbench.report.figures.selection import excitation_figure, order_figure
 from gtmbench.report.figures.study import markov_figure
-from gtmbench.report.scores import LOWEST, around, level, norm_of, part
+from gtmbench.report.score_units import LOWEST, around, level, norm_of, part
 from gtmbench.report.style import COLOURS, strokes
 from gtmbench.report.words.judgement import MOST_ALARMS, trial_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Study, Trial
+from gtmbench.values.channels import CHANNELS, Role, unit_of
+from gtmbench.values.record import FloatArray, Record, Span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmbench.channels import ATTITUDE, unit_of
-from gtmbench.record import FloatArray
 from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.rescued import TINTS, moments, shown_flight
 from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.rescue import Rescue
+from gtmbench.values.channels import ATTITUDE, unit_of
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

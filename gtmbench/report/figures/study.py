@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Span
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
-from gtmbench.report.scores import LOWEST, around, level, norm_of, part, tints
+from gtmbench.report.score_units import LOWEST, around, level, norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import (
     MOST_ALARMS,
@@ -31,6 +29,8 @@ from gtmbench.report.words.judgement import (
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import Span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

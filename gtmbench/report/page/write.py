@@ -13,8 +13,8 @@ from hashlib import sha256
 from importlib import resources
 from typing import TYPE_CHECKING, NamedTuple
 
-from gtmbench.plain import dumps, plain
-from gtmbench.report.page.contents import Contents
+from gtmbench.files.plain import dumps, plain
+from gtmbench.report.page.sections import Contents
 from gtmbench.report.tables.scores import Table, in_markdown, scores_results
 from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.version import __version__

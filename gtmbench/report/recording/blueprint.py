@@ -9,19 +9,19 @@ from itertools import cycle, groupby
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.channels import ATTITUDE, unit_of
 from gtmbench.detectors.protocol import Score, Watch, is_ready
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.record import Record, Span
+from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
-from gtmbench.report.scores import SHOWN_LEVELS, around, norm_of, tints
+from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES
-from gtmbench.report.watched import about, faults_of, residuals_of, scores_of, signals_of, whole_of
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Trial
+from gtmbench.values.channels import ATTITUDE, unit_of
+from gtmbench.values.record import Record, Span
 
 _BESIDE = 3  # trials on a page
 _MOST_SIGNALS = 6  # of a log on a page

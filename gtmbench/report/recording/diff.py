@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,15 +13,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from gtmbench.channels import GYROS, unit_of
 from gtmbench.detectors.protocol import Watch
-from gtmbench.files import atomic_write
-from gtmbench.record import FloatArray, Record, Span
-from gtmbench.report.scores import level, part
+from gtmbench.files.disk import atomic_write
+from gtmbench.report.score_units import level, part
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Injection
+from gtmbench.values.channels import GYROS, unit_of
+from gtmbench.values.record import FloatArray, Record, Span
 
 Signal = tuple[FloatArray, FloatArray]  # times in s, values
 

@@ -25,11 +25,9 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from gtmbench.channels import unit_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.residual import Residual
-from gtmbench.record import FloatArray, Record, Span
 from gtmbench.report.recording.blueprint import failed_residual_blueprint, failed_watch_blueprint
 from gtmbench.report.recording.entities import (
     ONSET,
@@ -47,9 +45,11 @@ from gtmbench.report.recording.entities import (
     recorded,
     whole,
 )
-from gtmbench.report.scores import tints
+from gtmbench.report.score_units import tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import FloatArray, Record, Span
 
 _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last mark
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from gtmbench.channels import ATTITUDE, SURFACES
-from gtmbench.record import Record
 from gtmbench.report.recording.entities import GROUPS, in_unit, lighter, log_lines, rgb, set_time, times
 from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.style import colour
+from gtmbench.values.channels import ATTITUDE, SURFACES
+from gtmbench.values.record import Record
 
 _STEP = 10  # samples between two poses: 10 a second
 _SHARE_OF_PATH = 0.12  # the aircraft's size on the path, so that it is seen where the whole path fits

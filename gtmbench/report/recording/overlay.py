@@ -24,11 +24,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.channels import CHANNELS
-from gtmbench.record import FloatArray, Span
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Comparison, Line, LineDifference, Name, events, lines
 from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
+from gtmbench.values.channels import CHANNELS
+from gtmbench.values.record import FloatArray, Span
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed, shown
 from gtmbench.errors import InputError
-from gtmbench.files import LOGS, check_size, is_file, no_such
+from gtmbench.files.disk import LOGS, check_size, is_file, no_such
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-_READER = Path(__file__).with_name("rows.py")
+_READER = Path(__file__).with_name("arrow_rows.py")
 _LARGEST_BYTES = 1 << 31
 _LONGEST_S, _BYTES_PER_S = 60.0, 1e6  # it takes a second for 70 MB
 
@@ -103,7 +103,7 @@ def _application(table: pa.Table) -> str:
 
 
 def _read(path: Path, *what: str) -> pa.Table:
-    """Return what `rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
+    """Return what `arrow_rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
         raise InputError(no_such(path, "`gtmbench run` writes one"))
     if path.suffix.lower() in LOGS:

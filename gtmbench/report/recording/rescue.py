@@ -32,7 +32,7 @@ from gtmbench.report.recording.entities import (
 from gtmbench.report.recording.flight import log_scene
 from gtmbench.report.rescued import TINTS, moments, shown_flight, shown_s
 from gtmbench.report.scene import Scene
-from gtmbench.report.scores import SHOWN_LEVELS, part, tints
+from gtmbench.report.score_units import SHOWN_LEVELS, part, tints
 from gtmbench.report.words.judgement import Event, fault_text, loop_text, watch_events
 from gtmbench.study.rescue import Rescue
 

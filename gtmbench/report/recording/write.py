@@ -71,11 +71,20 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from gtmbench.channels import ATTITUDE
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.record import Span
+from gtmbench.report.log_findings import (
+    TINTS,
+    State,
+    began_s,
+    residuals_of,
+    scores_of,
+    signals_of,
+    stretches,
+    tints_of,
+    whole_of,
+)
 from gtmbench.report.recording.blueprint import (
     Placed,
     log_blueprint,
@@ -106,20 +115,9 @@ from gtmbench.report.recording.entities import (
 )
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.scene import Scene
-from gtmbench.report.scores import norm_of, part, tints
+from gtmbench.report.score_units import norm_of, part, tints
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.watched import (
-    TINTS,
-    State,
-    began_s,
-    residuals_of,
-    scores_of,
-    signals_of,
-    stretches,
-    tints_of,
-    whole_of,
-)
 from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
@@ -129,6 +127,8 @@ from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.record import Span
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
 _MEASURED, _VIRTUAL = 2.5, 1.0  # of lines that lie on each other: both are to be seen

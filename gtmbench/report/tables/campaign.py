@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gtmbench.parts import Parts
-from gtmbench.plain import dumps
+from gtmbench.files.plain import dumps
+from gtmbench.jobs.parts import Parts
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import false_alarm_figures
 from gtmbench.report.words.campaign import campaign_verdict

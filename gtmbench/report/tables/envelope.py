@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gtmbench.plain import plain
+from gtmbench.files.plain import plain
 
 SCHEMA_VERSION = 3  # the next where a key is renamed or goes; a new key needs none
 

@@ -6,19 +6,19 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gtmbench.channels import GYROS
-from gtmbench.columns import Column, Row
 from gtmbench.faults.additive import Bias
-from gtmbench.parts import Parts
-from gtmbench.plain import plain
+from gtmbench.files.arrow_table import Column, Row
+from gtmbench.files.plain import plain
+from gtmbench.jobs.parts import Parts
+from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.tables.envelope import envelope
-from gtmbench.report.watched import alarm_bound, passed_alarms
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.autopilot import of_sensors, words_of
+from gtmbench.study.log.autopilot_messages import of_sensors, words_of
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.values.channels import GYROS
 
 ERROR = "error"
 NONE_WATCHED = 2  # an exit code

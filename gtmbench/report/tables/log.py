@@ -8,28 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.pieces import deviation, rms
-from gtmbench.report.scores import level
+from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
+from gtmbench.report.score_units import level
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
-from gtmbench.report.watched import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
 from gtmbench.report.words.autopilot import score_verdict
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.autopilot import beside, words_of
+from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
-from gtmbench.study.log.self_check.check import SelfCheck
+from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.channels import unit_of
+from gtmbench.values.pieces import deviation, rms
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:

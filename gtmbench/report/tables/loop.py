@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from gtmbench.bench.loop import LoopEvent
-from gtmbench.channels import unit_of
 from gtmbench.report.words.judgement import loop_text
+from gtmbench.values.channels import unit_of
 
 
 def event_rows(events: Iterable[LoopEvent]) -> list[dict[str, Any]]:

@@ -10,15 +10,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gtmbench.channels import UNIT_SUFFIX, unit_of
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.plain import dumps, plain
+from gtmbench.files.plain import dumps, plain
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.channels import UNIT_SUFFIX, unit_of
 from gtmbench.version import __version__
 
 _PER = {"": "", "s": "_s", "sqrt(s)": "_sqrt_s", "g": "_g"}  # behind a unit that is divided by it

@@ -17,8 +17,8 @@ from gtmbench.report.words.scores import (
     verdict_lines,
 )
 from gtmbench.report.words.units import counted
-from gtmbench.study.scores.compare import Rank
 from gtmbench.study.scores.intervals import Estimate, Share
+from gtmbench.study.scores.ranking import Rank
 from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
 
 _MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML

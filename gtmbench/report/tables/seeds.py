@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.plain import plain
+from gtmbench.files.plain import plain
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.report.tables.results import false_alarm_figures, versions
 from gtmbench.report.words.judgement import severity_text

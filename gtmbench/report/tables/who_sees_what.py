@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.checks import listed
-from gtmbench.record import FloatArray
 from gtmbench.report.tables.scores import Cell, Table, in_markdown, ordered, place_cell, range_cell
 from gtmbench.study.scores.scoring import DetectorScores, Scores
+from gtmbench.values.record import FloatArray
 
 MOST_ROWS = 14
 _COLUMNS = (

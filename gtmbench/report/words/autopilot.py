@@ -7,7 +7,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
 from gtmbench.report.words.units import counted
-from gtmbench.study.log.autopilot import SENSORS, Beside, beside, of_sensors, words_of
+from gtmbench.study.log.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
 from gtmbench.study.log.truth import NAMED, Scored, ScoredLog, scored
 from gtmbench.study.log.watched import WatchedLog
 

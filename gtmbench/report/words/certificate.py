@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gtmbench.attitude import FASTEST_S, SLOWEST_S
-from gtmbench.channels import unit_of
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
+from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.channels import unit_of
 
 _NAMES = {"scale_factor": "scale error"}
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gtmbench.channels import GYROS
 from gtmbench.intake.events import Event
 from gtmbench.report.words.units import counted, duration_text
+from gtmbench.values.channels import GYROS
 
 _OUTCOMES = {"failed": "failed", "unknown": "cannot tell", "error": "not read", "healthy": "no fault found"}
 HEAD = ("log", "outcome", "verdict", "bias seen", "false/h", "autopilot")

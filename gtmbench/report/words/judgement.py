@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
-from gtmbench.channels import unit_of
 from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
@@ -15,10 +14,11 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.report.scores import norm_of
+from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, with_error
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
+from gtmbench.values.channels import unit_of
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET = "onset_s"

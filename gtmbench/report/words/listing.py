@@ -7,15 +7,15 @@ import shlex
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.errors import InputError
+from gtmbench.files.shipped import shipped_banks
 from gtmbench.intake.contents import LogChannel, LogContents
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.report.words.log import events_lines
 from gtmbench.report.words.units import counted
-from gtmbench.shipped import shipped_banks
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS
 
 _KINDS = (
     ("gyros", GYROS),

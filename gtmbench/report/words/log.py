@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.channels import unit_of
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
@@ -17,9 +16,7 @@ from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.pieces import deviation, rms
-from gtmbench.record import Span
-from gtmbench.report.watched import (
+from gtmbench.report.log_findings import (
     State,
     alarm_bound,
     began_s,
@@ -36,6 +33,9 @@ from gtmbench.report.words.units import counted, duration_text, per_second, with
 from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.self_check.explained import Explained
 from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.values.channels import unit_of
+from gtmbench.values.pieces import deviation, rms
+from gtmbench.values.record import Span
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3

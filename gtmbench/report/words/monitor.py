@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
-from gtmbench.channels import unit_of
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.bank_detector import BankMonitor
@@ -14,10 +13,11 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.plain import exact, finite_or_none
 from gtmbench.report.words.units import counted, duration_text, or_dash
+from gtmbench.values.channels import unit_of
 
 _OPERATOR = (
     "name",

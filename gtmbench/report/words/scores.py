@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from gtmbench.channels import unit_of
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import find_fault
@@ -14,6 +13,7 @@ from gtmbench.report.words.units import counted
 from gtmbench.study.scores.intervals import Estimate, Rate, Share
 from gtmbench.study.scores.scoring import DetectorScores, Scores
 from gtmbench.study.scores.smallest import Smallest
+from gtmbench.values.channels import unit_of
 
 _MOST_NAMES = 6
 _MOST_LINES = 3

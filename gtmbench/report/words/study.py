@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.bench.loop import OUT_OF_LOOP
-from gtmbench.channels import unit_of
 from gtmbench.checks import listed
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.statistics.thresholds import rate_bound
@@ -15,6 +14,7 @@ from gtmbench.report.words.monitor import monitor_lines
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.rescue import Rescue
 from gtmbench.study.trial import Baseline, Study, Trial
+from gtmbench.values.channels import unit_of
 
 
 def title(baseline: Baseline) -> str:

@@ -10,18 +10,18 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from gtmbench.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import is_ready
-from gtmbench.record import Span
-from gtmbench.report.watched import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
+from gtmbench.report.log_findings import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.judgement import kind_text, source_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, duration_text
 from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.record import Span
 
 SENSORS = {
     "p": "roll gyro",

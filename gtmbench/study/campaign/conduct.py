@@ -14,13 +14,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gtmbench.cluster import check_cluster, completed_on_cluster, difference
 from gtmbench.errors import InputError
+from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
-from gtmbench.parts import Parts, Shard, parts_in
-from gtmbench.processes import completed
-from gtmbench.progress import Progress, silent
-from gtmbench.shipped import code_facts
+from gtmbench.jobs.cluster import check_cluster, completed_on_cluster, difference
+from gtmbench.jobs.parts import Parts, Shard, parts_in
+from gtmbench.jobs.processes import completed
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.campaign.task import Task, Watchers, rows_of

@@ -17,9 +17,8 @@ from typing import Any
 from gtmbench.checks import boolean, keys, naming, number, shown, table_of, text
 from gtmbench.detectors.registry import for_data_file, is_python
 from gtmbench.errors import InputError
-from gtmbench.plain import plain
-from gtmbench.shipped import read_shipped, shipped_campaigns
-from gtmbench.study.calibration import OWN
+from gtmbench.files.plain import plain
+from gtmbench.files.shipped import read_shipped, shipped_campaigns
 from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
 from gtmbench.study.campaign.searches import Search, searches_of
 from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
@@ -29,6 +28,7 @@ from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import with_noise
 from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
 from gtmbench.study.trial import fault_row
+from gtmbench.study.watchers import OWN
 
 MANY = 10_000_000  # trials: nobody means more without saying so
 _OWN_KEYS = ("title", "scenarios", "detectors", "isolate", "axes", "healthy", "calibration", "smallest")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gtmbench import columns
-from gtmbench.columns import Column, Row
+from gtmbench.files import arrow_table
+from gtmbench.files.arrow_table import Column, Row
 from gtmbench.study import crossings
 
 if TYPE_CHECKING:
@@ -70,4 +70,4 @@ def table_of(rows: Sequence[Row]) -> pa.Table:
     >>> table_of([{"task": 3, "detected": True}]).to_pylist()[0]["task"]
     3
     """
-    return columns.table_of(rows, COLUMNS, schema=SCHEMA)
+    return arrow_table.table_of(rows, COLUMNS, schema=SCHEMA)

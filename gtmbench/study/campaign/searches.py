@@ -14,15 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.checks import naming, number, shown, table_of
-from gtmbench.columns import Row
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.trials import TIE_S, WatchedTrials, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
-from gtmbench.record import Record
+from gtmbench.files.arrow_table import Row
 from gtmbench.study.fault_tables import FaultSpec, Severity, build, fault_specs, resolve
 from gtmbench.study.flights import BROKEN, Flown
+from gtmbench.values.record import Record
 
 _RATIO = 1.05  # to which a severity is found
 _OWN_KEYS = ("within_s",)

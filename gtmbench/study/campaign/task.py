@@ -8,15 +8,13 @@ from functools import cached_property, partial
 from typing import Any
 
 from gtmbench.bench.loop import departed_s
-from gtmbench.channels import COMMANDS, unit_of
 from gtmbench.checks import one_line
-from gtmbench.columns import Row
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.detectors.trials import Detection, trials_on
 from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
-from gtmbench.progress import counted, silent
-from gtmbench.record import Record
+from gtmbench.files.arrow_table import Row
+from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.rows import COLUMNS
 from gtmbench.study.campaign.searches import Search, search_row
 from gtmbench.study.crossings import crossings
@@ -26,6 +24,8 @@ from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import altered_share, false_alarms, score
 from gtmbench.study.trial import Injection
+from gtmbench.values.channels import COMMANDS, unit_of
+from gtmbench.values.record import Record
 
 Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes that are tied to their flight
 
@@ -66,7 +66,7 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
     --------
     >>> from gtmbench.study.scenario import AlarmSetup
     >>> setup = Setup(duration_s=60.0, noise="t2", snr=None, alarm=AlarmSetup(healthy_records=1))
-    >>> from gtmbench.study.calibration import prepared
+    >>> from gtmbench.study.watchers import prepared
     >>> (row,) = rows_of(Task(number=0, setup=setup, faults=()), {"none": prepared(lambda record: [])})
     >>> row["detector"], row["noise_seed"], row["false_alarms"], round(3600 * row["armed_hours"])
     ('none', 1, 0, 35)

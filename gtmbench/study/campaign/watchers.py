@@ -10,23 +10,23 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.channels import COMMANDS, SENSORS
 from gtmbench.checks import naming
-from gtmbench.detectors.files import kind_of, load_monitor, save_monitor
 from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.monitor_file import kind_of, load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.errors import InputError
-from gtmbench.parts import Parts, hold, waiting_alone
-from gtmbench.progress import Progress
-from gtmbench.record import Record
-from gtmbench.study.calibration import OWN, Calibrator, is_tied, own_detector, with_provenance
+from gtmbench.jobs.parts import Parts, hold, waiting_alone
+from gtmbench.jobs.progress import Progress
 from gtmbench.study.campaign.plan import Campaign
 from gtmbench.study.campaign.task import Watchers
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import knowing
 from gtmbench.study.scenario import Setup
+from gtmbench.study.watchers import OWN, Calibrator, is_tied, own_detector, with_provenance
+from gtmbench.values.channels import COMMANDS, SENSORS
+from gtmbench.values.record import Record
 
 Monitors = Mapping[tuple[str, str, str], Monitor]  # by a detector's name, an aircraft and an attitude
 

@@ -10,9 +10,9 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
-from gtmbench.record import Span
-from gtmbench.study.calibration import prepared
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
+from gtmbench.study.watchers import prepared
+from gtmbench.values.record import Span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

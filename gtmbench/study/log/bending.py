@@ -9,10 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.attitude import OWN, USUAL_S, AttitudeEstimator, held
-from gtmbench.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.checks import meant
-from gtmbench.clock import FloatArray
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.open import open_log
@@ -20,6 +17,9 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples
 from gtmbench.method.time_constant import TimeConstant, time_constant_of
 from gtmbench.study.log.origin import FROM_LOG, origin_in_logs
+from gtmbench.values.attitude import OWN, USUAL_S, AttitudeEstimator, held
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.clock import FloatArray
 
 FOLLOWS = "follows"
 _KINDS = (FROM_LOG, OWN, FOLLOWS)

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.superposition import Superposition
@@ -26,8 +25,9 @@ from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
-from gtmbench.pieces import deviation, pieces
 from gtmbench.study.log.self_check.motion import GYROS
+from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
+from gtmbench.values.pieces import deviation, pieces
 
 SHARE = 0.9  # of the time watched
 _ONSETS = 20  # tried
@@ -227,7 +227,7 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     --------
     >>> from gtmbench.detectors.bank.bank import bank_of
     >>> from gtmbench.detectors.bank_detector import calibrate
-    >>> from gtmbench.record import Record
+    >>> from gtmbench.values.record import Record
     >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
     >>> record = Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> bank = bank_of("own", {"residuals": [{"output": "q", "inputs": ["p"]}]})

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.protocol import Watch
-from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.record import FloatArray, Record
 
 _BLOCK_S = 10.0
 _WHOLE = 0.5  # of a block's rows, or it doesn't count

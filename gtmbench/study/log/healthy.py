@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gtmbench.detectors.protocol import is_ready
-from gtmbench.record import Span
 from gtmbench.study.log.identified import Stretches, healthy_stretches
 from gtmbench.study.log.opened import Opened
 from gtmbench.study.log.records import first_part, healthy_spans, whole_s, within
-from gtmbench.study.log.self_check.check import Part
+from gtmbench.study.log.self_check.outcome import Part
+from gtmbench.values.record import Span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,8 +23,8 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.record import BoolArray, FloatArray, Record, Span
 from gtmbench.study.log.records import between_pauses
+from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
 _AROUND_S = 2.5  # a reset, and before a touchdown is told
 _LEAST_LEFT, _LEAST_MOTION = 2.0 / 3.0, 0.5  # of the samples, of the motion's energy

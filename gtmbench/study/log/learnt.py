@@ -11,14 +11,14 @@ from typing import Protocol, runtime_checkable
 
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
-from gtmbench.progress import Progress
-from gtmbench.record import Record, Span
-from gtmbench.study.calibration import with_provenance
+from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.healthy import Healthy
 from gtmbench.study.log.identified import LeftOut, undisturbed
 from gtmbench.study.log.opened import Opened
 from gtmbench.study.log.records import outside, whole_s
-from gtmbench.study.log.self_check.check import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
+from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
+from gtmbench.study.watchers import with_provenance
+from gtmbench.values.record import Record, Span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

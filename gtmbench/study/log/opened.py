@@ -10,7 +10,7 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from gtmbench.detectors.auto import AutoDetector
+from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
@@ -20,14 +20,14 @@ from gtmbench.intake.live import check_rate
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.record import Span
 from gtmbench.study.log.asked import Asked
-from gtmbench.study.log.auto import bank_for_logs
-from gtmbench.study.log.imus import opened_with
+from gtmbench.study.log.auto_bank import bank_for_logs
+from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.study.log.records import open_for, within
-from gtmbench.study.log.self_check.check import Part, rests_on_motion
 from gtmbench.study.log.self_check.motion import ANGLES, GYROS
+from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
+from gtmbench.values.record import Span
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 

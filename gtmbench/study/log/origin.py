@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from gtmbench.attitude import DRIVEN, OWN
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.checks import meant
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
@@ -18,8 +16,10 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin, origin_of
-from gtmbench.record import Record, Span
 from gtmbench.study.log.records import first_part, healthy_spans, whole_s, within
+from gtmbench.values.attitude import DRIVEN, OWN
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Record, Span
 
 FROM_LOG = "auto"
 ATTITUDES = (FROM_LOG, OWN, DRIVEN)

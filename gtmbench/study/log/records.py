@@ -20,7 +20,7 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.times import unit_hint
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.intake.units import unit
-from gtmbench.record import Record, Span, runs
+from gtmbench.values.record import Record, Span, runs
 
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0

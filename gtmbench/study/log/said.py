@@ -17,13 +17,13 @@ from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
-from gtmbench.progress import Progress
-from gtmbench.record import Record, Span
-from gtmbench.study.log.imus import Comparison, beside, compare
+from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, without
-from gtmbench.study.log.self_check.check import WATCHED, Part, SelfCheck, check_watched, check_wiring
+from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.starts import steady
+from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time

@@ -12,7 +12,7 @@ from dataclasses import replace
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.predicting import PredictingMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 DOUBT = "it hangs on where watching began"
 _LATER_S = (1.3, 2.9, 6.1)  # other beginnings, after the first that is far enough back

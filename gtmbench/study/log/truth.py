@@ -28,14 +28,14 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import GYRO, Injection
 from gtmbench.intake.open import open_log
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Span
-from gtmbench.study.calibration import prepared
-from gtmbench.study.log.autopilot import first_between, of_sensors, words_of
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.study.log.autopilot_messages import first_between, of_sensors, words_of
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.watchers import prepared
+from gtmbench.values.record import Span
 
 NAMED, EITHER_OR, CANT_TELL, WRONG, PASSED = "named", "either-or", "can't tell", "named wrong", "passed"
 _AFTER_S = 10.0

@@ -13,10 +13,9 @@ from pathlib import Path
 
 from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
-from gtmbench.progress import Progress, silent
-from gtmbench.record import Span
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import learnt
@@ -24,6 +23,7 @@ from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
 from gtmbench.study.log.watched import WatchedLog, concluded
+from gtmbench.values.record import Span
 
 
 def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:

@@ -10,15 +10,15 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.notebook import card
-from gtmbench.progress import Progress
-from gtmbench.record import Span
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.imus import Comparison, further
+from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
-from gtmbench.study.log.self_check.check import SelfCheck
+from gtmbench.study.log.self_check.outcome import SelfCheck
+from gtmbench.values.notebook import card
+from gtmbench.values.record import Span
 
 
 class Outcome(IntEnum):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.record import FloatArray
+from gtmbench.values.record import FloatArray
 
 _MOST = 200  # points of a curve
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 IntArray = NDArray[np.int_]
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.record import FloatArray
-from gtmbench.study.scores.compare import Comparison, Rank, moved_rank
 from gtmbench.study.scores.intervals import IntArray
+from gtmbench.study.scores.ranking import Comparison, Rank, moved_rank
+from gtmbench.values.record import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

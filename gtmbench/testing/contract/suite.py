@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from gtmbench.faults.fault import Fault
-from gtmbench.record import Record
-from gtmbench.testing.contract.calibration import CALIBRATION
-from gtmbench.testing.contract.case import Case, contract_case
-from gtmbench.testing.contract.stream import STREAM
-from gtmbench.testing.contract.watch import WATCH
+from gtmbench.testing.contract.calibrating import CALIBRATION
+from gtmbench.testing.contract.streaming import STREAM
+from gtmbench.testing.contract.subject import Case, contract_case
+from gtmbench.testing.contract.watching import WATCH
+from gtmbench.values.record import Record
 
 CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
 """By name, each a function of a `contract_case`, for ``pytest.mark.parametrize``."""

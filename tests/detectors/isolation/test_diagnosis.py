@@ -14,7 +14,7 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.monitor.scores import over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 from tests.helpers import monitors
 
 GYROS = ("p", "q", "r")

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.attitude import FASTEST_S, SLOWEST_S
-from gtmbench.channels import ATTITUDE, GYROS
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
 from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.study.log.certificate import KINDS, certificate_of
+from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors
 
 PERIOD_S, ONSET_S, REFERENCE_DEG = 0.02, 60.0, 0.3

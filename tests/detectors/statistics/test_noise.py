@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.noise import NoiseFollower, followed
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from tests.helpers.monitors import monitor, record, truth

@@ -13,7 +13,7 @@ from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, Spre
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.record import Record
+from gtmbench.values.record import Record
 
 ONE = np.ones(1)
 ORDERS = [(0, 0), (3, 0), (0, 2), (4, 3)]

@@ -10,10 +10,9 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.function import FunctionDetector
-from gtmbench.parts import Shard, read_parts
-from gtmbench.progress import counted, silent
-from gtmbench.shipped import shipped_campaigns
-from gtmbench.study.calibration import own_detector
+from gtmbench.files.shipped import shipped_campaigns
+from gtmbench.jobs.parts import Shard, read_parts
+from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.axes import AXES
 from gtmbench.study.campaign.conduct import conduct, done
 from gtmbench.study.campaign.plan import load_campaign
@@ -21,6 +20,7 @@ from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
 from gtmbench.study.campaign.watchers import named
 from gtmbench.study.flights import fly_setup
+from gtmbench.study.watchers import own_detector
 from tests.helpers.campaigns import TINY, loaded, results, table, written
 from tests.helpers.hostile import refused
 from tests.helpers.sealed import resealed
@@ -361,7 +361,7 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
         conduct(whole, out, resume=True)
     kept.write_text(content)
     with monkeypatch.context() as patch:
-        patch.setattr("gtmbench.shipped.__version__", "9.9")
+        patch.setattr("gtmbench.files.shipped.__version__", "9.9")
         with pytest.raises(gb.InputError, match=r"versions.gtmbench was .* and is '9.9'"):
             conduct(whole, out, resume=True)
     assert conduct(whole, out, shard=part).done() == (0,)

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench.cluster import check_cluster, completed_on_cluster
-from gtmbench.parts import read_parts
+from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
+from gtmbench.jobs.parts import read_parts
 from gtmbench.study.campaign.conduct import conduct, versions
 from tests.helpers.campaigns import TINY, asserts, fails, loaded, results, written
 
@@ -116,7 +116,7 @@ def test_an_address_that_is_none_is_one_line(cli, tmp_path, address):
 
 
 def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkeypatch):
-    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1)
+    monkeypatch.setattr("gtmbench.jobs.cluster._PATIENCE_S", 1)
     code, out, err = cli("campaign", written(tmp_path), "--scheduler", "tcp://127.0.0.1:1", "--out", "out")
     assert (code, out) == (2, "")
     assert "no scheduler answers at" in err
@@ -125,7 +125,7 @@ def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkey
 
 
 def test_who_answers_nothing_or_something_else_is_told_in_time(monkeypatch):
-    monkeypatch.setattr("gtmbench.cluster._PATIENCE_S", 1.0)
+    monkeypatch.setattr("gtmbench.jobs.cluster._PATIENCE_S", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         began = time.monotonic()
         with pytest.raises(gb.InputError, match=r"no scheduler answers at .*timed out"):

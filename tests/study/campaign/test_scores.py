@@ -11,10 +11,10 @@ from gtmbench.report.tables.scores import tables
 from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.crossings import LADDER
-from gtmbench.study.scores.compare import compared, holm, ranks
 from gtmbench.study.scores.curves import characteristic
 from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
 from gtmbench.study.scores.luck import delays_at
+from gtmbench.study.scores.ranking import compared, holm, ranks
 from gtmbench.study.scores.scoring import CANT_TELL, MISSED, scored
 
 

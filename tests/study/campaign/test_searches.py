@@ -7,7 +7,7 @@ import pytest
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject
-from gtmbench.progress import counted, silent
+from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.searches import first_detected, search_row, searches_of
 from gtmbench.study.flights import fly_setup
 from tests.helpers.campaigns import loaded

@@ -7,7 +7,7 @@ from gtmbench.intake.events import Event, EventKind
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
-from gtmbench.study.log.autopilot import NEAR_S, beside, words_of
+from gtmbench.study.log.autopilot_messages import NEAR_S, beside, words_of
 from tests.helpers.autopilot_logs import ardupilot, broken, imus, px4
 
 BIAS = gb.Bias(channel="q", onset_s=90.0, size=4.0)

@@ -10,12 +10,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.monitor.scores import bank_alarms
-from gtmbench.pieces import deviation
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, hardly_watched
+from gtmbench.values.pieces import deviation
 from tests.helpers.certificates import WhenRead, at_few_onsets, hardly_watched_by_biases
 from tests.helpers.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.helpers.monitors import monitor, record

@@ -15,8 +15,8 @@ from gtmbench.cli.app import main
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
 from gtmbench.report.words.fleet import fleet_table
-from gtmbench.study.log.fleet import Watching, conduct, logs_in
 from gtmbench.study.log.gyros import gyro_figures
+from gtmbench.study.log.log_fleet import Watching, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.airliner import airliner

@@ -10,14 +10,14 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.events import Event, EventKind
+from gtmbench.report.log_findings import State, stretches
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.watched import State, stretches
 from gtmbench.report.words.log import log_report
 from gtmbench.study.healthy_records import logged_records
 from gtmbench.study.log.identified import GROUND, RESET, RESIDUAL, Stretches, healthy_stretches, ratios, undisturbed
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
-from gtmbench.testing.flights import fly_once
+from gtmbench.testing.shared_flights import fly_once
 
 NEEDED = ("p", "q", "r", "phi", "theta", "psi")
 C = BankDetector(bank=load_bank("C"))

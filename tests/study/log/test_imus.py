@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.intake.imus import Imu
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
-from gtmbench.study.log.imus import BETWEEN, HELD, SAME, beside, channels_of, compared, further
+from gtmbench.study.log.imu_comparison import BETWEEN, HELD, SAME, beside, channels_of, compared, further
 from tests.helpers import intake_files as files
 from tests.helpers.autopilot_logs import ardupilot, imus
 

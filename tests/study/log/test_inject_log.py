@@ -19,7 +19,7 @@ from gtmbench.faults.kinds import FAULTS, Deadzone, Drift, Jam, RateSaturation, 
 from gtmbench.intake.formats.csv_cells import Notation
 from gtmbench.intake.samples import log_samples
 from gtmbench.study.fault_tables import fault_specs
-from gtmbench.study.log.inject import inject_log
+from gtmbench.study.log.injection import inject_log
 from tests.faults.test_several_faults import table
 from tests.helpers.intake_files import ulog
 from tests.intake.test_intake_hostile import whole

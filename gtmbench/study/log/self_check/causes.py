@@ -14,7 +14,6 @@ from itertools import pairwise, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import (
     ANGLES,
     GYROS,
@@ -27,6 +26,7 @@ from gtmbench.study.log.self_check.motion import (
     shifted,
     turned,
 )
+from gtmbench.values.record import FloatArray, Record
 
 _DEG = math.degrees(1.0)
 _PRICE = 0.12  # of a change: a mean log ratio

@@ -9,9 +9,9 @@ import numpy as np
 
 from gtmbench.detectors.predicting import PredictingMonitor
 from gtmbench.detectors.protocol import Watch
-from gtmbench.pieces import deviation
-from gtmbench.record import FloatArray, Record
 from gtmbench.study.log.self_check.motion import slow_pieces
+from gtmbench.values.pieces import deviation
+from gtmbench.values.record import FloatArray, Record
 
 ENOUGH = 0.5  # of the motion: with the right wiring 0.66 and more, with a wrong one 0.37 and less
 _NOISE = 0.7  # of all of a residual: what is slow in it, at most, where it is noise

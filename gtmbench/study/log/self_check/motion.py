@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.method.regression.slow import HALF, interpolated, slow
-from gtmbench.pieces import pieces, rows_of_piece
-from gtmbench.record import BoolArray, FloatArray, Record
+from gtmbench.values.pieces import pieces, rows_of_piece
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 LONGEST_LAG_S = 1.0

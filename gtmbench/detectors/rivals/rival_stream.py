@@ -1,0 +1,234 @@
+"""A rival at work: residuals, scores and alarms as samples come in, and which gyro it names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
+from gtmbench.detectors.rivals.judging import IntArray, Judge
+from gtmbench.detectors.rivals.signals import Generator
+from gtmbench.method.windowed_alarms import came_down, rising
+from gtmbench.values.clock import ChunkClock, advanced
+from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+
+_LOOKS_S = 1.0  # after an alarm: whose score is greatest then?
+_CLEARLY = 2.0  # times the next, or it can't tell
+_SAME_S = 20.48  # the longest window: who alarms again before it has emptied tells of the same fault
+
+
+class Said(NamedTuple):
+    """Of a chunk: scores and where they are armed, by output, and the alarms that are new or told more of."""
+
+    known_s: FloatArray
+    scores: Mapping[str, FloatArray]
+    armed: Mapping[str, BoolArray]
+    told: tuple[Alarm, ...]
+
+
+class Watching(Protocol):
+    """What a stream needs of its monitor.
+
+    Attributes
+    ----------
+    name : str
+    channels, suspects : tuple of str
+    sample_period_s, settles_s : float
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def channels(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def suspects(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def sample_period_s(self) -> float: ...  # noqa: D102
+    @property
+    def settles_s(self) -> float: ...  # noqa: D102
+
+    def generator(self) -> Generator:
+        """Return a fresh generator of the residuals."""
+
+    def judges(self) -> dict[str, Judge]:
+        """Return a fresh judge of each residual."""
+
+
+@dataclass(kw_only=True)
+class _Looking:
+    """An alarm that is to be judged at a row, by the greatest score of each suspect until then."""
+
+    number: int
+    onset_row: int
+    due_row: int
+    peaks: dict[str, float] = field(default_factory=dict)
+
+
+class RivalStream:
+    """A rival's monitor at work on samples as they come in.
+
+    Parameters
+    ----------
+    monitor : Watching
+    """
+
+    def __init__(self, monitor: Watching) -> None:
+        self._monitor, self._period_s = monitor, monitor.sample_period_s
+        self._settled_row = round(monitor.settles_s / self._period_s)
+        self._generator, self._judges = monitor.generator(), monitor.judges()
+        self._clock: ChunkClock | None = None
+        self._last = {name: np.zeros(0) for name in self._judges}  # the last score that exists, if any
+        self._armed = dict.fromkeys(self._judges, False)
+        self._above_row: float = -np.inf  # where a score was last above its threshold
+        self._looking: _Looking | None = None
+        self._alarms: dict[int, Alarm] = {}
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether each score has been known at or below its threshold."""
+        return MappingProxyType(self._armed)
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far, as it is known by now."""
+        return tuple(self._alarms.values())
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise or tell more of.
+
+        Raises
+        ------
+        InputError
+            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        """
+        return self.taken(chunk).told
+
+    def taken(self, chunk: Record) -> Said:
+        """Return everything that is said of a chunk; parameters and errors are those of `push`."""
+        check_record(chunk)
+        new = chunk.select(self._monitor.channels)
+        new.check_period(self._period_s, f"'{self._monitor.name}' was calibrated at")
+        here = ChunkClock(
+            start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)
+        )
+        clock = advanced(self._clock, here)
+        if not len(new):
+            nothing = {name: np.zeros(0) for name in self._judges}
+            return Said(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
+        rows = range(clock.count - len(new), clock.count)
+        scores, looks_back = self._scores(new.values, rows.start)
+        armed = {name: self._came_down(name, values) for name, values in scores.items()}
+        before = dict(self._alarms)
+        known_s = np.round(clock.times_s(rows), 9)
+        self._alarm(scores, armed, looks_back, known_s, rows)
+        self._clock = clock
+        told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
+        return Said(known_s, scores, armed, told)
+
+    def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
+        residuals = self._generator.push(values)
+        residuals[: max(self._settled_row - first, 0)] = np.nan
+        residuals[~np.isfinite(values).all(axis=1)] = np.nan  # a sensor that is missing isn't this alarm's business
+        columns = zip(self._judges.items(), residuals.T, strict=True)
+        judged = {name: judge.push(column) for (name, judge), column in columns}
+        return {name: scores for name, (scores, _) in judged.items()}, {
+            name: back for name, (_, back) in judged.items()
+        }
+
+    def _came_down(self, name: str, values: FloatArray) -> BoolArray:
+        there = ~np.isnan(values)
+        armed = there & (self._armed[name] | came_down(values, 1.0))
+        self._armed[name] |= bool(armed.any())
+        return armed
+
+    def _alarm(
+        self,
+        scores: Mapping[str, FloatArray],
+        armed: Mapping[str, BoolArray],
+        looks_back: Mapping[str, IntArray],
+        known_s: FloatArray,
+        rows: range,
+    ) -> None:
+        """Raise the alarms of some rows, in time, and judge them when that is due."""
+        events = sorted((row, name) for name, values in scores.items() for row in self._rises(name, values))
+        with np.errstate(invalid="ignore"):
+            above = np.logical_or.reduce([armed[name] & (values > 1.0) for name, values in scores.items()])
+        last = np.maximum.accumulate(
+            np.concatenate([[self._above_row], np.where(above, np.array(rows, float), -np.inf)])
+        )
+        begin = 0
+        for row, name in events:
+            self._look(scores, known_s, rows, range(begin, row))
+            begin, number = row, len(self._alarms)
+            time_s, since = float(known_s[row]), rows.start + row - last[row]
+            is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
+            fault = self._alarms[number - 1].fault if is_same else number
+            back = min(int(looks_back[name][row]), rows.start + row)
+            onset_s = round(time_s - back * self._period_s, 9)
+            self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=onset_s, source=name, fault=fault)
+            if not is_same and self._monitor.suspects:
+                here = rows.start + row
+                due_row = here + round(_LOOKS_S / self._period_s)
+                self._looking = _Looking(number=number, onset_row=here - back, due_row=due_row)
+        self._look(scores, known_s, rows, range(begin, len(rows)))
+        self._above_row = float(last[-1])
+
+    def _rises(self, name: str, values: FloatArray) -> list[int]:
+        before = self._last[name]
+        joined = np.concatenate([before, values])
+        self._last[name] = joined[~np.isnan(joined)][-1:]
+        return [row - len(before) for row in rising(joined, 1.0).tolist()]
+
+    def _look(self, scores: Mapping[str, FloatArray], known_s: FloatArray, rows: range, part: range) -> None:
+        """Look at the scores of part of the rows after an alarm, and judge it at the last of them."""
+        looking = self._looking
+        if looking is None:
+            return
+        stop = min(part.stop, looking.due_row + 1 - rows.start)
+        for suspect in self._monitor.suspects:
+            own = [values[part.start : stop] for name, values in scores.items() if name.split()[0] == suspect]
+            peak = float(np.fmax.reduce(np.concatenate(own), initial=0.0))
+            looking.peaks[suspect] = max(looking.peaks.get(suspect, 0.0), peak)
+        if looking.due_row < rows.start + part.stop:
+            alarm = self._alarms[looking.number]
+            judged = named(looking.peaks, float(known_s[looking.due_row - rows.start]))
+            rows_since = range(looking.onset_row, looking.due_row + 1)
+            if judged.candidates and all(self._is_noise(suspect, rows_since) for suspect in judged.candidates):
+                judged = replace(judged, sensor=None, kind="noise", reason="its level did", doubt=NOISE_CHANGED)
+            self._alarms[looking.number] = replace(alarm, judgements=(judged,))
+            self._looking = None
+
+    def _is_noise(self, suspect: str, rows: range) -> bool:
+        """Tell whether all that a suspect's residuals have shown over some rows is noise of another level."""
+        return all(judge.is_noise(rows) for name, judge in self._judges.items() if name.split()[0] == suspect)
+
+
+def named(peaks: Mapping[str, float], time_s: float) -> Judgement:
+    """Return the judgement of an alarm: the suspect whose score is clearly the greatest, and above its threshold.
+
+    Parameters
+    ----------
+    peaks : mapping of suspect to float
+        The greatest score of each since the alarm, over its threshold.
+    time_s : float
+        When that is known.
+
+    Examples
+    --------
+    >>> named({"p": 3.0, "q": 1.2, "r": 0.1}, 5.0).sensor
+    'p'
+    >>> named({"p": 3.0, "q": 2.0, "r": 0.1}, 5.0).verdict
+    'undecided: p or q'
+    """
+    ranked = sorted(peaks, key=lambda suspect: -peaks[suspect])
+    greatest = peaks[ranked[0]]
+    if greatest <= 1.0:
+        return Judgement(time_s=time_s, sensor=None, candidates=tuple(ranked), reason="no gyro's own score is above 1")
+    alike = tuple(suspect for suspect in ranked if _CLEARLY * peaks[suspect] >= greatest)
+    if len(alike) == 1:
+        return Judgement(time_s=time_s, sensor=ranked[0], candidates=alike)
+    return Judgement(time_s=time_s, sensor=None, candidates=alike, reason="their scores are alike")

@@ -1,0 +1,709 @@
+"""The noise of a residual, learnt where it is watched: its level, its colour, its tail, and how steady it is.
+
+Calibration gives a whitening filter for the sensors that it has seen. The sensors of a record may be quieter, louder or
+otherwise coloured, and none of that is a fault. So behind that filter stands a second, short one, fitted to the record
+itself: to its first seven seconds, and from then on to the last twenty, half a second old. Four things are learnt:
+
+- level and colour: an autoregressive model of what the calibrated filter leaves, by Yule-Walker equations;
+- the tail: samples are clipped where they are rarer than Gaussian ones would be, so that no window's mean is one
+  outlier's; where the tail is heavy, what follows a gross outlier within a quarter of a second is its echo;
+- how steady that is: sigma^2, the variance of the logarithm of the noise's power beyond chance, from products of the
+  powers of neighbouring blocks, which chance leaves at 0. Noise that wanders widens what is normal;
+- how slow it is: the variance of means that no averaging takes away, which a short filter can't whiten, from means over
+  half a second to eight.
+
+Nothing is learnt while something is suspected: from where a window departs from what was learnt, the filter is held,
+and the blocks of that window are taken out of what was learnt, until two seconds look healthy again.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import statistics
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
+from gtmbench.detectors.statistics.whitening import White, Whitener
+from gtmbench.method.autoregressive import levinson
+from gtmbench.values.record import BoolArray, FloatArray
+
+IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
+
+BLOCK_S = 0.5  # the filter changes from block to block
+_FEWEST_ROWS = 5  # of one
+_NEIGHBOURS = 4  # blocks, whose powers tell how steady noise is
+_SUB = 5  # parts of a block, whose powers tell of bursts
+_MEANS = (1, 2, 4, 8, 16)  # blocks, whose means tell how slow noise is
+_CHANCE, _OF_BLOCKS = 2.5, 4  # deviations of what chance makes of these; times a mean's blocks that tell of it
+_WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
+_UNKNOWN_SLOW = 1.0  # of a block's variance, before anything is known
+_FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
+_GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
+_AT_ONCE = 128  # blocks
+_KEPT = _MEMORY + _LATE + _GAP + 16  # blocks: with those that a suspicion may take out
+_ORDER_S, _ORDERS = 0.08, (2, 16)
+_CLIPS = np.array([2.5, 3.0, 3.5, 4.0])  # deviations
+_KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip is lowered
+_FLOOR = 0.0025  # of the calibrated variance: how quiet noise may get before it is taken for the sensor's
+_UNSTEADY, _WORTH = 0.2, 20.0  # sigma^2 before anything is known, which as many blocks make a quarter of
+_STEADIEST = 1e-3
+_HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of a gross outlier
+_LOUDEST = 5.0  # deviations that one counts for where the tail is Gaussian, so that it isn't noise
+_ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
+_LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: it counts as so often its median does
+_LEAST_THERE = 0.5  # of a block's rows
+_LEAST = 0.1 * math.sqrt(_FLOOR)
+_MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
+_HEAVIEST, _TAILS = 3.0, 20.0  # excess kurtosis of short sums, at most, and how much of it makes sigma^2 = 1
+_SUSPECTED = 12.0  # nats, of the shortest window; longer ones look at new noise more rarely
+_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)
+_CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as many what is there is the noise
+
+_COUNT, _SIZE, _SUM, _FOURTH, _SLOW, _FAST, _LOW, _SQUARES, _FOURTHS = range(9)
+_CLIPPED = slice(9, 9 + len(_CLIPS))
+_SQUARED_MEANS = slice(_CLIPPED.stop, _CLIPPED.stop + len(_MEANS))
+_LAGS = slice(_SQUARED_MEANS.stop, None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Model:
+    """What a block is whitened by, one row a block."""
+
+    local: FloatArray  # deviation behind the calibrated filter, shape (blocks,)
+    taps: FloatArray  # of the second filter, over its innovations' deviation: (blocks, order + 1)
+    clip: FloatArray  # in deviations of what that gives
+    scale: FloatArray  # to variance 1
+    unsteady: FloatArray
+    slow: FloatArray
+    base: FloatArray  # mean of what is white
+
+    def first(self, blocks: int) -> _Model:
+        """Return the first so many of them."""
+        return _Model(**{name: values[:blocks] for name, values in vars(self).items()})
+
+    def repeated(self, blocks: int) -> _Model:
+        """Return the last of them for so many blocks."""
+        return _Model(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """What of the blocks that were learnt last the next ones look back at."""
+
+    clipped: FloatArray  # rows behind the calibrated filter
+    powers: FloatArray  # less 1, of samples and of sums, shape (_NEIGHBOURS, 2)
+    burst: float  # of the last part of a block, less 1
+    sums: FloatArray  # of the last blocks
+
+    @classmethod
+    def nothing(cls, order: int) -> _Ends:
+        return cls(np.zeros(order), np.zeros((_NEIGHBOURS, 2)), 0.0, np.zeros(_MEANS[-1] - 1))
+
+
+class _Learnt:
+    """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
+
+    Parameters
+    ----------
+    ring : shape (blocks before, columns)
+    blocks : int
+        They are measured into `new`, shape (blocks, columns).
+    end : shape (blocks,)
+        How many blocks each may stand on.
+    rows : int
+        Of a block.
+    """
+
+    def __init__(self, ring: FloatArray, blocks: int, end: IntArray, rows: int) -> None:
+        self._table = np.concatenate([ring, np.zeros((blocks, ring.shape[1]))])
+        self.new = self._table[len(ring) :]
+        self._end, self._rows = end, rows
+
+    def _sums(self, columns: slice | list[int], first: IntArray, end: IntArray) -> FloatArray:
+        """Return sums over the blocks from `first` on, up to `end`: a row for each of these."""
+        begin = int(first[0])
+        given = self._table[begin : int(end[-1]), columns]
+        if len(end) == 1:
+            return np.asarray(given.sum(axis=0, keepdims=True))
+        sums = np.concatenate([np.zeros((1, given.shape[1])), np.cumsum(given, axis=0)])
+        return np.asarray(sums[end - begin] - sums[first - begin])
+
+    def _recent(self, columns: slice | list[int]) -> FloatArray:
+        """Return means over the samples of the last blocks."""
+        return self._sums(columns, self._first, self._end) / self._count
+
+    @cached_property
+    def _first(self) -> IntArray:
+        return np.maximum(self._end - _SPAN, 0)
+
+    @cached_property
+    def _count(self) -> FloatArray:
+        return np.maximum(self._sums([_COUNT], self._first, self._end), 1.0)
+
+    @cached_property
+    def local(self) -> FloatArray:
+        """The deviation behind the calibrated filter, shape (blocks,)."""
+        return np.maximum(self._recent([_SIZE])[:, 0] * math.sqrt(math.pi / 2.0), _LEAST)
+
+    @cached_property
+    def taps(self) -> FloatArray:
+        """The second filter over its innovations' deviation, shape (blocks, order + 1)."""
+        covariance = self._recent(_LAGS)
+        covariance[:, 0] = covariance[:, 0] * (1.0 + 1e-4) + _FLOOR
+        taps, variance = levinson(covariance)
+        taps /= np.sqrt(variance)[:, np.newaxis]
+        return taps
+
+    @cached_property
+    def tail(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Where to clip, by what to scale then, and how much of the power is noise and not the floor."""
+        clipped, fourth = self._recent(_CLIPPED), self._recent([_FOURTH])[:, 0]
+        kurtosis = fourth / np.maximum(clipped[:, -1], 1e-12) ** 2
+        clip = np.maximum(_CLIPS[-1] - _PER_KURTOSIS * np.maximum(kurtosis - _KURTOSIS, 0.0), _CLIPS[0])
+        at = np.minimum(np.searchsorted(_CLIPS, clip, side="right") - 1, len(_CLIPS) - 2)
+        share = (clip - _CLIPS[at]) / (_CLIPS[at + 1] - _CLIPS[at])
+        blocks = np.arange(len(clip))
+        power = clipped[blocks, at] * (1.0 - share) + clipped[blocks, at + 1] * share
+        floored = np.maximum(power + _FLOOR * np.square(self.taps).sum(axis=1), 1e-12)
+        return clip, 1.0 / np.sqrt(floored), np.maximum(power / floored, 1e-6)
+
+    @cached_property
+    def model(self) -> _Model:
+        """All of it."""
+        clip, scale, quiet = self.tail
+        return _Model(
+            local=self.local,
+            taps=self.taps,
+            clip=clip,
+            scale=scale,
+            unsteady=np.maximum(self._unsteady, np.square(0.5 * np.log(quiet))),
+            slow=self._slow,
+            base=self._recent([_SUM])[:, 0],
+        )
+
+    @cached_property
+    def _unsteady(self) -> FloatArray:
+        """sigma^2: the greatest of three products of neighbouring powers, less what chance may make of it.
+
+        To it comes what short sums have of a heavy tail, which a gyro's outliers leave there though no sample shows it,
+        and what isn't known yet.
+        """
+        first, end = self._remembered
+        blocks = end - first
+        sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS], first, end)
+        slow, fast, low, squares, fourths = (sums / blocks[:, np.newaxis]).T
+        chance = 2.0 / np.sqrt(blocks)  # two deviations of it
+        found = (slow - chance / self._rows, fast - 4.5 * chance / self._rows, low - 0.16 * chance)
+        kurtosis = fourths / np.maximum(squares, 1e-12) ** 2 - math.sqrt(24.0 / _SUB) * chance
+        tail = np.minimum(np.maximum(kurtosis - 3.0, 0.0), _HEAVIEST) / _TAILS
+        unknown = _UNSTEADY * np.square(_WORTH / (_WORTH + blocks))
+        return np.asarray(np.maximum(np.maximum.reduce(found), 0.0) + tail + unknown + _STEADIEST)
+
+    @property
+    def _slow(self) -> FloatArray:
+        """The variance of means that stays, however long they are: of some lengths the greatest excess over white's.
+
+        Of M blocks of L rows it is mean(S^2) / (M L)^2 less 1 / (M L) and that of the straight line through all, S the
+        blocks' sums: a drift is no noise. To it comes what isn't known yet.
+        """
+        first, end = self._remembered
+        blocks = (end - first)[:, np.newaxis]
+        lengths = np.array(_MEANS)
+        steady = np.square(self._sums([_SUM], first, end) / blocks) + self._trend(first, end)[:, np.newaxis]
+        excess = self._sums(_SQUARED_MEANS, first, end) / blocks - lengths / self._rows * steady - 1.0
+        chance = (1.0 + _WANDERING * self._unsteady[:, np.newaxis]) * np.sqrt(2.0 * lengths / blocks)
+        tells = (excess > _CHANCE * chance) & (_OF_BLOCKS * lengths <= blocks)
+        found = np.where(tells, excess / (lengths * self._rows), 0.0).max(axis=1)
+        unknown = _UNKNOWN_SLOW / self._rows * np.power(_WORTH / (_WORTH + blocks[:, 0]), 4)
+        return np.asarray(found + unknown)
+
+    def _trend(self, first: IntArray, end: IntArray) -> FloatArray:
+        """Return the variance of the straight line through the sums of some blocks."""
+        begin, blocks = int(first[0]), (end - first).astype(float)
+        own = self._table[begin : int(end[-1]), _SUM]
+        sums, moments = (np.concatenate([[0.0], np.cumsum(of)]) for of in (own, own * np.arange(len(own))))
+        total, moment = (of[end - begin] - of[first - begin] for of in (sums, moments))
+        along = moment - total * (0.5 * (first + end - 1.0) - begin)  # sums times how far they are from the middle
+        return np.asarray(12.0 * np.square(along) / (blocks**2 * np.maximum(blocks**2 - 1.0, 1.0)))
+
+    @property
+    def _remembered(self) -> tuple[IntArray, IntArray]:
+        """The first of the blocks that tell of steadiness, and the end of them."""
+        end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
+        return np.maximum(end - _MEMORY, 0), end
+
+
+class NoiseFollower:
+    """A residual's noise as its rows come in: the same in whatever chunks, with a memory that doesn't grow.
+
+    Parameters
+    ----------
+    whitener : Whitener
+        Of the calibration.
+    sample_period_s : float
+    row : int
+        The first that it will be given.
+    before : shape (rows,), optional
+        Of the residual, rows just before that one.
+
+    Examples
+    --------
+    >>> calibrated = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
+    >>> follower = NoiseFollower(calibrated, 0.01)
+    >>> quiet = 0.3 * np.random.default_rng(1).standard_normal(4000)
+    >>> white = follower.push(quiet)
+    >>> bool(abs(np.nanstd(white.values) - 1.0) < 0.05), round(follower.level, 1)
+    (True, 0.3)
+    """
+
+    def __init__(
+        self, whitener: Whitener, sample_period_s: float, *, row: int = 0, before: FloatArray | None = None
+    ) -> None:
+        self._calibrated = whitener
+        self._block = max(round(BLOCK_S / sample_period_s), _FEWEST_ROWS)
+        self._order = second_order(sample_period_s)
+        self._echo, self._apart = (max(round(span_s / sample_period_s), 1) for span_s in (_ECHO_S, _APART_S))
+        self.outliers = 0  # gross ones so far
+        self._outlier = -self._apart  # row of the last gross one, about the open block's first
+        self._lasting = lasting_rows(sample_period_s)
+        self._loud = np.zeros(self._lasting - 1)  # sizes before the open block, as they are
+        self._windows = sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
+        self._typical = 0.0
+        self._ring = np.zeros((0, _LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
+        self._held: _Model | None = None
+        self._calm = self._held_for = 0
+        self.first_level = math.nan  # as `level`, when it was first learnt
+        self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
+        if before is not None and len(before):
+            known = before[-self.order :]
+            self._given[self.order - len(known) :] = np.column_stack([known, np.ones(len(known))])
+        self._told = 0  # rows of the open block that were returned
+        self.row = row  # the next that will be returned
+        self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
+        self._ends = _Ends.nothing(self._order)
+        self._white = np.zeros(self._windows[-1])  # the last before the open block
+        self._open: _Learnt | None = None  # of the open block
+        self._past: list[
+            tuple[int, _Model, float]
+        ] = []  # of the blocks before: first rows, and the mean that was known
+
+    @property
+    def order(self) -> int:
+        """How many rows before one its whitened residual looks back at."""
+        return self._calibrated.order + self._order
+
+    @property
+    def is_learnt(self) -> bool:
+        """Whether the first seconds are over."""
+        return len(self._ring) > 0
+
+    @property
+    def is_held(self) -> bool:
+        """Whether something is suspected, so that nothing is learnt."""
+        return self._held is not None
+
+    @property
+    def level(self) -> float:
+        """The deviation of the noise over that of the calibration; NaN until it is learnt."""
+        return float(self._current().local[0]) if self.is_learnt else math.nan
+
+    @property
+    def whitener(self) -> Whitener:
+        """What the next row is whitened by, as one filter; the calibrated one until that is learnt."""
+        return self._as_one(self._current(), 0, self._calibrated.mean) if self.is_learnt else self._calibrated
+
+    def whitener_at(self, row: int) -> Whitener:
+        """Return what a row was whitened by; of those that `drop_before` hasn't dropped."""
+        for first, model, mean in self._past:
+            if first <= row < first + len(model.clip) * self._block:
+                return self._as_one(model, (row - first) // self._block, mean)
+        return self.whitener
+
+    def copy(self) -> NoiseFollower:
+        """Return another that goes on from here; they share arrays, as neither changes one that it stands on."""
+        other = copy.copy(self)
+        other._open, other._past, other.first_rows = None, [*self._past], [*self.first_rows]
+        return other
+
+    def drop_before(self, row: int) -> None:
+        """Forget what rows before one were whitened by."""
+        self.first_rows = [rows for rows in self.first_rows if rows.stop > row]
+        self._past = [part for part in self._past if part[0] + len(part[1].clip) * self._block > row]
+
+    def _as_one(self, model: _Model, block: int, mean: float) -> Whitener:
+        """Return the two filters as one, from the raw residual to what is white."""
+        calibrated, taps, scale = self._calibrated, model.taps[block], float(model.scale[block])
+        return Whitener(
+            coefficients=np.convolve(calibrated.coefficients, taps / taps[0]),
+            mean=mean,
+            deviation=calibrated.deviation / (float(taps[0]) * scale),
+            most=float(model.clip[block]) * scale,
+            loudest=float(_loudest(model.clip[block])) * scale,
+            unsteady=float(model.unsteady[block]),
+            slow=float(model.slow[block]),
+        )
+
+    @property
+    def rows_alike(self) -> int:
+        """How many rows, the next first, are whitened alike; 0 while it learns."""
+        return self._block - self._told if self.is_learnt else 0
+
+    @property
+    def sizes(self) -> FloatArray:
+        """Of the last rows, whitened, before they were clipped."""
+        model = self._current()
+        x, spread = self._behind_calibrated(self._given), self._given[self.order :, 1]
+        own = _filled(np.abs(self._second(x, model.taps) / spread)) if len(spread) else spread
+        return np.concatenate([self._loud, own])[-self._lasting :] * float(model.scale[0])
+
+    def push(self, raw: FloatArray, spread: FloatArray | None = None) -> White:
+        """Return what the next rows make known: nothing while it learns, then all of these, then row for row.
+
+        The last of them is the last row pushed, or there are none; `row` says which row is next.
+
+        Parameters
+        ----------
+        raw : shape (rows,)
+            The residual; NaN where it is missing.
+        spread : shape (rows,), optional
+            How far it may be off for its operator's error: what is learnt is learnt from the residual over it.
+        """
+        off = np.ones(len(raw)) if spread is None else spread
+        self._given = np.concatenate([self._given, np.column_stack([raw, off])])
+        parts: list[White] = []
+        while self.is_learnt or self._learn():
+            blocks = (len(self._given) - self.order) // self._block
+            if not blocks:
+                parts.append(self._opened())
+                self.row += len(parts[-1])
+                break
+            white, done = self._advance(min(blocks, _AT_ONCE))
+            parts.append(white.between(slice(self._told, done * self._block)))
+            self.row += len(parts[-1])
+            self._given, self._told = self._given[done * self._block :], 0
+        return White.joined(parts)
+
+    # ---- what the next rows are whitened by ----
+
+    def _learn(self) -> bool:
+        """Learn from the first blocks, once they are there; return whether they are."""
+        block = self._block
+        count = (len(self._given) - self.order) // block
+        rows = self._given[self.order : self.order + count * block, 0]
+        there = np.flatnonzero(np.isfinite(rows).reshape(count, block).mean(axis=1) >= _LEAST_THERE)
+        if len(there) < _FIRST:
+            return False
+        stop = (int(there[_FIRST - 1]) + 1) * block
+        first = rows[:stop][np.isfinite(rows[:stop])]
+        middle = float(np.median(first))
+        most = 6.0 * float(np.median(np.abs(first - middle))) + 1e-300
+        mean = float(np.mean(np.clip(first, middle - most, middle + most)))
+        self._calibrated = replace(self._calibrated, mean=mean)
+        self._ends = _Ends.nothing(self._order)
+        given = self._given[: self.order + stop]
+        x, spread = self._behind_calibrated(given), given[self.order :, 1]
+        self._typical = max(1.4826 * float(np.nanmedian(np.abs(x[self._order :] / spread))), _LEAST)
+        blocks = stop // block
+        learnt = _Learnt(np.zeros((0, self._ring.shape[1])), blocks, np.full(blocks, blocks), block)
+        self._measure(learnt, x, spread)
+        self._ring = learnt.new[there[:_FIRST]]
+        if math.isnan(self.first_level):
+            self.first_level = self.level
+        self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
+        return True
+
+    def _current(self) -> _Model:
+        """Return what the open block is whitened by."""
+        if self._held is not None:
+            return self._held
+        if self._open is None:
+            self._open = self._learnt(1)
+        return self._open.model
+
+    def _learnt(self, blocks: int) -> _Learnt:
+        """Return what the next blocks will have learnt from those before each."""
+        end = np.maximum(len(self._ring) + np.arange(blocks) - _GAP, 1)
+        return _Learnt(self._ring, blocks, end, self._block)
+
+    # ---- what blocks tell: each step stands on those before ----
+
+    def _measure(
+        self, learnt: _Learnt, x: FloatArray, spread: FloatArray
+    ) -> tuple[tuple[FloatArray, IntArray, FloatArray], _Ends]:
+        """Take all that blocks tell; return them as `_whitened` does, and what the next blocks look back at."""
+        self._measure_sizes(learnt.new, x, spread)
+        clipped = self._measure_colour(learnt.new, x, spread, learnt.local)
+        self._measure_tail(learnt.new, x, spread, learnt.taps)
+        white = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
+        return white, _Ends(clipped, *self._measure_steadiness(learnt.new, white[0]))
+
+    def _measure_sizes(self, table: FloatArray, x: FloatArray, spread: FloatArray) -> None:
+        own = x[self._order :] / spread
+        table[:, _COUNT] = np.isfinite(own).reshape(len(table), -1).sum(axis=1)
+        sizes = np.minimum(np.abs(own), 30.0 * self._typical)
+        table[:, _SIZE] = _filled(sizes).reshape(len(table), -1).sum(axis=1)
+
+    def _measure_colour(self, table: FloatArray, x: FloatArray, spread: FloatArray, local: FloatArray) -> FloatArray:
+        """Take products of samples some lags apart; return the clipped samples that the next rows' lags reach."""
+        most = np.repeat(_CLIPS[-1] * local, self._block)
+        own = _within(_filled(x[self._order :] / spread), most)
+        joined = np.concatenate([self._ends.clipped, own])
+        for lag in range(self._order + 1):
+            products = own * joined[self._order - lag : len(joined) - lag]
+            table[:, _LAGS.start + lag] = products.reshape(len(table), -1).sum(axis=1)
+        return joined[len(joined) - self._order :]
+
+    def _measure_tail(self, table: FloatArray, x: FloatArray, spread: FloatArray, taps: FloatArray) -> None:
+        own = _filled(self._second(x, taps) / spread)
+        for i, most in enumerate(_CLIPS.tolist()):
+            squares = np.square(_within(own, most))
+            table[:, _CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
+        table[:, _FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
+
+    def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+        """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1.
+
+        Return the last of these powers, and of the blocks' sums.
+        """
+        there = _filled(z)
+        table[:, _SUM] = there.reshape(len(table), -1).sum(axis=1)
+        sums_before = self._measure_means(table)
+        powers, bursts, sums = self._powers_of(there)
+        table[:, _SQUARES], table[:, _FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
+        both, lags = np.concatenate([self._ends.powers, powers]), _NEIGHBOURS
+        before = sum(both[lags - lag : len(both) - lag] for lag in range(1, lags + 1)) / lags
+        table[:, [_SLOW, _LOW]] = both[lags:] * before
+        parts = np.concatenate([[self._ends.burst], bursts.ravel()])
+        table[:, _FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
+        return both[-lags:], float(parts[-1]), sums_before
+
+    def _measure_means(self, table: FloatArray) -> FloatArray:
+        """Take squares of sums over some blocks, over their rows; return the last blocks' sums."""
+        own = np.concatenate([self._ends.sums, table[:, _SUM]])
+        sums = np.concatenate([[0.0], np.cumsum(own)])
+        stop = np.arange(len(self._ends.sums), len(own)) + 1
+        for i, length in enumerate(_MEANS):
+            table[:, _SQUARED_MEANS.start + i] = np.square(sums[stop] - sums[stop - length]) / (length * self._block)
+        return own[-len(self._ends.sums) :]
+
+    def _powers_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return powers less 1: of blocks, that of samples and that of short sums; of their parts; and these sums.
+
+        A block a row.
+        """
+        blocks = z.reshape(-1, self._block)
+        parts = blocks[:, : self._block // _SUB * _SUB].reshape(len(blocks), _SUB, -1)
+        sums = _within(parts.sum(axis=2) / math.sqrt(parts.shape[2]), _MOST_SUM)
+        powers = np.column_stack([np.square(blocks).mean(axis=1), np.square(sums).mean(axis=1)])
+        bursts = np.square(parts).mean(axis=2)
+        return np.minimum(powers, _MOST_POWER) - 1.0, np.minimum(bursts, _MOST_POWER) - 1.0, sums
+
+    def _behind_calibrated(self, given: FloatArray) -> FloatArray:
+        """Return what the calibrated filter leaves of rows, and of `_order` before them."""
+        return self._calibrated.whiten(given[:, 0])[self._calibrated.order :]
+
+    def _second(self, x: FloatArray, taps: FloatArray) -> FloatArray:
+        """Return rows behind both filters; of the second one a row a block, or one for all."""
+        windows = np.lib.stride_tricks.sliding_window_view(x, self._order + 1)[:, ::-1]
+        blocks = windows.reshape(len(taps), -1, self._order + 1)
+        return np.asarray((blocks @ taps[:, :, np.newaxis]).ravel())
+
+    def _whitened(
+        self, x: FloatArray, spread: FloatArray, taps: FloatArray, clips: FloatArray, scales: FloatArray
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return rows over their spread, clipped and of variance 1, where gross outliers are, and all rows' sizes."""
+        z = self._second(x, taps) / spread
+        clip, scale = (np.repeat(of, len(z) // len(of)) for of in (clips, scales))
+        sizes = np.concatenate([self._loud, _filled(np.abs(z))])
+        own = sizes[len(self._loud) :]
+        gross = np.flatnonzero((own > _GROSS) & (clip < _HEAVY))
+        clip = np.where(own > _GROSS, _loudest(clip), clip)
+        outliers, last = [], self._outlier
+        while len(gross := gross[np.searchsorted(gross, last + self._apart) :]):
+            last = int(gross[0])
+            outliers.append(last)
+        for row in (self._outlier, *outliers):
+            clip[max(row + 1, 0) : max(row + 1 + self._echo, 0)] = _OF_ECHO
+        beyond = np.flatnonzero(own > clip)
+        if len(beyond):
+            before = np.lib.stride_tricks.sliding_window_view(sizes, self._lasting)[beyond]
+            clip[beyond] = np.maximum(clip[beyond], _OF_LASTING * np.median(before, axis=1))
+        return _within(z, clip) * scale, np.array(outliers, dtype=int), own
+
+    # ---- rows ----
+
+    def _opened(self) -> White:
+        """Return the rows of the open block that haven't been returned."""
+        rows = len(self._given) - self.order
+        told, self._told = self._told, rows
+        if told == rows:
+            return White.joined([])
+        model, spread = self._current(), self._given[self.order :, 1]
+        z, _, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
+        unsteady, slow = (np.full(rows - told, of[0]) for of in (model.unsteady, model.slow))
+        return White(values=(z * spread)[told:], unsteady=unsteady, slow=slow)
+
+    def _advance(self, blocks: int) -> tuple[White, int]:
+        """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state.
+
+        A block that misses half of its rows, which isn't learnt from, is the last one.
+        """
+        given = self._given[: self.order + blocks * self._block]
+        x = self._behind_calibrated(given)
+        there = np.isfinite(x[self._order :]).reshape(blocks, -1).mean(axis=1) >= _LEAST_THERE
+        if not there.all():
+            blocks = int(np.argmin(there)) + 1
+            given, x = given[: self.order + blocks * self._block], x[: self._order + blocks * self._block]
+        spread = given[self.order :, 1]
+        learnt = self._open if blocks == 1 and self._open is not None else self._learnt(blocks)
+        ends = self._ends
+        if self._held is None:
+            (z, outliers, sizes), ends = self._measure(learnt, x, spread)
+            model = learnt.model
+        else:
+            model = self._held.repeated(blocks)
+            z, outliers, sizes = self._whitened(x, spread, model.taps, model.clip, model.scale)
+        joined = np.concatenate([self._white, _filled(z)])
+        suspected = self._suspected(joined, model)
+        if self._held is not None:
+            done = self._wait(suspected > 0)
+        elif suspected.any():
+            done = int(np.argmax(suspected > 0)) + 1
+            self._suspect(learnt.new[:done], -(-int(suspected[done - 1]) // self._block))
+        else:
+            done, self._ends = blocks, ends
+            self._remember(learnt.new)
+        rows = done * self._block
+        self._white = joined[rows : rows + len(self._white)]
+        self._loud = np.concatenate([self._loud, sizes[:rows]])[rows:]
+        outliers = outliers[outliers < rows]
+        self.outliers += len(outliers)
+        self._outlier = int(outliers[-1] if len(outliers) else self._outlier) - rows
+        self._open = None
+        self._past.append((self.row - self._told, model.first(done), self._calibrated.mean))
+        unsteady, slow = (np.repeat(of, self._block) for of in (model.unsteady, model.slow))
+        return White(values=z * spread, unsteady=unsteady, slow=slow), done
+
+    def _remember(self, table: FloatArray) -> None:
+        """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
+        there = table[:, _COUNT] >= _LEAST_THERE * self._block
+        self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
+
+    def _suspected(self, joined: FloatArray, model: _Model) -> IntArray:
+        """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does.
+
+        Rows before the blocks come first.
+        """
+        sums, squares = (np.concatenate([[0.0], np.cumsum(of)]) for of in (joined, joined * joined))
+        first = len(self._white) + 1
+        base, unsteady, slow = (np.repeat(of, self._block) for of in (model.base, model.unsteady, model.slow))
+        reach = np.zeros(len(base), dtype=int)
+        for rows in self._windows:
+            least = _SUSPECTED - math.log(rows / self._windows[0])
+            mean = (sums[first:] - sums[first - rows : len(sums) - rows]) / rows
+            shift = mean - base
+            power = (squares[first:] - squares[first - rows : len(sums) - rows]) / rows - (mean + shift) * base
+            np.maximum(power, 1e-12, out=power)
+            # steady noise would have to be as far off: nearly no row is, and logarithms are dear
+            low, high = ordinary_powers(rows, least)
+            some = np.flatnonzero((shift * shift > 2.0 * least / rows) | (power < low) | (power > high))
+            if len(some):
+                chance = 1.0 / rows + slow[some]
+                nats = glr(shift[some], power[some], rows, chance, 0.0, 1.0, 1.0, Steadiness.of(unsteady[some]))
+                reach[some[np.maximum(*nats) > least]] = rows
+        return np.asarray(reach.reshape(-1, self._block).max(axis=1))
+
+    def _suspect(self, table: FloatArray, back: int) -> None:
+        """Hold what was learnt before something was there that is suspected: since `back` blocks before the last."""
+        healthy = len(table) - 1 - back
+        if healthy > 0:
+            self._remember(table[:healthy])
+        else:
+            self._ring = self._ring[: max(len(self._ring) + healthy, min(len(self._ring), _FIRST))]
+        self._held = self._learnt(1).model
+        self._calm = self._held_for = 0
+
+    def _wait(self, suspected: BoolArray) -> int:
+        """Wait until nothing is suspected any more, or for too long; return how many blocks that took."""
+        for done, is_suspected in enumerate(suspected.tolist(), 1):
+            self._calm = 0 if is_suspected else self._calm + 1
+            self._held_for += 1
+            if self._calm == _CALM:
+                self._held, self._ends = None, _Ends.nothing(self._order)
+                return done
+            if self._held_for == _LONGEST:
+                self._reset()
+                return done
+        return len(suspected)
+
+    def _reset(self) -> None:
+        self._ring, self._held, self._open = self._ring[:0], None, None
+        self._ends = _Ends.nothing(self._order)
+
+
+def _filled(values: FloatArray) -> FloatArray:
+    """Return values, 0 where they are missing."""
+    there = np.isfinite(values)
+    return values if there.all() else np.where(there, values, 0.0)
+
+
+def _loudest(clip: FloatArray) -> FloatArray:
+    """Return what a gross outlier counts for, by the clip of the noise that it is in."""
+    return np.where(clip == _CLIPS[-1], _LOUDEST, clip)
+
+
+def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
+    return np.asarray(np.minimum(np.maximum(values, -most), most))
+
+
+def follower(whitener: Whitener, sample_period_s: float, before: FloatArray | None = None) -> NoiseFollower:
+    """Return one for a record from its row 0 on, which has learnt on what was before, where that is long enough.
+
+    Parameters
+    ----------
+    whitener : Whitener
+    sample_period_s : float
+    before : shape (rows,), optional
+        Of the same sensors' healthy residual.
+    """
+    if before is not None:
+        noise = NoiseFollower(whitener, sample_period_s, row=-len(before))
+        noise.push(before)
+        if noise.is_learnt:
+            return noise
+    return NoiseFollower(whitener, sample_period_s)
+
+
+def followed(
+    whitener: Whitener, residual: FloatArray, sample_period_s: float, spread: FloatArray | None = None
+) -> White:
+    """Return a whole record's residual whitened by the noise that is learnt on it; NaN where there is too little.
+
+    Parameters are those of `NoiseFollower`, and of its `push`.
+    """
+    white = NoiseFollower(whitener, sample_period_s).push(residual, spread)
+    return white if len(white) == len(residual) else White.steady(np.full(len(residual), np.nan))
+
+
+def lasting_rows(sample_period_s: float) -> int:
+    """Return over how many rows something has to be loud to be no outlier."""
+    return max(round(_LASTING_S / sample_period_s), _FEWEST_ROWS)
+
+
+def lasting(sizes: Iterable[float]) -> float:
+    """Return what a row counts for at least, by the sizes of the last ones, its own among them."""
+    return _OF_LASTING * statistics.median(sizes)
+
+
+def second_order(sample_period_s: float) -> int:
+    """Return how many coefficients the filter has that is learnt on the record.
+
+    >>> second_order(0.01), second_order(0.1)
+    (8, 2)
+    """
+    return int(np.clip(round(_ORDER_S / sample_period_s), *_ORDERS))

@@ -1,0 +1,292 @@
+"""A fleet of logs: each is watched in a process of its own, and is a part of a folder, a row, whatever becomes of it.
+
+One process writes. A log that can't be read, takes too long or kills its process is a row with its error.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gtmbench.checks import number, one_line, whole
+from gtmbench.detectors.bank.composed import AUTO
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files.arrow_table import Column, Row, table_of
+from gtmbench.files.disk import is_file
+from gtmbench.files.shipped import code_facts
+from gtmbench.imports import digests_of, files_of, load_files
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
+from gtmbench.intake.formats.registry import is_log
+from gtmbench.intake.mapping import split_mapping
+from gtmbench.jobs.parts import Parts, holds_parts, parts_in
+from gtmbench.jobs.processes import Lost, survived
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.study.log.origin import FROM_LOG, check_attitude
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import WatchedLog
+from gtmbench.study.watchers import prepared
+from gtmbench.values.record import Span
+
+WHAT, SCHEMA = "fleet", 1
+LIMIT_S = 900.0
+MOST_LOGS = 20_000
+_LIBRARIES = ("numpy", "scipy", "pandas")  # whose versions rows hang on
+_WILD = re.compile(r"[*?\[]")
+_DIGITS = re.compile(r"(\d+)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watching:
+    """How every log of a fleet is watched: what `watch_log` takes beside the log.
+
+    Attributes
+    ----------
+    detector : Detector, Monitor, Bank, or what names one
+    healthy : tuple of (start, end) or Path
+        Spans of each log, or other logs.
+    mapping : tuple of str
+    rate_hz, false_alarms_per_hour : float or None
+    attitude : str
+        Whether the gyros drive it, as `watch_log` takes it.
+    limit_s : float
+        How long one log may take.
+    """
+
+    detector: Any = AUTO
+    healthy: tuple[Span | Path, ...] = ()
+    mapping: tuple[str, ...] = ()
+    rate_hz: float | None = None
+    false_alarms_per_hour: float | None = None
+    attitude: str = FROM_LOG
+    limit_s: float = LIMIT_S
+
+    def check(self) -> None:
+        """Refuse what would be refused of every log.
+
+        Raises
+        ------
+        InputError
+        """
+        prepared(self.detector)
+        split_mapping(self.mapping)
+        check_attitude(self.attitude)
+        number("the limit of time, in seconds,", self.limit_s, 1.0, 1e6)
+        if self.rate_hz is not None:
+            number("rate_hz", self.rate_hz, 1e-3, 1e6)
+        for each in self.healthy:
+            if isinstance(each, Path) and not is_file(each):
+                raise InputError(f"no file {each}, which is to be identified on; give a span in seconds, or a log")
+
+    def logs_of(self, sources: Sequence[str | Path]) -> tuple[Path, ...]:
+        """Return the logs that are meant, as `logs_in` does, but for those that serve as healthy."""
+        return logs_in(sources, apart=[each for each in self.healthy if isinstance(each, Path)])
+
+    def files(self) -> tuple[str, ...]:
+        """Return the files of the user's own that the detector stands in."""
+        detector = prepared(self.detector)
+        return files_of([detector, getattr(detector, "function", None)])
+
+    def facts(self) -> Mapping[str, Any]:
+        """Return what a row hangs on, as plain values; files by what is in them."""
+        named = isinstance(self.detector, (str, Path))
+        return {
+            "detector": str(self.detector) if named else one_line(repr(self.detector)),
+            "detector_file": _digest(Path(self.detector)) if named else None,
+            "healthy": [_file_fact(each) if isinstance(each, Path) else list(each) for each in self.healthy],
+            "mapping": list(self.mapping),
+            "rate_hz": self.rate_hz,
+            "false_alarms_per_hour": self.false_alarms_per_hour,
+            "attitude": self.attitude,
+            "python": digests_of(self.files()),
+        }
+
+
+def logs_in(sources: Sequence[str | Path], *, apart: Sequence[Path] = ()) -> tuple[Path, ...]:
+    """Return the logs that folders, patterns and paths mean, each once; those of a folder in the order of their names.
+
+    Parameters
+    ----------
+    sources : sequence of str or Path
+        A folder stands for all logs in it and in its folders: files that are named, or begin, as one, but nothing
+        hidden, and no results of a fleet or campaign. ``**`` in a pattern goes through folders.
+    apart : sequence of Path
+        Logs that aren't meant, for they serve as healthy.
+
+    Raises
+    ------
+    InputError
+        Where there are none, or more than 20,000.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("flight_10.csv", "flight_9.csv", "notes.txt"):
+    ...         _ = Path(folder, name).write_text("time_s,p_deg_s")
+    ...     [path.name for path in logs_in([folder])]
+    ['flight_9.csv', 'flight_10.csv']
+    """
+    found: dict[str, Path] = {}
+    left = {_real(path) for path in apart}
+    for source in sources:
+        for path in _meant(str(source)):
+            if _real(path) not in left:
+                found.setdefault(_real(path), path)
+            if len(found) > MOST_LOGS:
+                raise InputError(f"more than {MOST_LOGS:,} logs are meant; name fewer, a folder at a time")
+    if not found:
+        raise InputError(f"no log is left of {one_line(' '.join(map(str, sources)))} beside what is identified on")
+    return tuple(found.values())
+
+
+def _meant(source: str) -> list[Path]:
+    path = Path(source)
+    try:
+        if path.is_dir():
+            logs = sorted(_within(path), key=_in_order)
+            if not logs:
+                raise InputError(f"{path} is a folder that holds no log; give one that does, or a log")
+            return logs
+        if not path.exists() and _WILD.search(source):
+            matches = map(Path, glob.iglob(source, recursive=True))  # noqa: PTH207  absolute ones, too
+            logs = sorted((match for match in matches if is_file(match)), key=_in_order)
+            if not logs:
+                raise InputError(f"no file is called as {source}; give a folder, a log, or another pattern")
+            return logs
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:  # a name that is too long, a zero in it
+        raise InputError(f"{one_line(source)[:200]}: {one_line(str(error))}") from error
+    return [path]
+
+
+def _within(folder: Path) -> Iterator[Path]:
+    for here, folders, files in os.walk(folder):
+        if holds_parts(Path(here)):
+            folders.clear()
+            continue
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        yield from (path for name in files if not name.startswith(".") and is_log(path := Path(here, name)))
+
+
+def _in_order(path: Path) -> list[tuple[bool, int, str]]:
+    """Return what sorts paths as one reads them, 9 before 10."""
+    return [(not part.isdigit(), int(part) if part.isdecimal() else 0, part) for part in _DIGITS.split(str(path))]
+
+
+def conduct(
+    logs: Sequence[Path],
+    watching: Watching,
+    out: Path,
+    *,
+    row: Callable[[WatchedLog], Row],
+    columns: Mapping[str, Column],
+    jobs: int = 1,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> Parts:
+    """Watch every log that isn't in the folder yet, and return its parts; logs that are new follow those it has.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+    watching : Watching
+    out : Path
+        The folder of the parts; made where there is none.
+    row : callable
+        What is kept of a watched log, picklable.
+    columns : mapping
+        Of a row; among them task, log, outcome and error, which a log that couldn't be watched has.
+    jobs : int
+        Processes. The caller's main module is imported by each of them, so a script needs its
+        ``if __name__ == "__main__":``.
+    resume : bool
+        Whether the folder may hold parts already.
+    progress : callable
+        Told the step, how many are done, and of how many.
+
+    Raises
+    ------
+    InputError
+        Where no log could be watched so, or the folder is of another fleet, or in use.
+    GtmbenchError
+        Where it ends before its end; what is finished stays.
+    """
+    watching.check()
+    whole("jobs", jobs, 1, 1000)
+    facts = {"watching": watching.facts(), "versions": code_facts(_LIBRARIES)}
+    of = {tuple(_file_fact(path)): path for path in logs}
+    with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, items=list(of), resume=resume) as parts:
+        todo, logs = parts.todo(), [of[tuple(item)] for item in parts.items]
+        work = partial(_row_of, watching=watching, row=row)
+        begin = partial(load_files, watching.files())
+        progress("logs", 0, len(todo))
+        made = survived(work, (logs[task] for task in todo), processes=jobs, limit_s=watching.limit_s, begin=begin)
+        for finished, (place, told) in enumerate(made, 1):
+            task = todo[place]
+            cells = _lost(told) if isinstance(told, Lost) else told
+            rows = [{**cells, "task": task, "log": one_line(str(logs[task]))}]
+            parts.write(task, table_of(rows, columns, schema=SCHEMA))
+            progress("logs", finished, len(todo))
+        return parts
+
+
+def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row]) -> Row:
+    """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
+    try:
+        return row(
+            watch_log(
+                path,
+                watching.detector,
+                healthy=watching.healthy,
+                mapping=watching.mapping,
+                rate_hz=watching.rate_hz,
+                false_alarms_per_hour=watching.false_alarms_per_hour,
+                attitude=watching.attitude,
+            )
+        )
+    except GtmbenchError as error:
+        return _failed(str(error))
+    except MemoryError:
+        return _failed("there isn't memory enough for it; cut the log")
+    except Exception as error:
+        return _failed(f"{type(error).__name__}: {error}")
+
+
+def _lost(told: Lost) -> Row:
+    if told.is_late:
+        return _failed(f"it took longer than {told.limit_s:g} s; cut the log, or give it more time")
+    return _failed("its process was killed (no memory?); cut the log, or use fewer processes")
+
+
+def _failed(why: str) -> Row:
+    return {"outcome": "error", "error": one_line(why)}
+
+
+def _file_fact(path: Path) -> list[Any]:
+    return [one_line(str(path)), _digest(path)]
+
+
+def _digest(path: Path) -> str | None:
+    """Return a digest of what is in a file; None where it isn't one, or not to be read."""
+    try:
+        if not is_file(path) or path.stat().st_size > LARGEST_FILE_BYTES:
+            return None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+    except (OSError, ValueError):
+        return None
+
+
+def _real(path: Path) -> str:
+    try:
+        return str(path.resolve())
+    except (OSError, RuntimeError, ValueError):
+        return str(path)

@@ -1,0 +1,270 @@
+"""The self-check of a log: its channels live, gyros and attitude tell of one motion, every residual explains its own.
+
+Where identified, whatever is wrong stops the watch. Where watched, only a cause that holds for all of it does: what
+comes in half-way is what a monitor is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.predicting import predicts
+from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.intake.flight_log import FlightLog, Remark, Source
+from gtmbench.study.log.self_check.causes import (
+    Change,
+    Guess,
+    as_it_is,
+    causes_among,
+    guesses,
+    is_doubtful,
+)
+from gtmbench.study.log.self_check.explained import (
+    Explained,
+    explained_where_identified,
+    explained_where_watched,
+)
+from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
+from gtmbench.values.pieces import pieces
+from gtmbench.values.record import FloatArray, Record, Span
+
+IDENTIFIED, WATCHED, ALL = "where identified", "where watched", "in all of it"
+_STILL = 1e-9  # of a channel's unit: it doesn't move
+_COUNT = ("constant", "saturated")  # remarks that count
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """Why a log isn't what a monitor expects.
+
+    Attributes
+    ----------
+    log : str
+        Its name.
+    changes : tuple of Change
+        What has to be undone.
+    text : str
+    why : str
+        How much of the motion the attitude explains with that undone, and as it is.
+    to_type : str
+        The options under which the log reads as it should; "" where there are none.
+    """
+
+    log: str
+    changes: tuple[Change, ...]
+    text: str
+    why: str
+    to_type: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfCheck:
+    """What the self-check found.
+
+    Attributes
+    ----------
+    causes : tuple of Cause
+        Of a log that isn't what was expected; two of one log are either-or.
+    explained : tuple of Explained
+    stops : tuple of str
+        Why nothing is watched.
+    doubts : tuple of str
+        Why silence says nothing, where something was watched.
+    notes : tuple of str
+        What isn't checked.
+    """
+
+    causes: tuple[Cause, ...] = ()
+    explained: tuple[Explained, ...] = ()
+    stops: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the log is what the monitor expects, as far as was checked."""
+        return not self.stops and not self.doubts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude.
+
+    Attributes
+    ----------
+    log : FlightLog
+    records : sequence of Record
+        With the detector's channels.
+    spans : sequence of Span
+    motion : sequence of Record
+        With p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them.
+    sources : tuple of Source
+        Which columns these are.
+    """
+
+    log: FlightLog
+    records: Sequence[Record]
+    spans: Sequence[Span]
+    motion: Sequence[Record] = ()
+    sources: tuple[Source, ...] = ()
+
+
+def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str) -> SelfCheck:
+    """Check the channels that a detector reads, before anything is made of them.
+
+    Parameters
+    ----------
+    watcher : Detector or Monitor
+    parts : sequence of Part
+        One a log.
+    where : str
+        What they are: ``where identified``, ``where watched``.
+    """
+    causes: list[Cause] = []
+    stops: list[str] = []
+    for part in parts:
+        at, dead = f"{part.log.path.name}, {where}", _dead(part.records, watcher.channels)
+        stops += [f"{at}: {channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
+        if where == IDENTIFIED:
+            counted = counting(part.log, part.spans, watcher.channels)
+            stops += [f"{at}: {remark.text}" for remark in counted if remark.channel not in dead]
+        motion = _still(part.motion, dead)
+        tried = guesses(motion)
+        found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
+        named = [_cause(part, guess) for guess in found]
+        if named:
+            stops.append(f"{at}: {_either(named)}; {named[0].why}")
+        elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
+            stops.append(f"{at}: gyros and attitude don't tell of one motion; {nothing_found_text()}")
+        causes += named
+    notes = () if all(part.motion for part in parts) else _notes(watcher)
+    return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
+
+
+def _cause(part: Part, guess: Guess) -> Cause:
+    sources = {source.channel: source for source in part.sources}
+    return Cause(
+        log=part.log.path.name,
+        changes=guess.changes,
+        text=cause_text(guess.changes),
+        why=_better(part, guess),
+        to_type=mapping_for(guess, sources),
+    )
+
+
+def _better(part: Part, guess: Guess) -> str:
+    now = as_it_is(part.motion)
+    said = f"with that undone, the attitude explains {fits_text(guess.fits)} of the motion"
+    return said if now is None else f"{said}; as it is, {fits_text(now.fits)}"
+
+
+def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Record]) -> SelfCheck:
+    """Return a check with what a monitor's residuals explain where it was identified."""
+    if not predicts(monitor) or not records:
+        return check
+    explained = explained_where_identified(monitor, records)
+    stops = [unexplained_text(each) for each in explained if each.is_blind]
+    if stops:
+        stops[-1] += f"; {nothing_found_text()}"
+    return replace(check, explained=tuple(explained), stops=(*check.stops, *stops))
+
+
+def check_watched(
+    check: SelfCheck, monitor: Monitor, watches: Sequence[Watch], log: FlightLog, spans: Sequence[Span]
+) -> SelfCheck:
+    """Return a check with what the residuals explain where watched, and the channels that stand still there."""
+    alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
+    told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
+    silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
+    doubts = (*check.doubts, *(f"{text}; no alarm tells of it" for text in silent))
+    if not predicts(monitor):
+        return replace(check, doubts=doubts)
+    before = {each.output: each for each in check.explained}
+    explained = explained_where_watched(monitor, watches)
+    for each in explained:
+        if each.is_blind and each.output not in told:
+            doubts += (unexplained_text(each),)
+        elif each.output in before and not (each.is_shown or before[each.output].is_shown):
+            doubts += (f"{each.output} moves too little, beside its noise, to show that it is what it is taken for",)
+    return replace(check, explained=(*check.explained, *explained), doubts=doubts)
+
+
+def unexplained_text(each: Explained) -> str:
+    """Say how little of a sensor's motion is explained."""
+    share = 100.0 * max(each.share, 0.0) if np.isfinite(each.share) else 0.0
+    return (
+        f"where {each.where}, {share:.0f} % of {each.output}'s slow motion is explained (residual {each.residual:.3g}, "
+        f"signal {each.signal:.3g} RMS): what isn't explained can't be watched"
+    )
+
+
+def _either(causes: Sequence[Cause]) -> str:
+    said = [each.text + (f" (then type {each.to_type})" if each.to_type else "") for each in causes]
+    return f"either {said[0]}, or {said[1]}, which is the same motion" if len(said) > 1 else said[0]
+
+
+def counting(log: FlightLog, spans: Sequence[Span], channels: Sequence[str]) -> list[Remark]:
+    """Return the remarks on a detector's channels that count in the verdict: what stands still, or at a limit."""
+    return [
+        remark
+        for remark in log.remarks
+        if remark.kind in _COUNT
+        and remark.channel in (*channels, None)
+        and any(remark.start_s <= end_s and remark.end_s >= start_s for start_s, end_s in spans)
+    ]
+
+
+def _dead(records: Sequence[Record], channels: Sequence[str]) -> dict[str, float]:
+    """Return the channels that never move, with what they read."""
+    dead = {}
+    for channel in channels if records else ():
+        value = _held_at([record[channel] for record in records])
+        if value is not None:
+            dead[channel] = value
+    return dead
+
+
+def _held_at(columns: Sequence[FloatArray]) -> float | None:
+    """Return the first value of columns that never move from it; None where they do, or have none."""
+    value, low, high = None, np.inf, -np.inf
+    for part in (column[rows] for column in columns for rows in pieces(len(column))):
+        there = part[np.isfinite(part)]
+        if len(there):
+            value = float(there[0]) if value is None else value
+            low, high = min(low, float(there.min())), max(high, float(there.max()))
+            if high - low > _STILL * max(1.0, abs(value)):
+                return None
+    return value
+
+
+def _still(records: Sequence[Record], dead: Mapping[str, float]) -> list[Record]:
+    """Return records whose dead channels read exactly one value."""
+    still = []
+    for record in records:
+        for channel in dead.keys() & set(record.channels):
+            record = record.replace(channel, np.full(len(record), dead[channel]))
+        still.append(record)
+    return still
+
+
+def _concerns(watcher: Detector | Monitor, guess: Guess) -> bool:
+    """Tell whether a guess changes a channel that a detector reads, or the time."""
+    touched = {name for change in guess.changes for name in change.channels}
+    return bool(touched & {*watcher.channels, "time"})
+
+
+def rests_on_motion(watcher: Detector | Monitor) -> bool:
+    """Tell whether a detector compares sensors with what kinematics say that they read."""
+    return bool(basis_of(watcher).kinematic)
+
+
+def _notes(watcher: Detector | Monitor) -> tuple[str, ...]:
+    """Say what isn't checked."""
+    asked = basis_of(watcher).kinematic
+    why = "the log has no whole attitude" if asked else "nothing says what its sensors should read"
+    what = f"that channels live and that of {', '.join(asked)} motion is explained" if asked else "that channels live"
+    return (f"self-check: {what}, no more, for {why}: signs, units, axes, lags and the time base weren't tried",)
