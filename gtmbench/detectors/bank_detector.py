@@ -30,6 +30,7 @@ from gtmbench.detectors.monitor.scores import reach_of, residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
+from gtmbench.detectors.statistics.thresholds import RATE
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
@@ -39,7 +40,6 @@ from gtmbench.values.clock import even_times_s
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record, sealed
 
-RATE = 0.002  # false alarms an hour, wanted where nobody says
 _RATE_OF_ENERGY = 1.0  # of a flight by a bank that judges energy
 
 

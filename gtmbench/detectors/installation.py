@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 _SAID_BIAS = 0.1  # deg/s
 _LEFT_S, _LEFT = 0.015, (0.55, 1.5)  # by which rates may carry the attitude on or back; in samples, at least and most
 _ACROSS_S = 0.02  # over which the attitude tells the rates of other axes
@@ -118,7 +118,7 @@ class Installation:
         at = np.arange(rows.start, rows.stop)
         late = self.late_at(np.asarray(record.start_s + at * period_s, dtype=np.float64)) / period_s
         whole = _waited(late, waited, float(np.clip(_LEFT_S / period_s, *_LEFT)))
-        gyros, angles = record.matrix(GYROS), record.matrix(ANGLES)
+        gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)
         told, before = at - np.maximum(whole, 0), at + np.minimum(whole, 0)
         # rates half-way between what the attitude tells and where it has to go: of these two rows
         half = 0.5 * (late - whole)
@@ -136,9 +136,9 @@ class Installation:
         part = record.part(rows)
         values = np.array(part.values, order="F")
         values[:, part.columns(GYROS)] = (_taken(gyros, told) - other) / own
-        values[:, part.columns(ANGLES)] = moved
+        values[:, part.columns(ATTITUDE)] = moved
         there = np.array(part.there)
-        for names, taken in ((GYROS, told), (ANGLES, before)):  # beside a pause a sample is there, if not known
+        for names, taken in ((GYROS, told), (ATTITUDE, before)):  # beside a pause a sample is there, if not known
             there[:, part.columns(names)] = _taken(record.select(names).there.astype(np.float64), taken) == 1.0
         corrected = Record(values, channels=part.channels, sample_period_s=period_s, start_s=part.start_s, there=there)
         return corrected, int(whole[-1])

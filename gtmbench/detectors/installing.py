@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.detectors.installation import ANGLES, GYROS, Installation
+from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
 from gtmbench.method.regression.slow import interpolated
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined
 
 _BLOCK_S, _FIRST, _WAIT = 2.0, 12, 5  # blocks that settle it, and that a block waits until it is believed
@@ -167,7 +168,9 @@ class Learner:
         first, last = rows.start - margin, rows.stop + margin
         inside = range(max(first, 0), min(last, len(record)))
         part = record.part(inside)
-        values = np.column_stack([part.matrix(GYROS), *derived(part, [f"{name}_att" for name in GYROS], among=ANGLES)])
+        values = np.column_stack(
+            [part.matrix(GYROS), *derived(part, [f"{name}_att" for name in GYROS], among=ATTITUDE)]
+        )
         there: BoolArray = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
         own = slice(rows.start - inside.start, rows.stop - inside.start)
         if np.mean(there[own]) < _LEAST_THERE:
@@ -319,7 +322,7 @@ def expected_of(monitor: Monitor) -> Installation | None:
 
 def has_motion(monitor: Monitor) -> bool:
     """Whether a monitor hears all gyros and the whole attitude, at a rate of its own."""
-    return {*GYROS, *ANGLES} <= set(monitor.channels) and monitor.sample_period_s is not None
+    return {*GYROS, *ATTITUDE} <= set(monitor.channels) and monitor.sample_period_s is not None
 
 
 def corrected(records: Sequence[Record], expected: Installation | None = None) -> tuple[list[Record], Installation]:

@@ -59,12 +59,6 @@ class CalibratedBank:
         ahead += self.uncertainties[output].half if output in self.uncertainties else 0
         return round(ahead * self.sample_period_s, 9)
 
-    def corrected_look_ahead_of(self, output: str) -> float:
-        """How long after a sample its residual exists with virtual sensors in place of channels that it stands on."""
-        spec = next(spec for spec in self.bank.residuals if spec.output == output)
-        virtual = [self.look_ahead_of(name) for name in self.bank.sources(spec) if name in self.operators]
-        return round(self.look_ahead_of(output) + max(virtual, default=0.0), 9)
-
     @property
     def knows_noise(self) -> bool:
         """Whether its residuals are judged as they are: their noise isn't learnt where they are watched."""

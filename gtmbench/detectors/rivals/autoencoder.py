@@ -15,8 +15,9 @@ import numpy as np
 
 from gtmbench.detectors.rivals.features import CHANNELS, FEATURES, PER_SIGNAL, features_of
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import GYROS, Generator, Lookback, Scale, stacked
+from gtmbench.detectors.rivals.signals import Generator, Lookback, Scale, stacked
 from gtmbench.imports import load_extra
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _THINNED_S = 0.1  # a window is learnt from every so often

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import GYROS, Generator, Lookback
+from gtmbench.detectors.rivals.signals import Generator, Lookback
+from gtmbench.values.channels import GYROS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, body_increments, windows
+from gtmbench.detectors.rivals.signals import AIR, body_increments, windows
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
-CHANNELS = (*GYROS, *ANGLES, *AIR)
+CHANNELS = (*GYROS, *ATTITUDE, *AIR)
 PER_SIGNAL = 4
 SIGNALS = 3 + 3 + 2 + 6  # gyros, gyros less the attitude's rates, bank and pitch, air data
 FEATURES = SIGNALS * PER_SIGNAL

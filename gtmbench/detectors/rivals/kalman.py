@@ -16,8 +16,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import GYROS, Generator, Scale
-from gtmbench.values.channels import COMMANDS
+from gtmbench.detectors.rivals.signals import Generator, Scale
+from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
 STATES = ("p", "q", "r", "alpha", "beta", "tas", "phi", "theta")

@@ -15,8 +15,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import ANGLES, GYROS, Generator, Lookback, body_increments
+from gtmbench.detectors.rivals.signals import Generator, Lookback, body_increments
 from gtmbench.method.convolution import filtered
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
 _FEW = 1e-3  # the least gain
@@ -37,7 +38,7 @@ class KinematicKalmanFilter(Rival):
     name: str = "kinematic-kalman"
     past_s: float = 0.15
     settles_s: ClassVar[float] = 2.0
-    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES)
+    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ATTITUDE)
 
     @property
     def title(self) -> str:

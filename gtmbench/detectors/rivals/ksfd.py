@@ -16,8 +16,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, body_rates, running
+from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, body_rates, running
 from gtmbench.method.convolution import filtered
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
 _G = 9.80665  # m/s2
@@ -43,7 +44,7 @@ class KinematicConsistency(Rival):
     span_s: float = 0.2
     degree: int = 2
     forces: bool = True
-    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES, *AIR)
+    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ATTITUDE, *AIR)
 
     @property
     def title(self) -> str:

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import GYROS, Generator, Lookback, windows
+from gtmbench.detectors.rivals.signals import Generator, Lookback, windows
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _LEAST_RANGE = 1e-6  # deg/s

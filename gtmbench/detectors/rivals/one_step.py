@@ -17,9 +17,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, Scale, stacked, with_turns
+from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, Scale, stacked, with_turns
 from gtmbench.method.convolution import filtered
-from gtmbench.values.channels import COMMANDS
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
 _BLOCK = 4096  # equations at a time
@@ -55,7 +55,7 @@ class OneStepPrediction(Rival):
     @property
     def channels(self) -> tuple[str, ...]:
         """Every sensor, and the commands."""
-        return (*GYROS, *ANGLES, *AIR, *(COMMANDS if self.commands else ()))
+        return (*GYROS, *ATTITUDE, *AIR, *(COMMANDS if self.commands else ()))
 
     def fit(self, records: Sequence[FloatArray], sample_period_s: float) -> Model:
         """Return Markov parameters, shape (n, gyros, channels), means of the channels and constants."""

@@ -15,8 +15,9 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Lookback, Scale, stacked, with_turns
+from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, Scale, stacked, with_turns
 from gtmbench.imports import load_extra
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
 _THINNED = 5  # every so many samples are learnt from
@@ -41,7 +42,7 @@ class PrincipalComponents(Rival):
     lags: int = 0
     lag_s: float = 0.05
     explained: float = 0.95
-    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES, *AIR)
+    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ATTITUDE, *AIR)
     outputs: ClassVar[tuple[str, ...]] = ("T2", "Q")
 
     @property

@@ -14,8 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import AIR, ANGLES, GYROS, Generator, Scale, stacked, with_turns
-from gtmbench.values.channels import COMMANDS
+from gtmbench.detectors.rivals.signals import AIR, Generator, Scale, stacked, with_turns
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
 _UNSURE = 10.0  # variance of a parameter before anything was seen, in standard units
@@ -36,7 +36,7 @@ class RecursiveLeastSquares(Rival):
     remembered_s: float = 50.0
     smoothed_s: float = 0.1
     settles_s: ClassVar[float] = 20.0
-    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ANGLES, *AIR, *COMMANDS)
+    channels: ClassVar[tuple[str, ...]] = (*GYROS, *ATTITUDE, *AIR, *COMMANDS)
 
     def fit(self, records: Sequence[FloatArray], sample_period_s: float) -> Model:
         """Return means and deviations; the rest is learnt in flight."""

@@ -20,17 +20,17 @@ from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
 from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.rivals.rival_stream import RivalStream
-from gtmbench.detectors.rivals.signals import GYROS, Generator
+from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.detectors.statistics.statistic import Statistic
-from gtmbench.detectors.statistics.thresholds import rate_bound
+from gtmbench.detectors.statistics.thresholds import RATE, rate_bound
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import as_records
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record, frozen
 
-RATE = 0.002  # false alarms an hour, where nobody says: the banks'
 JUDGES: dict[str, Statistic] = {
     "glr": Statistic(),  # likelihood ratios of the whitened residual, as the banks'
     "cusum": Statistic(name="cusum"),

@@ -11,8 +11,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from gtmbench.values.record import FloatArray
 
-GYROS = ("p", "q", "r")
-ANGLES = ("phi", "theta", "psi")
 AIR = ("alpha", "beta", "nx", "ny", "nz", "tas")
 _STEADY = 1e-9  # of its size: a signal that moves less stands still
 

@@ -27,6 +27,7 @@ _BLOCK_S = 60.0  # longer than any correlation; shorter where there is little da
 _BLOCKS = 40  # wanted for a tail
 _TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
 _FEWEST = 5.0  # of the tail's values, independent ones: with fewer a window isn't judged, for it has hardly been seen
+RATE = 0.002  # false alarms an hour, wanted where nobody says
 _LEAST_TAIL = 10  # values, for a shape or a scale that others lean on
 _MOST_SHAPE = 0.3  # from 0, exponential, the theory for likelihood ratios, to heavy
 _FAR_SHAPE = 0.5  # of a test by itself: one that is bounded doesn't outvote the others
@@ -39,23 +40,6 @@ _MOST_LUCK = 3.0  # times, in the median, that thresholds of two calibrations ma
 Residual = tuple[FloatArray, White, Spread | None]  # raw and whitened
 Healthy = Mapping[str, Sequence[Residual]]  # of an output: one a record
 Thresholds = dict[str, dict[str, float]]  # of an output, of a score's label
-
-
-def thresholds_of(
-    test: Statistic, healthy: Healthy, tolerances: Mapping[str, Tolerance], sample_period_s: float, rate: float
-) -> tuple[Thresholds, float]:
-    """Return the thresholds of all scores for a false-alarm rate an hour, shared evenly, and the blocks' length in s.
-
-    Parameters
-    ----------
-    test : Statistic
-    healthy : mapping of output to list of (raw, whitened, spread)
-        Residuals.
-    tolerances : mapping of output to Tolerance
-    sample_period_s, rate : float
-    """
-    seen = healthy_maxima(test, healthy, tolerances, sample_period_s)
-    return seen.thresholds(rate), seen.block_s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -258,9 +242,17 @@ class Luck:
 def healthy_maxima(
     test: Statistic, healthy: Healthy, tolerances: Mapping[str, Tolerance], sample_period_s: float
 ) -> HealthyMaxima:
-    """Return the greatest values of all tests in blocks of healthy residuals; parameters are those of `thresholds_of`.
+    """Return the greatest values of all tests in blocks of healthy residuals.
 
     A block lasts 60 s; less where there are fewer than 40.
+
+    Parameters
+    ----------
+    test : Statistic
+    healthy : mapping of output to list of (raw, whitened, spread)
+        Residuals.
+    tolerances : mapping of output to Tolerance
+    sample_period_s : float
     """
     seconds = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s
     rows = max(round(float(np.clip(seconds / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)

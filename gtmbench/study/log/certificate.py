@@ -25,8 +25,8 @@ from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
-from gtmbench.study.log.self_check.motion import GYROS
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
+from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
 
 SHARE = 0.9  # of the time watched

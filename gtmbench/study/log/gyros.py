@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.protocol import Watch
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
+from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
 _BLOCK_S = 10.0
@@ -70,9 +71,9 @@ def _residual_rms(watches: Sequence[Watch], name: str) -> float | None:
 
 def _biases(record: Record, place: int) -> FloatArray:
     """Return by how much a gyro reads more than the attitude turns, block by block."""
-    if not {*GYROS, *ANGLES} <= set(record.channels):
+    if not {*GYROS, *ATTITUDE} <= set(record.channels):
         return np.empty(0)
-    turned = terms_of(record.matrix(ANGLES), record.sample_period_s) @ rates_from(_AS_THEY_ARE)
+    turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from(_AS_THEY_ARE)
     blocks = _blocks(record.matrix(GYROS)[:, place] - turned[:, place], record.sample_period_s)
     return np.array([np.nanmean(block) for block in blocks])
 

@@ -22,8 +22,8 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS, rates_from, terms_of
-from gtmbench.values.channels import axis_of
+from gtmbench.study.log.self_check.motion import rates_from, terms_of
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
 BETWEEN, HELD = "between IMUs", "held"  # tests of such alarms
@@ -187,7 +187,7 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     axes = {axis_of(name) for each in near for name in each.candidates}
     if alarm.sensor in GYROS and comparison.agree(alarm):
         return _doubted(alarm, SAME)
-    if alarm.sensor in ANGLES and axis_of(alarm.sensor) in axes:
+    if alarm.sensor in ATTITUDE and axis_of(alarm.sensor) in axes:
         return _doubted(alarm, APART)
     if alarm.sensor not in GYROS or comparison.watched is None:
         return alarm
@@ -217,7 +217,7 @@ def opened_with(read: ReadLog, imus: Sequence[Imu], mapping: Sequence[str]) -> F
     imus = imus[:_MOST_IMUS]
     pairs = [pair for imu in imus for pair in zip(channels_of(imu), imu.columns, (imu.unit,) * 3, strict=True)]
     maps = [*mapping, *(f"{name}={column}:{stated}" for name, column, stated in pairs)]
-    needs = [*(name for name, _, _ in pairs), *ANGLES]
+    needs = [*(name for name, _, _ in pairs), *ATTITUDE]
     try:
         opened = open_log(read, mapping=maps, needs=needs)
         if opened.sample_period_s < 0.99 / _FASTEST_HZ:
@@ -245,7 +245,7 @@ def _blocks(
     attitude = np.full((count, 3), np.nan)
     for record in segments:
         rows = np.floor((record.time_s - start_s) / _BLOCK_S).astype(int)
-        turned = terms_of(record.matrix(ANGLES), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
+        turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
         firsts = np.flatnonzero(np.diff(rows, prepend=-1))
         full = [
             (rows[first], slice(first, stop))

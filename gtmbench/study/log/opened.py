@@ -25,8 +25,8 @@ from gtmbench.study.log.auto_bank import bank_for_logs
 from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.study.log.records import open_for, within
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS
 from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
@@ -177,10 +177,10 @@ def _with_motion(read: ReadLog, log: FlightLog, watcher: Detector | Monitor, ask
     """Return a log with its gyros and whole attitude, opened anew where its watcher doesn't take all of them."""
     if not rests_on_motion(watcher):
         return OpenedLog(log=log, motion=None)
-    if {*GYROS, *ANGLES} <= set(log.channels):
+    if {*GYROS, *ATTITUDE} <= set(log.channels):
         return OpenedLog(log=log, motion=log)
     with contextlib.suppress(InputError):
-        rate_hz, needs = 1.0 / log.sample_period_s, (*GYROS, *ANGLES)
+        rate_hz, needs = 1.0 / log.sample_period_s, (*GYROS, *ATTITUDE)
         moving = open_log(read, mapping=asked.mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)
         return OpenedLog(log=log, motion=moving)
     return OpenedLog(log=log, motion=None)

@@ -15,7 +15,7 @@ from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.signals import Lookback
 from gtmbench.detectors.statistics.sight import check_sight
 from gtmbench.detectors.statistics.statistic import Statistic, Tolerance, tolerance_of
-from gtmbench.detectors.statistics.thresholds import thresholds_of
+from gtmbench.detectors.statistics.thresholds import healthy_maxima
 from gtmbench.detectors.statistics.whitening import White
 from tests.helpers.monitors import record
 from tests.helpers.sealed import resealed
@@ -36,8 +36,8 @@ def healthy_thresholds(test, seconds, deviation=1.0, seed=1):
     noise = deviation * np.random.default_rng(seed).standard_normal(round(seconds / PERIOD_S))
     white = noise if isinstance(test, Level) else noise / deviation
     tolerance = tolerance_of([white], test, PERIOD_S)
-    thresholds, _ = thresholds_of(test, {"p": [(noise, White.steady(white), None)]}, {"p": tolerance}, PERIOD_S, 0.01)
-    return thresholds["p"], tolerance
+    healthy = {"p": [(noise, White.steady(white), None)]}
+    return healthy_maxima(test, healthy, {"p": tolerance}, PERIOD_S).thresholds(0.01)["p"], tolerance
 
 
 @pytest.mark.parametrize("seconds", [120.0, 2000.0])

@@ -10,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
-from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, cause_of, causes_among, guesses, holds, undone
+from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, causes_among, guesses, holds, undone
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
 from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
@@ -21,6 +21,11 @@ ALL = {**MUTATIONS, **MORE_MUTATIONS}
 WRONG = {name: mutation for name, mutation in ALL.items() if mutation != Mutation()}
 C = gb.load_bank("C")
 HALF = [(0.0, 40.0)]
+
+
+def cause_of(records):
+    """Return the guesses that are the cause of what is wrong with some records."""
+    return causes_among(guesses(records), records)
 
 
 @cache

@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.study.log.self_check.motion import (
-    ANGLES,
-    GYROS,
     LONGEST_LAG_S,
     Moments,
     Piece,
@@ -26,6 +24,7 @@ from gtmbench.study.log.self_check.motion import (
     shifted,
     turned,
 )
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
 _DEG = math.degrees(1.0)
@@ -108,13 +107,13 @@ class _Reading:
     def changes(self) -> tuple[Change, ...]:
         made = []
         if self.order != (0, 1, 2):
-            made.append(Change(kind="swap", channels=tuple(ANGLES[i] for i in range(3) if self.order[i] != i)))
+            made.append(Change(kind="swap", channels=tuple(ATTITUDE[i] for i in range(3) if self.order[i] != i)))
         for factor in dict.fromkeys(self.factors):
             if factor != 1.0:
-                own = tuple(ANGLES[self.order[i]] for i in range(3) if self.factors[i] == factor)
-                made.append(Change(kind="unit", channels=tuple(sorted(own, key=ANGLES.index)), size=factor))
+                own = tuple(ATTITUDE[self.order[i]] for i in range(3) if self.factors[i] == factor)
+                made.append(Change(kind="unit", channels=tuple(sorted(own, key=ATTITUDE.index)), size=factor))
         made += [
-            Change(kind="late", channels=(ANGLES[self.order[column]],), size=size)
+            Change(kind="late", channels=(ATTITUDE[self.order[column]],), size=size)
             for column, size in self.late_s.items()
         ]
         return tuple(made)
@@ -136,7 +135,7 @@ class _Wiring:
         swapped = [Change(kind="swap", channels=_cycle(self.order))] if self.order != (0, 1, 2) else []
         return (
             *self.reading.changes,
-            *(Change(kind="sign", channels=(ANGLES[i],)) for i in turned_signs),
+            *(Change(kind="sign", channels=(ATTITUDE[i],)) for i in turned_signs),
             *swapped,
         )
 
@@ -191,7 +190,7 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
 def _held(records: Sequence[Record]) -> list[Change]:
     """Return the channels whose readings are repeated: as many at a time, by the median, as it takes to be noticed."""
     changes: dict[float, list[str]] = {}
-    for name in (*GYROS, *ANGLES) if records else ():
+    for name in (*GYROS, *ATTITUDE) if records else ():
         runs = np.concatenate([np.diff(_fresh(record[name])) for record in records])
         length = float(np.median(runs)) if len(runs) else 1.0
         if length >= _HELD:
@@ -224,19 +223,6 @@ def _guesses(records: Sequence[Record]) -> list[Guess]:
     return made
 
 
-def cause_of(records: Sequence[Record]) -> list[Guess]:
-    """Return why gyros and attitude of some records don't tell of the same motion, as `causes_among` all guesses.
-
-    Examples
-    --------
-    >>> from gtmbench.bench.flight import fly
-    >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
-    >>> cause_of([flight]), [guess.changes for guess in cause_of([flight.replace("q", -flight["q"])])]
-    ([], [(Change(kind='sign', channels=('q',), size=0.0),)])
-    """
-    return causes_among(guesses(records), records)
-
-
 def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Guess]:
     """Return the guesses that are the cause of what is wrong with some records; two are either-or.
 
@@ -248,6 +234,14 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
     tried : sequence of Guess
         As `guesses` returns them.
     records : sequence of Record
+
+    Examples
+    --------
+    >>> from gtmbench.bench.flight import fly
+    >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
+    >>> turned = [flight.replace("q", -flight["q"])]
+    >>> [guess.changes for guess in causes_among(guesses(turned), turned)]
+    [(Change(kind='sign', channels=('q',), size=0.0),)]
     """
     if not tried or not tried[0].changes or not tried[0].explains:
         return []
@@ -387,7 +381,7 @@ def _gyros_late(wiring: _Wiring) -> list[Guess]:
         place = int(np.flatnonzero(far)[np.argmin(wiring.total[far])])
         lag_s = table.between(wiring.live, wiring.order, place)
         made.append(
-            wiring.guess([place] * 3, [Change(kind="late", channels=ANGLES if lag_s > 0 else GYROS, size=abs(lag_s))])
+            wiring.guess([place] * 3, [Change(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))])
         )
     for i in wiring.live if early.any() else ():
         places = list(now)

@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.method.regression.slow import HALF, interpolated, slow
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.pieces import pieces, rows_of_piece
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-GYROS, ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 LONGEST_LAG_S = 1.0
 _FEWEST = 20  # rows of a piece
 _AROUND_S, _USUAL = 2.0, 0.9  # of the rows that move
@@ -76,7 +76,7 @@ def pieces_of(records: Iterable[Record]) -> list[Piece]:
 
 def _blocks(record: Record) -> list[Piece]:
     every = min(max(1, round(_FINE_S / record.sample_period_s)), _MOST_THINNED)
-    gyros, angles = (_thinned(record, channels, every) for channels in (GYROS, ANGLES))
+    gyros, angles = (_thinned(record, channels, every) for channels in (GYROS, ATTITUDE))
     whole = np.asarray(np.isfinite(gyros).all(axis=1) & np.isfinite(angles).all(axis=1), dtype=np.bool_)
     count = max(1, round(len(gyros) / _BLOCK))
     edges = np.linspace(0, len(gyros), count + 1).astype(int).tolist()

@@ -10,7 +10,7 @@ from gtmbench.checks import listed
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.units import alike_unit
 from gtmbench.study.log.self_check.causes import Change, Guess
-from gtmbench.study.log.self_check.motion import ANGLES, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 
 def cause_text(changes: Sequence[Change]) -> str:
@@ -53,7 +53,7 @@ def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     """
     if any(change.kind == "held" for change in guess.changes):
         return ""
-    target = {name: name for name in (*GYROS, *ANGLES)}
+    target = {name: name for name in (*GYROS, *ATTITUDE)}
     for change in guess.changes:
         if change.kind == "swap":
             target |= dict(zip(change.channels, (*change.channels[1:], change.channels[0]), strict=True))
@@ -104,7 +104,7 @@ def _swap_text(change: Change) -> str:
 def _late_text(change: Change) -> str:
     against = ""
     if len(change.channels) > 1:
-        against = " against the gyros" if change.channels[0] in ANGLES else " against the attitude"
+        against = " against the gyros" if change.channels[0] in ATTITUDE else " against the attitude"
     return f"{listed(change.channels)} {_are(change.channels)} {change.size:.2f} s late{against}"
 
 
