@@ -160,14 +160,17 @@ class BankMonitor(CalibratedBank):
         InputError
             If the record lacks a channel of the bank or has another sample period.
         """
+        # 1. what each residual is, and which samples an excursion leaves out
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
         learnt = {} if before is None else dict(without_spread(self, before).raw)
         memory = Memory.of(self, record, residuals.spread)
         memory.leave_out(out)
+        # 2. what scores would have said inside of what nobody judges: it is told as an alarm that can't be judged
         is_silent = any(not excursion.is_judged for excursion in outside)
         scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
+        # 3. piece by piece, so that a day costs the memory of twenty minutes: scores, alarms, judgements
         engine = Engine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)
         values = {output: np.full(len(record), np.nan) for output in self.operators}
         reach, columns = reach_of(self), record.columns(self.bank.channels)

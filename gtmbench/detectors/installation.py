@@ -117,6 +117,7 @@ class Installation:
         period_s = record.sample_period_s
         at = np.arange(rows.start, rows.stop)
         late = self.late_at(np.asarray(record.start_s + at * period_s, dtype=np.float64)) / period_s
+        # lag in samples = whole ones, waited for, and what is left, below two, undone by rates
         whole = _waited(late, waited, float(np.clip(_LEFT_S / period_s, *_LEFT)))
         gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)
         told, before = at - np.maximum(whole, 0), at + np.minimum(whole, 0)
@@ -124,16 +125,20 @@ class Installation:
         half = 0.5 * (late - whole)
         steps = np.minimum(np.floor(half), np.maximum(whole, 0)).astype(int)
         newer = _taken(gyros, told - steps)
+        # between two rows: linear
         between = newer + (half - steps)[:, np.newaxis] * (_taken(gyros, told - steps - 1) - newer)
+        # what a gyro reads of the other axes, from differences of the attitude, which holds no gyro's fault
         read = _taken(angles, before)
         back = max(1, round(_ACROSS_S / period_s))
         seen = [read, *(_taken(angles, before - times * back) for times in (1, 2))]
         other = self._of_other_axes(seen, back * period_s)
         own = np.diag(self.gyros)
         slopes = _slopes((between - other) / own, read)
+        # the attitude goes on by dt times its rates (phi', theta', psi' of the gyros' own p, q, r)
         moved = read + (late - whole)[:, np.newaxis] * period_s * np.nan_to_num(slopes)
         moved[np.diff(whole, prepend=waited) != 0] = np.nan
         part = record.part(rows)
+        # a gyro's reading is E (p, q, r): its own axis over the scale, less the other axes' part
         values = np.array(part.values, order="F")
         values[:, part.columns(GYROS)] = (_taken(gyros, told) - other) / own
         values[:, part.columns(ATTITUDE)] = moved

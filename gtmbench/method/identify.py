@@ -90,6 +90,7 @@ def operator_of(problem: Problem, estimate: Estimate, estimator: Estimator) -> T
             ConvergenceWarning,
             stacklevel=3,
         )
+    # the problem is centred and scaled to RMS 1, its rows run from lag -d to r: here units come back, and H_r first
     skipped, split = len(problem.instruments), len(problem.instruments) + len(problem.inputs)
     rms, output_rms = problem.scale[skipped:split], problem.scale[split:]
     scaled = estimate.coefficients.reshape(problem.lags, len(rms), len(output_rms))[::-1]

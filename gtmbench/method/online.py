@@ -81,12 +81,14 @@ class RecursiveIdentification:
         lags, channels = self.causal_order + self.noncausal_order + 1, len(self.inputs) + len(self.outputs)
         check_parameters(lags, len(self.inputs))
         parameters = lags * len(self.inputs)
+        # weights forgetting^k sum to 1 / (1 - forgetting) samples: fewer than parameters determine nothing
         if (1.0 - self.forgetting) * parameters > 1.0:
             raise InputError(
                 f"forgetting {self.forgetting:g} remembers {1.0 / (1.0 - self.forgetting):.3g} samples for "
                 f"{parameters} Markov parameters; choose {1.0 - 0.1 / parameters:.6g} or more"
             )
         size = parameters + 1 + len(self.outputs)
+        # R of [Phi 1 y] = Q R, the normal equations' root: it is updated without ever squaring a condition number
         self._root = np.zeros((size, size), order="F")
         self._moments: FloatArray | None = None
         self._origin = np.zeros(channels)  # values are taken in about the first ones' median

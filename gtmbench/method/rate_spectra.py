@@ -175,6 +175,7 @@ def _spectra(
     gyro: str, beside: Sequence[tuple[FloatArray, FloatArray]], records: Sequence[Record], period_s: float
 ) -> RateSpectra | None:
     length = int(np.clip(2 ** round(np.log2(_WINDOW_S / period_s)), _SHORTEST, _LONGEST))
+    # windows that overlap by half (Welch), and hold no missing sample of either
     places = [
         (number, first)
         for number, (y, z) in enumerate(beside)
@@ -185,6 +186,7 @@ def _spectra(
     if len(places) < 8:
         return None
     taken = [places[k] for k in np.linspace(0, len(places) - 1, min(len(places), _MOST)).astype(int)]
+    # periodic, so that halves that overlap add up to one
     window = np.hanning(length + 1)[:-1]
     y, z = (
         np.fft.rfft(_level(np.array([beside[number][of][first : first + length] for number, first in taken])) * window)
@@ -193,6 +195,7 @@ def _spectra(
     angle = ATTITUDE[GYROS.index(gyro)]
     new_hz = min(_new_hz(record, angle) for record in records if angle in record.channels)
     frequency_hz = np.asarray(np.fft.rfftfreq(length, period_s), dtype=np.float64)
+    # a gyro was averaged over two samples, to stand where the angle's difference does: its gain there is cos(pi f Ts)
     smoothed = np.maximum(np.cos(np.pi * frequency_hz * period_s), 1e-3)  # by the mean of two samples
     return RateSpectra(
         frequency_hz=frequency_hz,

@@ -75,6 +75,7 @@ def calibrate_bank(
     healthy = tuple(record.select(bank.channels) for record in records)
     period_s = healthy[0].sample_period_s
     is_little = sum(map(len, healthy)) * period_s < _LITTLE_S if estimator is None else isinstance(estimator, Bayesian)
+    # who learns from what, and who is judged on what it hasn't seen
     plan = _left_out(healthy, bank) if is_little else _divided(healthy, bank)
     bank, learnt, total = plan.bank, {}, len(bank.residuals) + 1
     for done, spec in enumerate(bank.residuals):
@@ -82,6 +83,7 @@ def calibrate_bank(
         usual = Bayesian() if is_little or spec.is_fixed_by_physics else LeastSquares()
         learnt[spec.output] = _learn(plan, spec, estimator or usual, uncertain=is_little)
     progress("thresholds", total - 1, total)
+    # thresholds: of residuals that identification hadn't seen, for the rate asked for (`thresholds`)
     judged = {output: each.judged for output, each in learnt.items()}
     tolerances = {output: _tolerance(plan, residuals, period_s) for output, residuals in judged.items()}
     seen = healthy_maxima(bank.statistic, judged, tolerances, period_s)

@@ -76,6 +76,7 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
     InputError
         Naming the key, what stands there and what should.
     """
+    # from the whole to its parts, each by what was read before: a threshold means nothing without its test
     document = keys("figures", figures, _KEYS)
     name = text("name", document["name"])
     with naming("bank"):
@@ -109,6 +110,7 @@ def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank
         rms = float(operators[spec.output].rms_residual[0])
         return thresholds_from(where, table, bank.statistic, tolerances[spec.output], period_s, deviation=rms)
 
+    # last, for `set_for` refuses thresholds that no fault would pass: a monitor that is deaf isn't opened
     thresholds = each("thresholds", set_for)
     return CalibratedBank(
         bank=bank,

@@ -94,6 +94,7 @@ class AlarmLogic:
         for family in self._without:
             if family not in FAMILIES:
                 raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
+        # a score that is above 1 from the start shows what was there before: it has to come down once to be armed
         sources = {spec.output: spec.source for spec in self._bank.residuals}
         self.arming = [
             Arming(
@@ -195,6 +196,7 @@ class AlarmLogic:
     def _opened(self, arming: Arming, row: int) -> OpenFault:
         """Return the fault that a residual's rise opens, with what was usual before it."""
         crossing = self._crossing(arming, row)
+        # the case begins a margin before the onset as estimated, for that may be late
         onset_s = self._memory.time_s(crossing.onset_row)
         start = max(crossing.onset_row - self._margin, row - rows_of(_FARTHEST_S, self._monitor), 0)
         record, before = self._before(start)
@@ -218,6 +220,7 @@ class AlarmLogic:
             ruled_out=frozenset(name for name in self.missing.out if crossing.output not in self._bank.affects(name)),
             settling=self.excursions.just_before(crossing.time_s, onset_s),
         )
+        # one fault raises several residuals: those that follow count to the first, and nobody judges them twice
         leader = leader_of(fault, self._open.values())
         if leader is not None:
             return replace(fault, alarm=replace(fault.alarm, fault=leader.number))

@@ -276,6 +276,7 @@ class _Ratios:
         Where all are below 1 by what they can be at most, which costs less, they are 0.
         """
         sums, counts = self._sums, self._counts
+        # running sums S(k) of samples and of their squares: any window's are a difference of two
         for i, (value, is_there) in enumerate(zip(white, there, strict=True)):
             if is_there:
                 if counts[i] + 1 == self._capacity:
@@ -285,21 +286,25 @@ class _Ratios:
                 total[0] += value
                 total[1] += value * value
                 sums[0, i, counts[i]], sums[1, i, counts[i]] = total
+        # where the windows' ends stand in these sums, for all residuals and windows in one `take`
         least = min(counts)
         steps: int | IntArray = least if least == max(counts) else np.array(counts)[:, np.newaxis]
         places: IntArray = self._places + steps
         length, chance = self._full, self._chance
+        # the baseline isn't full yet: as long as it is, or none where a ninth isn't there
         if least < self._most:
             short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
             length = np.where(short >= self._longest // LEAST_BASELINE, short, np.nan)
             chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
             np.maximum(places, self._first, out=places)
         ends, begins, squares = self._flat.take(places)
+        # mean m1 of a window, m0 of the baseline before it, and E (w - m0)^2 = E w^2 - (m1 + (m1 - m0)) m0
         totals = np.array(self._totals)
         mean = (totals[:, :1] - ends) / self._windows
         base = (ends - begins) / length
         shift = mean - base
         power = (totals[:, 1:] - squares) / self._windows - (mean + shift) * base
+        # here most samples end: no ratio can reach its threshold
         if least >= self._most and self._is_ordinary(shift, power):
             return [0.0 if is_there else math.nan for is_there in there]
         of_mean, of_energy = glr(

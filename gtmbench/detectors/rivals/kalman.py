@@ -103,12 +103,14 @@ def _identified(records: Sequence[FloatArray], period_s: float, servo_rad_s: flo
 
     states, sensors = len(STATES), len(STATES) + len(FORCES)
     rows = max(round(_SMOOTHED_S / period_s), _DEGREE + 2) | 1
+    # Savitzky-Golay: states and their slopes at once, the noise being what smoothing takes away
     share = 1.0 - float(savgol_coeffs(rows, _DEGREE)[rows // 2])  # of white noise, that smoothing leaves over
     regressors, targets, noise = [], [], []
     for values in records:
         whole = values[np.isfinite(values).all(axis=1)]
         smooth = savgol_filter(whole[:, :sensors], rows, _DEGREE, axis=0)
         slope = savgol_filter(whole[:, :states], rows, _DEGREE, deriv=1, delta=period_s, axis=0)
+        # a servo is a first-order lag of its command: s(k+1) = pole s(k) + (1 - pole) c(k)
         pole = np.exp(-servo_rad_s * period_s)
         commands = whole[:, sensors:]
         servos = lfilter([0.0, 1.0 - pole], [1.0, -pole], commands - commands[0], axis=0) + commands[0]
@@ -119,10 +121,12 @@ def _identified(records: Sequence[FloatArray], period_s: float, servo_rad_s: flo
     x, y = np.concatenate(regressors), np.concatenate(targets)
     scale = Scale.of(x)
     equations = np.column_stack([scale.standard(x), np.ones(len(x))])
+    # [x' f] = [x servos 1] [A' C'; B' D'; mean], scaled to deviation 1; smoothed rows repeat each other, so some do
     found = np.linalg.lstsq(equations[::_THINNED], y[::_THINNED], rcond=1e-6)[0]
     matrix = found[:-1].T / scale.deviation
     left = y - equations @ found
     block = max(round(_AVERAGED_S / period_s), 1)
+    # process noise: of slopes averaged over a block, for what wanders faster is smoothing's and the sensors'
     averaged = left[: len(left) // block * block, :states].reshape(-1, block, states).mean(axis=1)
     return _Found(
         a=matrix[:states, :states],

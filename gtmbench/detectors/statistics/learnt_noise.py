@@ -553,6 +553,7 @@ class NoiseFollower:
 
         A block that misses half of its rows, which isn't learnt from, is the last one.
         """
+        # x: behind the calibrated filter, each block with the rows before it that the second filter looks back at
         given = self._given[: self.order + blocks * self._block]
         x = self._behind_calibrated(given)
         there = np.isfinite(x[self._order :]).reshape(blocks, -1).mean(axis=1) >= _LEAST_THERE
@@ -562,12 +563,14 @@ class NoiseFollower:
         spread = given[self.order :, 1]
         learnt = self._open if blocks == 1 and self._open is not None else self._learnt(blocks)
         ends = self._ends
+        # z: behind the second filter too, of deviation 1; while something is suspected, by the filter of before
         if self._held is None:
             (z, outliers, sizes), ends = self._measure(learnt, x, spread)
             model = learnt.model
         else:
             model = self._held.repeated(blocks)
             z, outliers, sizes = self._whitened(x, spread, model.taps, model.clip, model.scale)
+        # may these blocks be learnt? Only as far as no window departs from what was learnt before them
         joined = np.concatenate([self._white, _filled(z)])
         suspected = self._suspected(joined, model)
         if self._held is not None:

@@ -106,6 +106,7 @@ class Bayesian:
                 f"{sum(map(len, problem.stretches))} samples hold too few windows of {problem.lags} without a missing "
                 f"one for {', '.join(problem.outputs)}; give a longer record, or look back and ahead less"
             )
+        # the prior holds for motion: fast noise is smoothed away first, of inputs and outputs alike
         motion = [slow(block) for block in blocks]
         rows = slice(problem.causal_order, -problem.noncausal_order or None)
         posteriors = []
@@ -115,6 +116,7 @@ class Bayesian:
                 for each, of in zip(motion, weights, strict=True)
             ]
             output = problem.outputs[o - inputs]
+            # one sensor beside another of the same motion: its moments are physics', found from the samples as read
             if inputs == 1 and kinematic(problem.inputs[0], output):
                 read = [
                     Equations(u=each[:, :1], y=each[rows, o], weights=of)
@@ -141,8 +143,10 @@ class Bayesian:
         products = sum((piece.products(before, lags) for piece in pieces), np.zeros((lags * inputs + 1,) * 2))
         gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
         count = sum(float(piece.weights.sum()) for piece in pieces) / ALIKE
+        # G^-1 Phi'(y - Phi theta_0): what the data alone would add; S takes of it what is motion
         alone = None if own is None else solved(gram, right)
         theta, variance = before, max(power / count, _LEAST_VARIANCE)
+        # S and s^2 need theta's residual, and theta needs both: four turns settle s^2 to 1e-9 (a minute of the GTM)
         for _ in range(_ITERATIONS):
             signal, share = gram, right
             if own is not None and alone is not None:
@@ -153,8 +157,10 @@ class Bayesian:
                 share = signal @ alone
             hessian = precision + signal / variance
             covariance = _inverse(hessian)
+            # theta - theta_0 = H^-1 S G^-1 Phi'(y - Phi theta_0) / s^2
             step = covariance @ share / variance
             theta = before + step
+            # trace(H^-1 S) / s^2: how many parameters the data, not the prior, determine
             used = float(np.vdot(covariance, signal)) / variance
             left = power - 2.0 * float(step @ right) + float(step @ gram @ step)
             variance = max(left / max(count - used, count / 10.0), _LEAST_VARIANCE)
@@ -186,13 +192,16 @@ class Bayesian:
         mean, covariance = np.zeros(lags * inputs), np.zeros((lags * inputs, lags * inputs))
         for i, name in enumerate(problem.inputs):
             places = np.arange(lags) * inputs + i  # lag -d to r
+            # nothing is known of an input's lags but how much the output holds in all: free^2, shared evenly
             if i != own:
                 covariance[places, places] = self.free**2 / (lags * inputs)
                 continue
             unit = _unit(problem, name, output)
+            # theta_0: the sensor is this input, now; every lag may differ by `tap`, their sum by `gain`
             mean[places[now]] = unit
             covariance[places, places] = (self.tap * unit) ** 2
             covariance[places[now], places[now]] += (self.gain * unit) ** 2
+            # a delay of s seconds adds -s du/dt, and a central difference of u is du/dt: one more direction
             if problem.causal_order and problem.noncausal_order:
                 delay = np.zeros(lags * inputs)  # of a second: a central difference
                 delay[places[[now - 1, now + 1]]] = np.array([0.5, -0.5]) * unit / problem.sample_period_s

@@ -65,23 +65,27 @@ def fit(samples: Sequence[Equations], *, lags: int, ahead: int, sample_period_s:
     sample_period_s : float
     expected : Expected
     """
+    # normal equations of all records; neighbouring ones say the same on slow motion, so ALIKE count as one
     lag = np.arange(-ahead, lags - ahead, dtype=np.float64)
     products = _summed(samples, lags)
     gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
     count = max(sum(float(piece.weights.sum()) for piece in samples) / ALIKE, 1.0)
     half = round(_SLOW_S / sample_period_s)
     moments = _moments([_slowed(piece, half) for piece in samples], lag, expected, max(half, ALIKE))
+    # A h = c: row m of A takes sum i^m h_i. Of h only what lies in A's null space is free
     among = np.vander(lag, len(moments.mean), increasing=True).T
     wanted, slope = _raw(moments.mean)
     inverse = np.linalg.pinv(among)
     free = np.linalg.svd(among)[2][len(wanted) :].T  # directions without any of these moments
     variance = max(power / count, _LEAST_VARIANCE)
+    # min ||y - U h||^2 + s^2 |z|^2 / tap^2 over h = A^+ c + N z
     for _ in range(2):  # what is left over settles with the first
         hessian = free.T @ gram @ free + variance / _TAP**2 * np.eye(free.shape[1])
         smoothing = np.eye(lags) - free @ np.linalg.solve(hessian, free.T @ gram)
         h = smoothing @ inverse @ wanted + free @ np.linalg.solve(hessian, free.T @ right)
         left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
         variance = max(left / count, _LEAST_VARIANCE)
+    # the moments' own uncertainty, and that of the free directions, are independent
     of_moments = smoothing @ inverse @ slope
     alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
     return Fit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
@@ -134,11 +138,13 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
     products = _summed(motion, lags) * (ALIKE / alike)
     gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
     count = max(sum(float(piece.weights.sum()) for piece in motion) / alike, 1.0)
+    # with fewer than three lags there is no difference to be had: the gain alone is found
     deviations = np.array([expected.gain, expected.delay, expected.bend])[: 3 if lags > 2 else 1]
     precision = np.diag(np.maximum(deviations, 1e-9) ** -2)
     shift, late = int(np.clip(0, lag[0] + 1, lag[-1] - 1)) if lags > 2 else 0, 0.0  # and what is late beside it
     h = np.eye(lags)[shift + ahead]
     for _ in range(_TURNS):
+        # about the whole delay so far: the unit impulse there, the central difference and half the second one
         basis = _basis(lags, shift + ahead)
         nominal = basis[:, 0]
         prior = np.array([0.0, -shift, expected.curvature + late**2])[: len(deviations)]
@@ -147,6 +153,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
         variance = max(left / count, _LEAST_VARIANCE)
         own = basis.T @ gram @ basis
         found = []
+        # errors in variables: the input's noise shrinks every moment by S/G, and only a share of it is known
         for share in _SHARES:
             signal = signal_of(own, share * basis.T @ noise @ basis)
             sums = basis.T @ (right - (gram - share * noise) @ nominal)
@@ -158,6 +165,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
         before, h = h, nominal + basis @ step
         if len(step) < 3 or np.abs(h - before).max() < _SETTLED:
             break
+        # b / g is what is late beside the whole delay; beyond half a sample the whole delay moves, and all begins anew
         late = float(step[1] / (1.0 + step[0]))
         moved = int(np.clip(shift + np.rint(late), lag[0] + 1, lag[-1] - 1))
         if moved != shift:
