@@ -22,220 +22,61 @@ import copy
 import math
 import statistics
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
+from gtmbench.detectors.statistics.noise_model import (
+    CLIPPED,
+    CLIPS,
+    COUNT,
+    FAST,
+    FIRST,
+    FOURTH,
+    FOURTHS,
+    LAGS,
+    LATE,
+    LEAST,
+    LOW,
+    MEANS,
+    MEMORY,
+    NEIGHBOURS,
+    SIZE,
+    SLOW,
+    SQUARED_MEANS,
+    SQUARES,
+    SUB,
+    SUM,
+    Ends,
+    LearntBlocks,
+    NoiseModel,
+)
 from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
 from gtmbench.detectors.statistics.whitening import White, Whitener
-from gtmbench.method.autoregressive import levinson
 from gtmbench.values.record import BoolArray, FloatArray
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
 
-BLOCK_S = 0.5  # the filter changes from block to block
+# blocks: the filter changes from one to the next
+BLOCK_S = 0.5
 _FEWEST_ROWS = 5  # of one
-_NEIGHBOURS = 4  # blocks, whose powers tell how steady noise is
-_SUB = 5  # parts of a block, whose powers tell of bursts
-_MEANS = (1, 2, 4, 8, 16)  # blocks, whose means tell how slow noise is
-_CHANCE, _OF_BLOCKS = 2.5, 4  # deviations of what chance makes of these; times a mean's blocks that tell of it
-_WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
-_UNKNOWN_SLOW = 1.0  # of a block's variance, before anything is known
-_FIRST, _SPAN, _MEMORY = 14, 40, 400  # blocks: learnt at first, followed over, remembered for steadiness
-_GAP, _LATE = 1, 16  # blocks that are too young to be learnt, and to tell of steadiness: faults change that, too
-_AT_ONCE = 128  # blocks
-_KEPT = _MEMORY + _LATE + _GAP + 16  # blocks: with those that a suspicion may take out
-_ORDER_S, _ORDERS = 0.08, (2, 16)
-_CLIPS = np.array([2.5, 3.0, 3.5, 4.0])  # deviations
-_KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip is lowered
-_FLOOR = 0.0025  # of the calibrated variance: how quiet noise may get before it is taken for the sensor's
-_UNSTEADY, _WORTH = 0.2, 20.0  # sigma^2 before anything is known, which as many blocks make a quarter of
-_STEADIEST = 1e-3
+_LEAST_THERE = 0.5  # of its rows
+_GAP = 1  # blocks that are too young to be learnt: faults change them, too
+_AT_ONCE = 128  # blocks that are whitened together
+_KEPT = MEMORY + LATE + _GAP + 16  # blocks: with those that a suspicion may take out
+_MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
+_ORDER_S, _ORDERS = 0.08, (2, 16)  # of the second filter: as long as a sensor's own lag, in these bounds
+
+# outliers: what is rare and large in a heavy tail is the sensor's, what lasts is a fault's
 _HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of a gross outlier
 _LOUDEST = 5.0  # deviations that one counts for where the tail is Gaussian, so that it isn't noise
 _ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
 _LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: it counts as so often its median does
-_LEAST_THERE = 0.5  # of a block's rows
-_LEAST = 0.1 * math.sqrt(_FLOOR)
-_MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
-_HEAVIEST, _TAILS = 3.0, 20.0  # excess kurtosis of short sums, at most, and how much of it makes sigma^2 = 1
-_SUSPECTED = 12.0  # nats, of the shortest window; longer ones look at new noise more rarely
+
+# suspicions: a window that departs by so many nats stops the learning; white noise does so once in exp(12) looks
+_SUSPECTED = 12.0  # of the shortest window; longer ones look at new noise more rarely
 _SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)
 _CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as many what is there is the noise
-
-_COUNT, _SIZE, _SUM, _FOURTH, _SLOW, _FAST, _LOW, _SQUARES, _FOURTHS = range(9)
-_CLIPPED = slice(9, 9 + len(_CLIPS))
-_SQUARED_MEANS = slice(_CLIPPED.stop, _CLIPPED.stop + len(_MEANS))
-_LAGS = slice(_SQUARED_MEANS.stop, None)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Model:
-    """What a block is whitened by, one row a block."""
-
-    local: FloatArray  # deviation behind the calibrated filter, shape (blocks,)
-    taps: FloatArray  # of the second filter, over its innovations' deviation: (blocks, order + 1)
-    clip: FloatArray  # in deviations of what that gives
-    scale: FloatArray  # to variance 1
-    unsteady: FloatArray
-    slow: FloatArray
-    base: FloatArray  # mean of what is white
-
-    def first(self, blocks: int) -> _Model:
-        """Return the first so many of them."""
-        return _Model(**{name: values[:blocks] for name, values in vars(self).items()})
-
-    def repeated(self, blocks: int) -> _Model:
-        """Return the last of them for so many blocks."""
-        return _Model(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
-
-
-@dataclass(frozen=True, eq=False)
-class _Ends:
-    """What of the blocks that were learnt last the next ones look back at."""
-
-    clipped: FloatArray  # rows behind the calibrated filter
-    powers: FloatArray  # less 1, of samples and of sums, shape (_NEIGHBOURS, 2)
-    burst: float  # of the last part of a block, less 1
-    sums: FloatArray  # of the last blocks
-
-    @classmethod
-    def nothing(cls, order: int) -> _Ends:
-        return cls(np.zeros(order), np.zeros((_NEIGHBOURS, 2)), 0.0, np.zeros(_MEANS[-1] - 1))
-
-
-class _Learnt:
-    """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
-
-    Parameters
-    ----------
-    ring : shape (blocks before, columns)
-    blocks : int
-        They are measured into `new`, shape (blocks, columns).
-    end : shape (blocks,)
-        How many blocks each may stand on.
-    rows : int
-        Of a block.
-    """
-
-    def __init__(self, ring: FloatArray, blocks: int, end: IntArray, rows: int) -> None:
-        self._table = np.concatenate([ring, np.zeros((blocks, ring.shape[1]))])
-        self.new = self._table[len(ring) :]
-        self._end, self._rows = end, rows
-
-    def _sums(self, columns: slice | list[int], first: IntArray, end: IntArray) -> FloatArray:
-        """Return sums over the blocks from `first` on, up to `end`: a row for each of these."""
-        begin = int(first[0])
-        given = self._table[begin : int(end[-1]), columns]
-        if len(end) == 1:
-            return np.asarray(given.sum(axis=0, keepdims=True))
-        sums = np.concatenate([np.zeros((1, given.shape[1])), np.cumsum(given, axis=0)])
-        return np.asarray(sums[end - begin] - sums[first - begin])
-
-    def _recent(self, columns: slice | list[int]) -> FloatArray:
-        """Return means over the samples of the last blocks."""
-        return self._sums(columns, self._first, self._end) / self._count
-
-    @cached_property
-    def _first(self) -> IntArray:
-        return np.maximum(self._end - _SPAN, 0)
-
-    @cached_property
-    def _count(self) -> FloatArray:
-        return np.maximum(self._sums([_COUNT], self._first, self._end), 1.0)
-
-    @cached_property
-    def local(self) -> FloatArray:
-        """The deviation behind the calibrated filter, shape (blocks,)."""
-        return np.maximum(self._recent([_SIZE])[:, 0] * math.sqrt(math.pi / 2.0), _LEAST)
-
-    @cached_property
-    def taps(self) -> FloatArray:
-        """The second filter over its innovations' deviation, shape (blocks, order + 1)."""
-        covariance = self._recent(_LAGS)
-        covariance[:, 0] = covariance[:, 0] * (1.0 + 1e-4) + _FLOOR
-        taps, variance = levinson(covariance)
-        taps /= np.sqrt(variance)[:, np.newaxis]
-        return taps
-
-    @cached_property
-    def tail(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Where to clip, by what to scale then, and how much of the power is noise and not the floor."""
-        clipped, fourth = self._recent(_CLIPPED), self._recent([_FOURTH])[:, 0]
-        kurtosis = fourth / np.maximum(clipped[:, -1], 1e-12) ** 2
-        clip = np.maximum(_CLIPS[-1] - _PER_KURTOSIS * np.maximum(kurtosis - _KURTOSIS, 0.0), _CLIPS[0])
-        at = np.minimum(np.searchsorted(_CLIPS, clip, side="right") - 1, len(_CLIPS) - 2)
-        share = (clip - _CLIPS[at]) / (_CLIPS[at + 1] - _CLIPS[at])
-        blocks = np.arange(len(clip))
-        power = clipped[blocks, at] * (1.0 - share) + clipped[blocks, at + 1] * share
-        floored = np.maximum(power + _FLOOR * np.square(self.taps).sum(axis=1), 1e-12)
-        return clip, 1.0 / np.sqrt(floored), np.maximum(power / floored, 1e-6)
-
-    @cached_property
-    def model(self) -> _Model:
-        """All of it."""
-        clip, scale, quiet = self.tail
-        return _Model(
-            local=self.local,
-            taps=self.taps,
-            clip=clip,
-            scale=scale,
-            unsteady=np.maximum(self._unsteady, np.square(0.5 * np.log(quiet))),
-            slow=self._slow,
-            base=self._recent([_SUM])[:, 0],
-        )
-
-    @cached_property
-    def _unsteady(self) -> FloatArray:
-        """sigma^2: the greatest of three products of neighbouring powers, less what chance may make of it.
-
-        To it comes what short sums have of a heavy tail, which a gyro's outliers leave there though no sample shows it,
-        and what isn't known yet.
-        """
-        first, end = self._remembered
-        blocks = end - first
-        sums = self._sums([_SLOW, _FAST, _LOW, _SQUARES, _FOURTHS], first, end)
-        slow, fast, low, squares, fourths = (sums / blocks[:, np.newaxis]).T
-        chance = 2.0 / np.sqrt(blocks)  # two deviations of it
-        found = (slow - chance / self._rows, fast - 4.5 * chance / self._rows, low - 0.16 * chance)
-        kurtosis = fourths / np.maximum(squares, 1e-12) ** 2 - math.sqrt(24.0 / _SUB) * chance
-        tail = np.minimum(np.maximum(kurtosis - 3.0, 0.0), _HEAVIEST) / _TAILS
-        unknown = _UNSTEADY * np.square(_WORTH / (_WORTH + blocks))
-        return np.asarray(np.maximum(np.maximum.reduce(found), 0.0) + tail + unknown + _STEADIEST)
-
-    @property
-    def _slow(self) -> FloatArray:
-        """The variance of means that stays, however long they are: of some lengths the greatest excess over white's.
-
-        Of M blocks of L rows it is mean(S^2) / (M L)^2 less 1 / (M L) and that of the straight line through all, S the
-        blocks' sums: a drift is no noise. To it comes what isn't known yet.
-        """
-        first, end = self._remembered
-        blocks = (end - first)[:, np.newaxis]
-        lengths = np.array(_MEANS)
-        steady = np.square(self._sums([_SUM], first, end) / blocks) + self._trend(first, end)[:, np.newaxis]
-        excess = self._sums(_SQUARED_MEANS, first, end) / blocks - lengths / self._rows * steady - 1.0
-        chance = (1.0 + _WANDERING * self._unsteady[:, np.newaxis]) * np.sqrt(2.0 * lengths / blocks)
-        tells = (excess > _CHANCE * chance) & (_OF_BLOCKS * lengths <= blocks)
-        found = np.where(tells, excess / (lengths * self._rows), 0.0).max(axis=1)
-        unknown = _UNKNOWN_SLOW / self._rows * np.power(_WORTH / (_WORTH + blocks[:, 0]), 4)
-        return np.asarray(found + unknown)
-
-    def _trend(self, first: IntArray, end: IntArray) -> FloatArray:
-        """Return the variance of the straight line through the sums of some blocks."""
-        begin, blocks = int(first[0]), (end - first).astype(float)
-        own = self._table[begin : int(end[-1]), _SUM]
-        sums, moments = (np.concatenate([[0.0], np.cumsum(of)]) for of in (own, own * np.arange(len(own))))
-        total, moment = (of[end - begin] - of[first - begin] for of in (sums, moments))
-        along = moment - total * (0.5 * (first + end - 1.0) - begin)  # sums times how far they are from the middle
-        return np.asarray(12.0 * np.square(along) / (blocks**2 * np.maximum(blocks**2 - 1.0, 1.0)))
-
-    @property
-    def _remembered(self) -> tuple[IntArray, IntArray]:
-        """The first of the blocks that tell of steadiness, and the end of them."""
-        end = np.maximum(self._end - _LATE, np.minimum(self._end, _FIRST))
-        return np.maximum(end - _MEMORY, 0), end
 
 
 class NoiseFollower:
@@ -274,8 +115,8 @@ class NoiseFollower:
         self._loud = np.zeros(self._lasting - 1)  # sizes before the open block, as they are
         self._windows = sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
         self._typical = 0.0
-        self._ring = np.zeros((0, _LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
-        self._held: _Model | None = None
+        self._ring = np.zeros((0, LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
+        self._held: NoiseModel | None = None
         self._calm = self._held_for = 0
         self.first_level = math.nan  # as `level`, when it was first learnt
         self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
@@ -285,11 +126,11 @@ class NoiseFollower:
         self._told = 0  # rows of the open block that were returned
         self.row = row  # the next that will be returned
         self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
-        self._ends = _Ends.nothing(self._order)
+        self._ends = Ends.nothing(self._order)
         self._white = np.zeros(self._windows[-1])  # the last before the open block
-        self._open: _Learnt | None = None  # of the open block
+        self._open: LearntBlocks | None = None  # of the open block
         self._past: list[
-            tuple[int, _Model, float]
+            tuple[int, NoiseModel, float]
         ] = []  # of the blocks before: first rows, and the mean that was known
 
     @property
@@ -335,7 +176,7 @@ class NoiseFollower:
         self.first_rows = [rows for rows in self.first_rows if rows.stop > row]
         self._past = [part for part in self._past if part[0] + len(part[1].clip) * self._block > row]
 
-    def _as_one(self, model: _Model, block: int, mean: float) -> Whitener:
+    def _as_one(self, model: NoiseModel, block: int, mean: float) -> Whitener:
         """Return the two filters as one, from the raw residual to what is white."""
         calibrated, taps, scale = self._calibrated, model.taps[block], float(model.scale[block])
         return Whitener(
@@ -396,28 +237,28 @@ class NoiseFollower:
         count = (len(self._given) - self.order) // block
         rows = self._given[self.order : self.order + count * block, 0]
         there = np.flatnonzero(np.isfinite(rows).reshape(count, block).mean(axis=1) >= _LEAST_THERE)
-        if len(there) < _FIRST:
+        if len(there) < FIRST:
             return False
-        stop = (int(there[_FIRST - 1]) + 1) * block
+        stop = (int(there[FIRST - 1]) + 1) * block
         first = rows[:stop][np.isfinite(rows[:stop])]
         middle = float(np.median(first))
         most = 6.0 * float(np.median(np.abs(first - middle))) + 1e-300
         mean = float(np.mean(np.clip(first, middle - most, middle + most)))
         self._calibrated = replace(self._calibrated, mean=mean)
-        self._ends = _Ends.nothing(self._order)
+        self._ends = Ends.nothing(self._order)
         given = self._given[: self.order + stop]
         x, spread = self._behind_calibrated(given), given[self.order :, 1]
-        self._typical = max(1.4826 * float(np.nanmedian(np.abs(x[self._order :] / spread))), _LEAST)
+        self._typical = max(1.4826 * float(np.nanmedian(np.abs(x[self._order :] / spread))), LEAST)
         blocks = stop // block
-        learnt = _Learnt(np.zeros((0, self._ring.shape[1])), blocks, np.full(blocks, blocks), block)
+        learnt = LearntBlocks(np.zeros((0, self._ring.shape[1])), blocks, np.full(blocks, blocks), block)
         self._measure(learnt, x, spread)
-        self._ring = learnt.new[there[:_FIRST]]
+        self._ring = learnt.new[there[:FIRST]]
         if math.isnan(self.first_level):
             self.first_level = self.level
         self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
         return True
 
-    def _current(self) -> _Model:
+    def _current(self) -> NoiseModel:
         """Return what the open block is whitened by."""
         if self._held is not None:
             return self._held
@@ -425,45 +266,45 @@ class NoiseFollower:
             self._open = self._learnt(1)
         return self._open.model
 
-    def _learnt(self, blocks: int) -> _Learnt:
+    def _learnt(self, blocks: int) -> LearntBlocks:
         """Return what the next blocks will have learnt from those before each."""
         end = np.maximum(len(self._ring) + np.arange(blocks) - _GAP, 1)
-        return _Learnt(self._ring, blocks, end, self._block)
+        return LearntBlocks(self._ring, blocks, end, self._block)
 
     # ---- what blocks tell: each step stands on those before ----
 
     def _measure(
-        self, learnt: _Learnt, x: FloatArray, spread: FloatArray
-    ) -> tuple[tuple[FloatArray, IntArray, FloatArray], _Ends]:
+        self, learnt: LearntBlocks, x: FloatArray, spread: FloatArray
+    ) -> tuple[tuple[FloatArray, IntArray, FloatArray], Ends]:
         """Take all that blocks tell; return them as `_whitened` does, and what the next blocks look back at."""
         self._measure_sizes(learnt.new, x, spread)
         clipped = self._measure_colour(learnt.new, x, spread, learnt.local)
         self._measure_tail(learnt.new, x, spread, learnt.taps)
         white = self._whitened(x, spread, learnt.taps, *learnt.tail[:2])
-        return white, _Ends(clipped, *self._measure_steadiness(learnt.new, white[0]))
+        return white, Ends(clipped, *self._measure_steadiness(learnt.new, white[0]))
 
     def _measure_sizes(self, table: FloatArray, x: FloatArray, spread: FloatArray) -> None:
         own = x[self._order :] / spread
-        table[:, _COUNT] = np.isfinite(own).reshape(len(table), -1).sum(axis=1)
+        table[:, COUNT] = np.isfinite(own).reshape(len(table), -1).sum(axis=1)
         sizes = np.minimum(np.abs(own), 30.0 * self._typical)
-        table[:, _SIZE] = _filled(sizes).reshape(len(table), -1).sum(axis=1)
+        table[:, SIZE] = _filled(sizes).reshape(len(table), -1).sum(axis=1)
 
     def _measure_colour(self, table: FloatArray, x: FloatArray, spread: FloatArray, local: FloatArray) -> FloatArray:
         """Take products of samples some lags apart; return the clipped samples that the next rows' lags reach."""
-        most = np.repeat(_CLIPS[-1] * local, self._block)
+        most = np.repeat(CLIPS[-1] * local, self._block)
         own = _within(_filled(x[self._order :] / spread), most)
         joined = np.concatenate([self._ends.clipped, own])
         for lag in range(self._order + 1):
             products = own * joined[self._order - lag : len(joined) - lag]
-            table[:, _LAGS.start + lag] = products.reshape(len(table), -1).sum(axis=1)
+            table[:, LAGS.start + lag] = products.reshape(len(table), -1).sum(axis=1)
         return joined[len(joined) - self._order :]
 
     def _measure_tail(self, table: FloatArray, x: FloatArray, spread: FloatArray, taps: FloatArray) -> None:
         own = _filled(self._second(x, taps) / spread)
-        for i, most in enumerate(_CLIPS.tolist()):
+        for i, most in enumerate(CLIPS.tolist()):
             squares = np.square(_within(own, most))
-            table[:, _CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
-        table[:, _FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
+            table[:, CLIPPED.start + i] = squares.reshape(len(table), -1).sum(axis=1)
+        table[:, FOURTH] = np.square(squares).reshape(len(table), -1).sum(axis=1)
 
     def _measure_steadiness(self, table: FloatArray, z: FloatArray) -> tuple[FloatArray, float, FloatArray]:
         """Take means, and products of the powers of neighbouring blocks, and of their parts, each less 1.
@@ -471,24 +312,24 @@ class NoiseFollower:
         Return the last of these powers, and of the blocks' sums.
         """
         there = _filled(z)
-        table[:, _SUM] = there.reshape(len(table), -1).sum(axis=1)
+        table[:, SUM] = there.reshape(len(table), -1).sum(axis=1)
         sums_before = self._measure_means(table)
         powers, bursts, sums = self._powers_of(there)
-        table[:, _SQUARES], table[:, _FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
-        both, lags = np.concatenate([self._ends.powers, powers]), _NEIGHBOURS
+        table[:, SQUARES], table[:, FOURTHS] = (np.power(sums, power).mean(axis=1) for power in (2, 4))
+        both, lags = np.concatenate([self._ends.powers, powers]), NEIGHBOURS
         before = sum(both[lags - lag : len(both) - lag] for lag in range(1, lags + 1)) / lags
-        table[:, [_SLOW, _LOW]] = both[lags:] * before
+        table[:, [SLOW, LOW]] = both[lags:] * before
         parts = np.concatenate([[self._ends.burst], bursts.ravel()])
-        table[:, _FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
+        table[:, FAST] = (parts[1:] * parts[:-1]).reshape(bursts.shape).mean(axis=1)
         return both[-lags:], float(parts[-1]), sums_before
 
     def _measure_means(self, table: FloatArray) -> FloatArray:
         """Take squares of sums over some blocks, over their rows; return the last blocks' sums."""
-        own = np.concatenate([self._ends.sums, table[:, _SUM]])
+        own = np.concatenate([self._ends.sums, table[:, SUM]])
         sums = np.concatenate([[0.0], np.cumsum(own)])
         stop = np.arange(len(self._ends.sums), len(own)) + 1
-        for i, length in enumerate(_MEANS):
-            table[:, _SQUARED_MEANS.start + i] = np.square(sums[stop] - sums[stop - length]) / (length * self._block)
+        for i, length in enumerate(MEANS):
+            table[:, SQUARED_MEANS.start + i] = np.square(sums[stop] - sums[stop - length]) / (length * self._block)
         return own[-len(self._ends.sums) :]
 
     def _powers_of(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -497,7 +338,7 @@ class NoiseFollower:
         A block a row.
         """
         blocks = z.reshape(-1, self._block)
-        parts = blocks[:, : self._block // _SUB * _SUB].reshape(len(blocks), _SUB, -1)
+        parts = blocks[:, : self._block // SUB * SUB].reshape(len(blocks), SUB, -1)
         sums = _within(parts.sum(axis=2) / math.sqrt(parts.shape[2]), _MOST_SUM)
         powers = np.column_stack([np.square(blocks).mean(axis=1), np.square(sums).mean(axis=1)])
         bursts = np.square(parts).mean(axis=2)
@@ -594,10 +435,10 @@ class NoiseFollower:
 
     def _remember(self, table: FloatArray) -> None:
         """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
-        there = table[:, _COUNT] >= _LEAST_THERE * self._block
+        there = table[:, COUNT] >= _LEAST_THERE * self._block
         self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
 
-    def _suspected(self, joined: FloatArray, model: _Model) -> IntArray:
+    def _suspected(self, joined: FloatArray, model: NoiseModel) -> IntArray:
         """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does.
 
         Rows before the blocks come first.
@@ -627,7 +468,7 @@ class NoiseFollower:
         if healthy > 0:
             self._remember(table[:healthy])
         else:
-            self._ring = self._ring[: max(len(self._ring) + healthy, min(len(self._ring), _FIRST))]
+            self._ring = self._ring[: max(len(self._ring) + healthy, min(len(self._ring), FIRST))]
         self._held = self._learnt(1).model
         self._calm = self._held_for = 0
 
@@ -637,7 +478,7 @@ class NoiseFollower:
             self._calm = 0 if is_suspected else self._calm + 1
             self._held_for += 1
             if self._calm == _CALM:
-                self._held, self._ends = None, _Ends.nothing(self._order)
+                self._held, self._ends = None, Ends.nothing(self._order)
                 return done
             if self._held_for == _LONGEST:
                 self._reset()
@@ -646,7 +487,7 @@ class NoiseFollower:
 
     def _reset(self) -> None:
         self._ring, self._held, self._open = self._ring[:0], None, None
-        self._ends = _Ends.nothing(self._order)
+        self._ends = Ends.nothing(self._order)
 
 
 def _filled(values: FloatArray) -> FloatArray:
@@ -657,7 +498,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 def _loudest(clip: FloatArray) -> FloatArray:
     """Return what a gross outlier counts for, by the clip of the noise that it is in."""
-    return np.where(clip == _CLIPS[-1], _LOUDEST, clip)
+    return np.where(clip == CLIPS[-1], _LOUDEST, clip)
 
 
 def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
