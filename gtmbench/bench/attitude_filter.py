@@ -155,7 +155,7 @@ def filtering(estimator: AttitudeEstimator, sample_period_s: float) -> Filter:
 
     def step(time_s: float, gyros: Sequence[float], reference: Sequence[float]) -> Sequence[float]:
         nonlocal rates, bias, angles
-        now = [_held(*each) for each in zip(GYROS, gyros, rates, strict=True)]
+        now = [_rate_or_last(*each) for each in zip(GYROS, gyros, rates, strict=True)]
         before, rates = rates, now
         if not angles:
             angles = list(reference)
@@ -187,7 +187,7 @@ def reference_noise(deviation_deg: float, seed: int, samples: int, block: int) -
         yield noise
 
 
-def _held(name: str, rate: float, before: float) -> float:
+def _rate_or_last(name: str, rate: float, before: float) -> float:
     """Return a gyro's reading, or its last one where it is missing."""
     if math.isnan(rate):
         return before

@@ -48,7 +48,7 @@ def trimmed_engine(
         fixed = _fixed(aircraft, altitude_ft, tas_kt)
         found = trimmed_by_jsbsim(aircraft, fixed | aircraft.guess | {"theta": aircraft.guess["alpha"]})
         if found and np.all(np.abs(_accelerations(found[0])) < _JSBSIMS_TOLERANCE):
-            return found[0], _read(*found)
+            return found[0], _trim_flown(*found)
         raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
 
 
@@ -95,7 +95,7 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
         with simulating(fdm, aircraft), silenced():
             left = accelerations(fdm, x)
         if np.all(np.abs(left) < TOLERANCE):
-            return fdm, _read(fdm, condition(x))
+            return fdm, _trim_flown(fdm, condition(x))
     raise TrimError(_failure(aircraft, fixed, x, left, low, high))
 
 
@@ -166,7 +166,7 @@ def _rounded(angle_deg: float) -> float:
     return round(angle_deg, _DECIMALS) + 0.0
 
 
-def _read(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
+def _trim_flown(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
     knots = CHANNELS["tas"].scale
     return Trim(
         altitude_ft=at["altitude"],

@@ -162,7 +162,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         scenarios = _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
-        recorded = _known("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
+        recorded = _known_keys("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
             scenarios=scenarios,
@@ -222,7 +222,7 @@ def _is_file_of_detector(name: str) -> bool:
 
 
 def _tolerances(given: Any) -> dict[str, Tolerance]:
-    stated = _known("tolerances", given, TOLERATED)
+    stated = _known_keys("tolerances", given, TOLERATED)
     return {name: parse_tolerance(f"tolerances.{name}", stated.get(name, RULES[name].tolerance)) for name in TOLERATED}
 
 
@@ -230,7 +230,7 @@ def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
     groups = {}
     for name, figures in table_of(kind, given).items():
         where = f"{kind}.{name}"
-        own = _known(where, figures, KINDS[kind][1])
+        own = _known_keys(where, figures, KINDS[kind][1])
         groups[name] = {key: _value_of(f"{where}.{key}", RULES[key].form, value) for key, value in own.items()}
     return groups
 
@@ -252,7 +252,7 @@ def _real(where: str, given: Any) -> float:
     return given if isinstance(given, float) else number(where, given)
 
 
-def _known(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, Any]:
+def _known_keys(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, Any]:
     return keys(table_of(section, given), legal, section=section)
 
 

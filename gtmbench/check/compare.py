@@ -111,7 +111,7 @@ def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str
     gone: list[str] = []
     for pair in pairs(recorded, groups):
         if pair.was is not None and pair.now is not None:
-            held.append(_held(pair, pair.was, pair.now, tolerances.get(pair.figure, Tolerance())))
+            held.append(_compared(pair, pair.was, pair.now, tolerances.get(pair.figure, Tolerance())))
         elif not pair.explained:
             (new if pair.was is None else gone).append(pair.text)
     if new or gone:
@@ -152,7 +152,7 @@ def _numbers(value: Value | None) -> tuple[Number, ...]:
     return value if isinstance(value, tuple) else () if value is None else (value,)
 
 
-def _held(pair: Pair, was: Number, now: Number, tolerance: Tolerance) -> Compared:
+def _compared(pair: Pair, was: Number, now: Number, tolerance: Tolerance) -> Compared:
     worse = pair.rule.worse
     around = tolerance.around(was) if math.isfinite(was) else 0.0
     low, high = was - around, was + around

@@ -80,7 +80,7 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
     own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
     found = [
         *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
-        *({"text": f"{one.entity} {one.field}: {_shown(one.a)}, {_shown(one.b)}"} for one in comparison.verdicts),
+        *({"text": f"{one.entity} {one.field}: {_cell(one.a)}, {_cell(one.b)}"} for one in comparison.verdicts),
         *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
         *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
     ]
@@ -102,7 +102,7 @@ def _print(comparison: Comparison, a: Path, b: Path) -> None:
         rows = [_row(line) for line in comparison.lines]
         _table("Series that differ, the worst first", ["series", *names], rows, right=names)
     if comparison.verdicts:
-        rows = [[field.entity, field.field, _shown(field.a), _shown(field.b)] for field in comparison.verdicts]
+        rows = [[field.entity, field.field, _cell(field.a), _cell(field.b)] for field in comparison.verdicts]
         _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
     if comparison.told:
         rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
@@ -145,7 +145,7 @@ def _row(line: LineDifference) -> list[str]:
     return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
 
 
-def _shown(value: float | str | None) -> str:
+def _cell(value: float | str | None) -> str:
     return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
 
 

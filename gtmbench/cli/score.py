@@ -90,12 +90,12 @@ def _row(row: Scored) -> list[str]:
         injection_text(row.injection),
         "-" if row.delay_s is None else f"{row.delay_s:.2f}",
         row.alarm.verdict if row.alarm is not None else "nothing",
-        f"not scored: {row.why_not}" if row.why_not else _said(row),
+        f"not scored: {row.why_not}" if row.why_not else _score_cell(row),
         "-" if row.word_delay_s is None else f"{row.word_delay_s:.2f}",
         row.word.text if row.word is not None else "nothing",
     ]
 
 
-def _said(row: Scored) -> str:
+def _score_cell(row: Scored) -> str:
     after = "" if row.named_delay_s is None else f" after {row.named_delay_s:.1f} s"
     return f"{row.said}{after}" if row.said else "missed"

@@ -39,7 +39,7 @@ def adapted(given: Any, called: str | None = None) -> Detector | Monitor:
         Saying what is missing.
     """
     if isinstance(given, type):
-        given = _made(given)
+        given = _instance_of(given)
     if isinstance(given, Bank):
         return BankDetector(bank=given)
     for mark, what, wanted in (("watch", "Monitor", _MONITOR), ("calibrate", "Detector", _DETECTOR)):
@@ -75,7 +75,7 @@ def installed(name: str) -> Detector | Monitor:
     return adapted(load_installed(DETECTORS, name), name)
 
 
-def _made(cls: type) -> Any:
+def _instance_of(cls: type) -> Any:
     """Return an object of a class that needs nothing to be made."""
     try:
         return cls()

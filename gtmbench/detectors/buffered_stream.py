@@ -137,7 +137,7 @@ class BufferedStream:
         numbers: dict[int, int] = {}  # in the buffer's watch -> in the stream
         alarms, told = dict(self._alarms), []
         for alarm in watched:
-            old = self._known(alarm, slack_s)
+            old = self._known_alarm(alarm, slack_s)
             if old is None and not self._buffer.end_s + slack_s < alarm.time_s <= record.end_s + slack_s:
                 continue  # still to come, or seen only because the buffer begins where it does
             number = numbers[alarm.number] = len(alarms) if old is None else old.number
@@ -148,7 +148,7 @@ class BufferedStream:
                 told.append(now)
         return alarms, tuple(told)
 
-    def _known(self, alarm: Alarm, slack_s: float) -> Alarm | None:
+    def _known_alarm(self, alarm: Alarm, slack_s: float) -> Alarm | None:
         for old in reversed(self._alarms.values()):
             same = (old.source, old.test) == (alarm.source, alarm.test)
             if same and abs(old.time_s - alarm.time_s) <= slack_s:

@@ -124,13 +124,13 @@ class Installation:
         # rates half-way between what the attitude tells and where it has to go: of these two rows
         half = 0.5 * (late - whole)
         steps = np.minimum(np.floor(half), np.maximum(whole, 0)).astype(int)
-        newer = _taken(gyros, told - steps)
+        newer = _at_rows(gyros, told - steps)
         # between two rows: linear
-        between = newer + (half - steps)[:, np.newaxis] * (_taken(gyros, told - steps - 1) - newer)
+        between = newer + (half - steps)[:, np.newaxis] * (_at_rows(gyros, told - steps - 1) - newer)
         # what a gyro reads of the other axes, from differences of the attitude, which holds no gyro's fault
-        read = _taken(angles, before)
+        read = _at_rows(angles, before)
         back = max(1, round(_ACROSS_S / period_s))
-        seen = [read, *(_taken(angles, before - times * back) for times in (1, 2))]
+        seen = [read, *(_at_rows(angles, before - times * back) for times in (1, 2))]
         other = self._of_other_axes(seen, back * period_s)
         own = np.diag(self.gyros)
         slopes = _slopes((between - other) / own, read)
@@ -140,11 +140,11 @@ class Installation:
         part = record.part(rows)
         # a gyro's reading is E (p, q, r): its own axis over the scale, less the other axes' part
         values = np.array(part.values, order="F")
-        values[:, part.columns(GYROS)] = (_taken(gyros, told) - other) / own
+        values[:, part.columns(GYROS)] = (_at_rows(gyros, told) - other) / own
         values[:, part.columns(ATTITUDE)] = moved
         there = np.array(part.there)
         for names, taken in ((GYROS, told), (ATTITUDE, before)):  # beside a pause a sample is there, if not known
-            there[:, part.columns(names)] = _taken(record.select(names).there.astype(np.float64), taken) == 1.0
+            there[:, part.columns(names)] = _at_rows(record.select(names).there.astype(np.float64), taken) == 1.0
         corrected = Record(values, channels=part.channels, sample_period_s=period_s, start_s=part.start_s, there=there)
         return corrected, int(whole[-1])
 
@@ -175,7 +175,7 @@ def _waited(late: FloatArray, waited: int, most: float) -> Rows:
     return whole
 
 
-def _taken(columns: FloatArray, rows: Rows) -> FloatArray:
+def _at_rows(columns: FloatArray, rows: Rows) -> FloatArray:
     """Return some rows, NaN where there is none."""
     there = (rows >= 0) & (rows < len(columns))
     return np.where(there[:, np.newaxis], columns[np.clip(rows, 0, len(columns) - 1)], np.nan)

@@ -223,7 +223,7 @@ class Learner:
     def _tell(self) -> None:
         covariance = np.asarray(np.linalg.inv(self._hessian), dtype=np.float64)
         off = np.asarray(covariance @ self._right - self._plain, dtype=np.float64)
-        state = _shown(off, np.asarray(covariance + np.diag(_BLUNT**2)))
+        state = _shown_unknowns(off, np.asarray(covariance + np.diag(_BLUNT**2)))
         beyond = self._beyond(state + self._plain)
         state[:_E] *= ~np.repeat(beyond[:_E].reshape(3, 3).any(axis=1), 3)
         state[_TIME:] *= not beyond[_TIME:].any()
@@ -240,7 +240,7 @@ class Learner:
         return np.asarray(np.abs(state - self._plain) > _WITHIN * _HEALTHY)
 
 
-def _shown(state: FloatArray, covariance: FloatArray) -> FloatArray:
+def _shown_unknowns(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the unknowns given that those are 0 which aren't shown decisively, the least shown first."""
     left = list(range(len(state)))
     state = state.copy()

@@ -79,7 +79,7 @@ def save_monitor(monitor: Monitor, path: str | Path) -> None:
     path = Path(path)
     try:
         content = _text(monitor)
-        kept = _kept(_parsed(content))
+        kept = _kept_document(_parsed(content))
         if kept.detector in BUILT_IN:
             BUILT_IN[kept.detector](kept.figures, kept.provenance)
     except (TypeError, ValueError, RecursionError) as error:  # an InputError is a ValueError
@@ -123,7 +123,7 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
     try:
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
         document = _parsed(path.read_text(encoding="utf-8"))
-        kept = _kept(document)
+        kept = _kept_document(document)
         if KEY not in document:
             why = f"{path} carries no digest, so whether it was altered can't be told; calibrate anew, or save it again"
             warnings.warn(NoteWarning(why), stacklevel=2)
@@ -143,7 +143,7 @@ def check_monitor(path: Path) -> None:
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
         if KEY not in (document := _parsed(path.read_text(encoding="utf-8"))):
             raise InputError("it carries no digest")
-        _kept(document)
+        _kept_document(document)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +199,7 @@ def _restored_by(detector: Detector | Monitor, kept: _Kept) -> Monitor:
     return monitor
 
 
-def _kept(document: Any) -> _Kept:
+def _kept_document(document: Any) -> _Kept:
     """Check the envelope; version 1 held a bank's figures beside the other keys."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("it isn't a monitor of gtmbench; `gtmbench calibrate` writes one")

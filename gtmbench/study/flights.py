@@ -46,14 +46,14 @@ class Flown:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
         if number not in self._last:  # the trials of a record ask for it one after the other
             self._last.clear()
-            self._last[number] = self._told(self._measured(number), self.flight, number)
+            self._last[number] = self._with_setups_attitude(self._measured(number), self.flight, number)
         return self._last[number]
 
     def _measured(self, number: int) -> Record:
         setup, seed = self.setup, _noise_seed(self.setup, number)
         return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands)
 
-    def _told(self, readings: Record, truth: Record, number: int) -> Record:
+    def _with_setups_attitude(self, readings: Record, truth: Record, number: int) -> Record:
         """Return readings with the setup's attitude, made of these gyros where an estimator makes it."""
         estimated = estimated_attitude(readings, truth, self.setup.attitude, _noise_seed(self.setup, number))
         return with_late_attitude(estimated, self.setup.attitude_late_s)
@@ -73,7 +73,7 @@ class Flown:
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         sensed = Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
-        return self._told(sensed, truth, number)
+        return self._with_setups_attitude(sensed, truth, number)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
@@ -95,7 +95,7 @@ class Flown:
         """
         healthy = self.sensed(number)
         if self.bends(faults):
-            bent = self._told(inject(self._measured(number), faults), self.flight, number)
+            bent = self._with_setups_attitude(inject(self._measured(number), faults), self.flight, number)
             healthy = _with_attitude(healthy, bent)
         return inject(healthy, faults)
 
@@ -133,7 +133,7 @@ class FlownInLoop(Flown):
         injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
         if self.setup.attitude != OWN:
-            unbroken = _with_attitude(unbroken, self._told(flight.sensed, flight.truth, number))
+            unbroken = _with_attitude(unbroken, self._with_setups_attitude(flight.sensed, flight.truth, number))
         return injection, unbroken
 
 

@@ -118,12 +118,12 @@ def load_scenario(source: str | Path) -> Scenario:
     >>> [(fault.kind, fault.channel, fault.onset_s) for fault in scenario.faults][0]
     ('drift', 'p', 300.0)
     """
-    path, table = _read(source)
+    path, table = _scenario_tables(source)
     with naming(path):
-        return _held(scenario_of(path.stem, table))
+        return _fits_in_memory(scenario_of(path.stem, table))
 
 
-def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
+def _scenario_tables(source: str | Path) -> tuple[Path, dict[str, Any]]:
     """Return the path and the tables of a scenario; ``faults/drift.toml`` is the one that ships where there is none."""
     shipped, given = shipped_scenarios(), Path(source)
     if given.parent.name == "faults" and given.stem in shipped and not is_file(given):
@@ -147,7 +147,7 @@ def scenario_of(name: str, table: dict[str, Any]) -> Scenario:
     return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
 
 
-def _held(scenario: Scenario) -> Scenario:
+def _fits_in_memory(scenario: Scenario) -> Scenario:
     """Refuse a scenario whose trials can't be held in memory together, as a run's are."""
     trials, duration_s = len(scenario.faults), scenario.setup.duration_s
     if trials > _MOST_TRIALS:
@@ -184,7 +184,7 @@ def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
     >>> [trial.text for trial in load_faults("jam")]
     ['jam of p, from 300 s', 'jam of q, from 300 s', 'jam of r, from 300 s']
     """
-    path, table = _read(source)
+    path, table = _scenario_tables(source)
     with naming(path):
         text("title", table.pop("title", path.stem))
         blocks = table.pop("faults", None)
@@ -277,7 +277,7 @@ def _table(of: type) -> Callable[[str, Any], Any]:
     return check
 
 
-def _known(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
+def _name_among(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
     def check(key: str, value: Any) -> str:
         if not isinstance(value, str):
             raise InputError(f"{key} is {shown(value)}; it must be a text")
@@ -307,8 +307,8 @@ def _times(key: str, value: Any) -> Span:
 
 
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
-    "aircraft": _known(load_aircraft),
-    "excitation": _known(parts_of),
+    "aircraft": _name_among(load_aircraft),
+    "excitation": _name_among(parts_of),
     "duration_s": lambda key, value: number(key, value, 0.0, LONGEST_S, above=True),
     "snr": lambda key, value: None if value is None else number(key, value, *SNR_SPAN),
     "noise": _noise,

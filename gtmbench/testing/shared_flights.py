@@ -61,14 +61,14 @@ def _flown(aircraft: str | Path, excitation: str, duration_s: float, seed: int) 
     path = shared / f"{hashlib.sha256(arguments.encode()).hexdigest()[:16]}.npz"
     with FileLock(path.with_suffix(".lock")):  # the system gives it back should its process die
         if path.is_file():
-            return _read(path)
+            return _record_from(path)
         flight = fly(aircraft, excitation, duration_s, seed)
         with atomic_write(path) as aside:
             np.savez(aside, values=flight.values, channels=flight.channels, times_s=[flight.sample_period_s])
         return flight
 
 
-def _read(path: Path) -> Record:
+def _record_from(path: Path) -> Record:
     with np.load(path, allow_pickle=False) as stored:  # arrays of numbers and words only
         return Record(
             stored["values"], channels=stored["channels"].tolist(), sample_period_s=float(stored["times_s"][0])

@@ -281,7 +281,7 @@ def test_a_flight_that_holds_pickled_objects_is_refused(tmp_path):
 
     np.savez(tmp_path / "flight.npz", values=np.array([Evil()], dtype=object), channels=["p"], times_s=[0.01])
     with pytest.raises(ValueError, match="allow_pickle"):
-        shared_flights._read(tmp_path / "flight.npz")
+        shared_flights._record_from(tmp_path / "flight.npz")
     assert not (tmp_path / "ran").exists()
 
 

@@ -92,7 +92,7 @@ class Regime:
 
     def excursions(self, record: Record, events: Iterable[Event] = ()) -> tuple[Excursion, ...]:
         """Return the stretches of a record that are beyond it, and those about what the log tells of, in time."""
-        told = [excursion for event in events if (excursion := _told(event, record)) is not None]
+        told = [excursion for event in events if (excursion := _excursion_of(event, record)) is not None]
         return _joined([*self.stretches(record), *told])
 
     def stretches(self, record: Record) -> list[Excursion]:
@@ -186,7 +186,7 @@ def _stretches(turning: BoolArray, force: BoolArray, row: int, start_s: float, p
     return found
 
 
-def _told(event: Event, record: Record) -> Excursion | None:
+def _excursion_of(event: Event, record: Record) -> Excursion | None:
     """Return the stretch about an event; None where it lies beside the record, or changes nothing."""
     if event.kind not in _ABOUT:
         return None

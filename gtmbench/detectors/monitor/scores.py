@@ -318,7 +318,7 @@ class Track:
             return
         end = len(self._rows) if self._whole else int(np.searchsorted(self._rows, stop + _BLOCK))
         begin = max(self._judged - self._looks_back, 0)
-        given = _given(self._samples[begin:end], self._test.rows(self._period_s))
+        given = _given_of(self._samples[begin:end], self._test.rows(self._period_s))
         for first in range(self._judged, end, _BLOCK):
             self._judged = min(first + _BLOCK, end)
             at = range(first - begin, self._judged - begin)
@@ -425,7 +425,7 @@ def _matrix(given: Given) -> FloatArray:
     return np.column_stack([*noise, given.plain, given.uncertain, *given.means.values()])
 
 
-def _given(samples: FloatArray, windows: list[int]) -> Given:
+def _given_of(samples: FloatArray, windows: list[int]) -> Given:
     values, unsteady, slow = (np.ascontiguousarray(samples[:, i]) for i in range(3))
     plain, uncertain, means = (values, values, {})
     if samples.shape[1] > 3:

@@ -60,9 +60,9 @@ class KinematicKalmanFilter(Rival):
                     tap, constant = _fir(gyro, own, lags, gain)
                 else:
                     constant = float(
-                        np.mean(np.concatenate([_left(*pair, tap, 0.0) for pair in zip(gyro, own, strict=True)]))
+                        np.mean(np.concatenate([_misfit(*pair, tap, 0.0) for pair in zip(gyro, own, strict=True)]))
                     )
-                gain = _gain([_left(*pair, tap, constant) for pair in zip(gyro, own, strict=True)])
+                gain = _gain([_misfit(*pair, tap, constant) for pair in zip(gyro, own, strict=True)])
             taps.append(tap)
             constants.append(constant)
             gains.append(gain)
@@ -104,7 +104,7 @@ class _Innovations:
         return innovations
 
 
-def _left(gyro: FloatArray, increments: FloatArray, taps: FloatArray, constant: float) -> FloatArray:
+def _misfit(gyro: FloatArray, increments: FloatArray, taps: FloatArray, constant: float) -> FloatArray:
     """Return what a gyro leaves of the attitude's increments, where all is there."""
     left = increments[len(taps) - 1 :] - np.convolve(gyro, taps, "valid") - constant
     return left[np.isfinite(left)]

@@ -63,7 +63,7 @@ def check_sight(
     """
     units = {"energy": deviation, "level": np.inf}  # a level has a unit of its own, and no bound
     unit = units.get(statistic.name, 1.0)
-    healthy, seen = _seen(statistic, tolerance, sample_period_s)
+    healthy, seen = _extremes(statistic, tolerance, sample_period_s)
     for label, threshold in thresholds.items():
         if threshold < 0.0 <= healthy[label][0]:
             raise InputError(
@@ -84,7 +84,7 @@ def check_sight(
 
 
 @lru_cache(maxsize=64)
-def _seen(
+def _extremes(
     statistic: Statistic, tolerance: Tolerance, sample_period_s: float
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
     """Return what each test is on healthy noise, least and greatest, and the greatest under faults that must be seen.

@@ -75,7 +75,7 @@ def _figure(watched: WatchedLog) -> Figure:
     widths = [12.0 - 3.0 * bool(faults), *(5.0 for _ in faults)]
     figure, axes = panels(len(heights), len(spans), (sum(widths), 2.0 + sum(heights)), heights, widths)
     if seen:
-        _seen(axes.pop(), seen)
+        _draw_certificate(axes.pop(), seen)
     for column, span in enumerate(spans):
         _column([row[column] for row in axes], watched, parts, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
@@ -84,7 +84,7 @@ def _figure(watched: WatchedLog) -> Figure:
     return figure
 
 
-def _seen(axes: Sequence[Axes], lines: Sequence[str]) -> None:
+def _draw_certificate(axes: Sequence[Axes], lines: Sequence[str]) -> None:
     """Write the certificate, below everything."""
     for axis in axes:
         axis.set_axis_off()

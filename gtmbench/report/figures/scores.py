@@ -47,7 +47,7 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
         silent = one.curve.detected[one.curve.alarmed == 0.0]
         ends[one.name] = float(shares[-1]) if len(shares) else float(silent[-1])
         at_own = float(one.curve.detected[one.curve.factors >= 1.0][-1]) if (one.curve.factors >= 1.0).any() else 0.0
-        _mark(axis, one.false_alarms.value or 0.0, at_own, _left(detectors), own)
+        _mark(axis, one.false_alarms.value or 0.0, at_own, _place_of_none(detectors), own)
     _draw_target(axis, target_per_hour)
     axis.set_ylim(0.0, 1.03)
     axis.set_ylabel("share of faults detected")
@@ -63,7 +63,7 @@ def delay_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
     """
     figure, axes = panels(1, 1, beside_labels(len(detectors)))
     axis = axes[0][0]
-    ends, left = {}, _left(detectors)
+    ends, left = {}, _place_of_none(detectors)
     axis.set_yscale("log")
     for one in detectors:
         if one.price is None:
@@ -102,7 +102,7 @@ def _draw_target(axis: Axes, target_per_hour: float) -> None:
     axis.set_xlabel("false alarms an hour (◁: none was seen)")
 
 
-def _left(detectors: Sequence[DetectorScores]) -> float:
+def _place_of_none(detectors: Sequence[DetectorScores]) -> float:
     """Return where a rate of none is drawn: left of every other."""
     rates = [one.curve.per_hour[one.curve.per_hour > 0.0].min(initial=np.inf) for one in detectors if one.curve]
     found = min([*rates, 10.0])

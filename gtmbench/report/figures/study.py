@@ -206,7 +206,7 @@ def _grid(trials: Sequence[Trial], heights: list[float]) -> tuple[Figure, list[l
 def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequence[Trial], what: str) -> Figure:
     """Give the upper axes their titles, the figure its own and one legend."""
     for axis, trial in zip(places, trials, strict=False):
-        lines = [*textwrap.wrap(trial_text(trial), _TITLE), *textwrap.wrap(_said(trial), _TITLE)]
+        lines = [*textwrap.wrap(trial_text(trial), _TITLE), *textwrap.wrap(_trial_text(trial), _TITLE)]
         axis.set_title(as_it_is("\n".join(lines)), fontsize="small")
     one_legend(figure, places, columns=8)
     rest = len(trials) - _MOST_TRIALS
@@ -276,7 +276,7 @@ def _mark(axis: Axes, trial: Trial) -> None:
     draw_alarm(axis, trial.alarm_time_s, trial.isolated_s)
 
 
-def _said(trial: Trial) -> str:
+def _trial_text(trial: Trial) -> str:
     counting = counting_alarm(trial)
     if counting is None:
         return f"missed: {trial.reason}"

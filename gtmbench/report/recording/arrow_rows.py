@@ -48,7 +48,7 @@ def _batches(chunks: Iterable[Chunk]) -> Iterator[pa.RecordBatch]:
     count = 0
     for chunk in chunks:
         batch, entity = chunk.to_record_batch(), chunk.entity_path
-        of_lines, said = list(_lines(batch)), list(_told(batch))
+        of_lines, said = list(_lines(batch)), list(_events_of(batch))
         count += len(said) + sum(len(values) for _, _, values in of_lines)
         if count > _MOST_ROWS:
             raise ValueError(f"more than {_MOST_ROWS} rows")
@@ -117,7 +117,7 @@ def _lines(batch: pa.RecordBatch) -> Iterator[Line]:
             yield f"{name.partition(':')[2]} {axis[number]}" if axis else number, time_s[at], numbers[at]
 
 
-def _told(batch: pa.RecordBatch) -> Iterator[Told]:
+def _events_of(batch: pa.RecordBatch) -> Iterator[Told]:
     """Give what has words: events, verdicts, and Markov parameters with their lags."""
     if "TextLog:text" in batch.schema.names:
         levels = batch.column("TextLog:level").to_pylist()

@@ -164,7 +164,12 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None
             for name in common
             if not _alike(fields_a[name], fields_b[name], tolerance)
         ),
-        told=tuple(sorted([*_told("A", told_a - told_b), *_told("B", told_b - told_a)], key=lambda told: told.time_s)),
+        told=tuple(
+            sorted(
+                [*_events_only_in("A", told_a - told_b), *_events_only_in("B", told_b - told_a)],
+                key=lambda told: told.time_s,
+            )
+        ),
     )
 
 
@@ -200,7 +205,7 @@ def events(frame: pd.DataFrame) -> Counter[Told]:
     return Counter(zip(rows.entity, rows.time_s, rows.series, rows.text, strict=True))
 
 
-def _told(which: str, told: Counter[Told]) -> Iterator[EventDifference]:
+def _events_only_in(which: str, told: Counter[Told]) -> Iterator[EventDifference]:
     for entity, time_s, level, text in told.elements():
         yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
 

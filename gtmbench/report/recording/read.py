@@ -63,7 +63,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     >>> float(verdict.value["alarm_time_s"])
     301.25
     """
-    table = _read(Path(path), "rows")
+    table = _table_of(Path(path), "rows")
     application = _application(table)
     if application != "gtmbench":
         raise InputError(f"{path} is a recording of {shown(application)}; give one that `gtmbench run` has written")
@@ -95,14 +95,14 @@ def check_recording(path: Path) -> None:
     ------
     InputError
     """
-    _read(path)
+    _table_of(path)
 
 
 def _application(table: pa.Table) -> str:
     return str(table.schema.metadata[b"application"].decode(errors="replace"))
 
 
-def _read(path: Path, *what: str) -> pa.Table:
+def _table_of(path: Path, *what: str) -> pa.Table:
     """Return what `arrow_rows.py` makes of a file, in a process of its own: rerun's reader may end it."""
     if not is_file(path):
         raise InputError(no_such(path, "`gtmbench run` writes one"))

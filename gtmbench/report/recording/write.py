@@ -149,7 +149,7 @@ _OUTCOME = (
 
 def write_recording(study: Study, path: Path) -> None:
     """Write a study with its blueprint; every viewer of the same rerun version opens it ready to read."""
-    placed = [_placed(study, baseline) for baseline in study.baselines]
+    placed = [_placed_trials(study, baseline) for baseline in study.baselines]
     baseline = study.baseline
     names = ", ".join(title_text(detector.monitor) for detector in study.baselines)
     name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
@@ -173,7 +173,7 @@ def _moments(study: Study) -> list[tuple[float, str]]:
     return marks + [(time_s, f"first alarm, {time_s:.2f} s") for time_s in sorted(alarms_s)[:1]]
 
 
-def _placed(study: Study, baseline: Baseline) -> Placed:
+def _placed_trials(study: Study, baseline: Baseline) -> Placed:
     trials = study.trials_of(baseline.detector)
     root = entity("/detectors", baseline.detector) if len(study.baselines) > 1 else ""
     paths = [f"{root}{path}" for path in trial_paths(trials)]

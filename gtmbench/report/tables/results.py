@@ -128,7 +128,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
         **told,
         "candidates": " ".join(row["candidates"]),
         "also": "; ".join(map(_in_words, row["also"])),
-        "expected": "" if row["expected"] is None else _said(row["expected"]),
+        "expected": "" if row["expected"] is None else _expectation_text(row["expected"]),
         "unexpected": "; ".join(row["unexpected"]),
         **_figures(row),
     }
@@ -173,7 +173,7 @@ def _in_words(also: Mapping[str, Any]) -> str:
     return f"{also['fault']} of {also['channel']} at {also['onset_s']!r} {figures}".rstrip()
 
 
-def _said(expected: Mapping[str, Any]) -> str:
+def _expectation_text(expected: Mapping[str, Any]) -> str:
     """Write what is expected in a cell: ``detect_within_s=2.0 isolate_as=p``."""
     listed = {**expected, "isolate_as": ",".join(expected["isolate_as"])}
     return " ".join(f"{name}={value}" for name, value in listed.items() if value)

@@ -110,7 +110,7 @@ def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
         ("Not watched", _not_watched(watched)),
         ("Sensitivity", [certificate_text(watched.certificate)] if watched.watches else []),
         ("Learnt from", _learnt(watched)),
-        ("Read as", _read(watched)),
+        ("Read as", _read_as(watched)),
         ("Next", _next(watched)),
     ]
     lines = textwrap.wrap(verdict_text(watched), width)
@@ -203,7 +203,7 @@ def _learnt(watched: WatchedLog) -> list[str]:
     return [f"{_listed(named)} ({title})." if named else f"{_capital(title)} came calibrated."]
 
 
-def _read(watched: WatchedLog) -> list[str]:
+def _read_as(watched: WatchedLog) -> list[str]:
     log = watched.log
     own = [name for name in watched.monitor.channels if name in log.channels] or list(log.channels)
     columns: dict[str, list[str]] = {}

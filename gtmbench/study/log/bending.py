@@ -88,7 +88,7 @@ def following_in_log(
     InputError
         Where the log can't be read, or the attitude is to follow and can't.
     """
-    kind, told = _told(attitude, time_constant_s)
+    kind, told = _named_estimator(attitude, time_constant_s)
     if kind == OWN:
         return Following(estimator=None, why=_TOLD)
     read = read_log(log)
@@ -115,7 +115,9 @@ def following_in_log(
 _TOLD = "it was asked for"
 
 
-def _told(attitude: str | AttitudeEstimator, time_constant_s: float | None) -> tuple[str, AttitudeEstimator | None]:
+def _named_estimator(
+    attitude: str | AttitudeEstimator, time_constant_s: float | None
+) -> tuple[str, AttitudeEstimator | None]:
     """Return whether an attitude is to follow, and by which estimator, where that is told."""
     if isinstance(attitude, AttitudeEstimator):
         return FOLLOWS, attitude

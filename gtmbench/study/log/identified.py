@@ -169,7 +169,7 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     check_long(stretches.records)
     period_s = stretches.records[0].sample_period_s
     least = max(_LEAST_LEFT * stretches.samples, _LEAST_S / period_s)
-    for doubt in _told(stretches):
+    for doubt in _stretches_left_out(stretches):
         left = stretches.without(doubt)
         enough = max(least, _ENOUGH_S / period_s) if doubt.why == GROUND else least
         stretches = left if left.dense and enough <= left.samples < stretches.samples else stretches
@@ -220,7 +220,7 @@ def _joined(spans: Sequence[Span]) -> list[Span]:
     return joined
 
 
-def _told(stretches: Stretches) -> list[LeftOut]:
+def _stretches_left_out(stretches: Stretches) -> list[LeftOut]:
     """Return what the logs' events tell: first resets, then what is on the ground."""
     told: dict[str, list[LeftOut]] = {RESET: [], GROUND: []}
     for log in {id(log): log for log in stretches.logs}.values():

@@ -155,7 +155,7 @@ def compared(
     blocks = _blocks(records, imus, healthy, excursions)
     if np.count_nonzero(blocks.healthy & np.isfinite(blocks.motion)) < _FEWEST:
         return None
-    found = sorted([*_parted(blocks, imus), *_held(blocks, imus)], key=lambda alarm: alarm.time_s)
+    found = sorted([*_parted(blocks, imus), *_still_gyros(blocks, imus)], key=lambda alarm: alarm.time_s)
     alarms = tuple(replace(alarm, number=number, fault=number) for number, alarm in enumerate(found[:_MOST]))
     return Comparison(imus=tuple(imus), watched=watched, alarms=alarms, blocks=blocks)
 
@@ -466,7 +466,7 @@ def _usual_shift(values: FloatArray, onset: int) -> float:
 # ---- held readings ----
 
 
-def _held(blocks: _Blocks, imus: Sequence[Imu]) -> Iterator[Alarm]:
+def _still_gyros(blocks: _Blocks, imus: Sequence[Imu]) -> Iterator[Alarm]:
     """Give the gyros whose readings stand still while others' of the same axis move, not just by their noise.
 
     On the ground, noise of less than a step leaves a healthy gyro's readings at one value for seconds.

@@ -246,8 +246,8 @@ def _scored(watched: WatchedLog, injection: Injection, window: Span, words: Sequ
         injection=injection,
         why_not=_why_not(watched, injection),
         alarm=alarm,
-        said="" if alarm is None else _said(alarm, watched),
-        others=tuple(other for other in alarms[1:] if _said(other, watched) == WRONG),
+        said="" if alarm is None else _alarm_text(alarm, watched),
+        others=tuple(other for other in alarms[1:] if _alarm_text(other, watched) == WRONG),
         word=first_between(words, *window),
     )
 
@@ -273,7 +273,7 @@ def _watched_number(watched: WatchedLog) -> int | None:
     return next((imu.number for imu in watched.log.imus if set(imu.columns) & columns), None)
 
 
-def _said(alarm: Alarm, watched: WatchedLog) -> str:
+def _alarm_text(alarm: Alarm, watched: WatchedLog) -> str:
     """Say what an alarm comes to, by what had failed when it was raised."""
     if alarm.has_passed:
         return PASSED

@@ -260,7 +260,7 @@ def scored(
     flights = paired.index.get_level_values("flight").to_numpy()
     pairs = compared(delays_s, flights) if len(delays_s) > 1 else ()
     places = sorted(ranks(list(delays_s), pairs), key=lambda rank: (rank.best + rank.worst, rank.best))
-    found = [_placed(one, places, table, delays_s, flights, pairs) for one in found]
+    found = [_with_places(one, places, table, delays_s, flights, pairs) for one in found]
     return Scores(
         target_per_hour=target_per_hour,
         deadline_s=deadline_s,
@@ -271,7 +271,7 @@ def scored(
     )
 
 
-def _placed(
+def _with_places(
     one: DetectorScores,
     places: Sequence[Rank],
     rows: pd.DataFrame,

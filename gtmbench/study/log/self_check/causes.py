@@ -177,7 +177,7 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
         With p, q, r, phi, theta, psi.
     """
     records = list(records)
-    made, held = _guesses(records), _held(records)
+    made, held = _guesses(records), _repeated_channels(records)
     if held:
         fresh = [undone(record, held) for record in records]
         made += [_with(guess, held) for guess in _guesses(fresh)]
@@ -187,7 +187,7 @@ def guesses(records: Iterable[Record]) -> list[Guess]:
     return list(best.values())
 
 
-def _held(records: Sequence[Record]) -> list[Change]:
+def _repeated_channels(records: Sequence[Record]) -> list[Change]:
     """Return the channels whose readings are repeated: as many at a time, by the median, as it takes to be noticed."""
     changes: dict[float, list[str]] = {}
     for name in (*GYROS, *ATTITUDE) if records else ():
