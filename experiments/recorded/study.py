@@ -124,7 +124,7 @@ def verdict(said: WatchedLog) -> str:
     if said.check.causes:
         return f"{REFUSED}: " + shortened(" or ".join(cause.text for cause in said.check.causes))
     if said.check.stops:
-        return f"{REFUSED}: " + shortened(said.check.stops[0])
+        return f"{REFUSED}: " + shortened(str(said.check.stops[0]))
     told = [f"{alarm.doubt} ({alarm.time_s:.1f} s)" for alarm in left]
     hardly = [f"{name} is hardly watched" for name in said.hardly_watched]
     return "can't tell: " + shortened("; ".join(dict.fromkeys(told or said.check.doubts or hardly or said.reasons)))
@@ -184,5 +184,5 @@ def misread(log: Log, parts: Parts, name: str) -> Row:
 def is_right(mutation: Mutation, said: WatchedLog) -> bool:
     """Tell whether the cause was named."""
     if mutation.dead:
-        return any(f"{mutation.dead} reads" in stop for stop in said.check.stops)
+        return any(f"{mutation.dead} reads" in stop.text for stop in said.check.stops)
     return any(is_cause(mutation, cause.changes) for cause in said.check.causes)

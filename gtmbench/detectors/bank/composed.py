@@ -60,17 +60,17 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     return bank.driven() if attitude_from_gyros else bank
 
 
-def unwatched(bank: Bank, channels: Collection[str], lost: Mapping[str, str] | None = None) -> tuple[str, ...]:
+def unwatched(bank: Bank, channels: Collection[str], lost: Mapping[str, str] | None = None) -> dict[str, str]:
     """Say of every gyro without a residual why, a sentence each: what its relations lack among some channels.
 
     Why other channels are of no use is said where it is known: `lost`.
 
     >>> channels = ("p", "q", "r", "phi", "theta")
     >>> unwatched(composed_bank(channels), channels)
-    ("r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it",)
+    {'r': "r isn't watched by itself: that takes psi, or alpha, beta, ny, nz and tas beside it"}
     """
     watched = {spec.output for spec in bank.diagnostic}
-    return tuple(_why_not(gyro, bank, channels, lost or {}) for gyro in GYROS if gyro not in watched)
+    return {gyro: _why_not(gyro, bank, channels, lost or {}) for gyro in GYROS if gyro not in watched}
 
 
 def _why_not(gyro: str, bank: Bank, channels: Collection[str], lost: Mapping[str, str]) -> str:

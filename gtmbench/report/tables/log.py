@@ -104,7 +104,7 @@ def _check(check: SelfCheck) -> Mapping[str, Any]:
         "passed": check.passed,
         "causes": [asdict(cause) for cause in check.causes],
         "explained": [asdict(each) for each in check.explained],
-        "stops": check.stops,
+        "stops": [str(stop) for stop in check.stops],
         "doubts": check.doubts,
         "notes": check.notes,
     }

@@ -89,7 +89,7 @@ def causes(watched: WatchedLog) -> list[str]:
     if wrong:
         return [" or ".join(wrong)]
     if watched.check.stops:
-        return [_without_place(watched.check.stops[0], watched)]
+        return [watched.check.stops[0].text]
     doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
     weak = [*([doubt_text(doubtful)] if doubtful else []), *_unseen(watched)]
     return weak or list(watched.reasons[:1]) or ["no stretch is long enough to be watched"]
@@ -185,8 +185,7 @@ def _not_watched(watched: WatchedLog) -> list[str]:
     parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
     rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
     others = [f"others {rest_s:.1f}"] if rest_s >= _SHORT_S else []
-    blind = tuple(f"{name} isn't watched" for name in _unheard(watched))
-    why = [f"{reason.rstrip('.')}." for reason in watched.reasons if blind and reason.startswith(blind)]
+    why = [f"{watched.unwatched[name].rstrip('.')}." for name in _unheard(watched) if name in watched.unwatched]
     return [*why, *([f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else [])]
 
 
@@ -238,12 +237,6 @@ def _unheard(watched: WatchedLog) -> list[str]:
     """Return the gyros that no verdict is about; of a monitor that names no sensor nobody knows."""
     suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
     return [name for name in GYROS if suspects and name not in suspects]
-
-
-def _without_place(reason: str, watched: WatchedLog) -> str:
-    """Return a reason without the log's name and where in it that is."""
-    place, _, what = reason.partition(": ")
-    return what if place.startswith(watched.log.path.name) and what else reason
 
 
 def _length_s(watched: WatchedLog) -> float:

@@ -23,8 +23,8 @@ from gtmbench.values.channels import GYROS
 
 def bank_for_logs(
     logs: Sequence[Path | ReadLog], mapping: Sequence[str], origin: Origin | None = None
-) -> tuple[BankDetector, tuple[str, ...]]:
-    """Return the bank that logs allow, and which gyros it doesn't watch, and why.
+) -> tuple[BankDetector, dict[str, str]]:
+    """Return the bank that logs allow, and why it doesn't watch which gyros.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ likewise; and the bank as all of them allow it, which knows whether the gyros dr
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.detectors.auto_recipe import AutoDetector
@@ -75,6 +75,8 @@ class Opened:
         Whether the gyros drive the attitude; None where nothing rests on that.
     findings : tuple of str
         What is worth a word.
+    unwatched : mapping of str to str
+        Why gyros aren't watched that the channels give no relation.
     """
 
     asked: Asked
@@ -84,6 +86,7 @@ class Opened:
     imus: FlightLog | None = field(repr=False)
     attitude: Origin | None
     findings: tuple[str, ...]
+    unwatched: Mapping[str, str]
 
     @property
     def log(self) -> FlightLog:
@@ -102,11 +105,13 @@ def opened(asked: Asked) -> Opened:
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
     watcher: Detector | Monitor
     attitude: Origin | None
+    unwatched: dict[str, str] = {}
     if is_ready(asked.watcher):
         watcher, log = asked.watcher, _at_own_rate(asked, read, asked.watcher)
         attitude, findings = _as_calibrated(asked.watcher, log)
     else:
-        watcher, attitude, findings = _recipe(asked, [read, *others])
+        watcher, attitude, unwatched = _recipe(asked, [read, *others])
+        findings = tuple(unwatched.values())
         log = _at_most(read, watcher, asked)
     rate_hz = 1.0 / log.sample_period_s
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
@@ -118,6 +123,7 @@ def opened(asked: Asked) -> Opened:
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         attitude=attitude,
         findings=findings,
+        unwatched=unwatched,
     )
 
 
@@ -141,15 +147,15 @@ def _at_most(read: ReadLog, detector: Detector | Monitor, asked: Asked) -> Fligh
     return log
 
 
-def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor, Origin | None, tuple[str, ...]]:
+def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor, Origin | None, dict[str, str]]:
     """Return a recipe as logs allow it and their attitude wants it, what that is, and which gyros aren't watched."""
     watcher = asked.watcher
     assert is_recipe(watcher)
     if asked.attitude == FROM_LOG and not (isinstance(watcher, AutoDetector) or rests_on_attitude(watcher)):
-        return watcher, None, ()
+        return watcher, None, {}
     spans = asked.spans if asked.says_healthy else None
     origin = origin_in_logs(reads, asked.mapping, attitude=asked.attitude, spans=spans)
-    unwatched: tuple[str, ...] = ()
+    unwatched: dict[str, str] = {}
     if isinstance(watcher, AutoDetector):
         watcher, unwatched = bank_for_logs(reads, asked.mapping, origin)
     if not rests_on_attitude(watcher):

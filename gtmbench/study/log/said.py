@@ -86,7 +86,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     if said.check.stops or not is_ready(monitor):
-        return replace(said, findings=(*said.check.stops, *_installed(said.installation), *said.findings))
+        return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, before = learnt.opened.log, learnt.before
     watches = [steady(monitor, watch, before) for watch in said.watches] if predicts(monitor) else list(said.watches)
     comparison, side_by_side = None, learnt.opened.imus

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -68,6 +69,8 @@ class WatchedLog:
         was identified on this log, or doesn't read them all.
     attitude : Origin or None
         Whether the attitude was taken for one that the gyros drive, and why; None if the monitor doesn't use one.
+    unwatched : mapping of str to str
+        Why gyros aren't watched that the log's channels give no relation.
     is_assumed_healthy : bool
         Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
 
@@ -98,6 +101,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
+    unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
     is_assumed_healthy: bool = False
 
     def _repr_html_(self) -> str:
@@ -167,5 +171,6 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         installation=said.installation,
         attitude=learnt.opened.attitude,
+        unwatched=learnt.opened.unwatched,
         is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
     )

@@ -62,6 +62,21 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stop:
+    """Why nothing is watched: what is wrong, and in which log and part of it, "" where that is said.
+
+    >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, where identified"))
+    'flight.csv, where identified: q reads 0 all the time: dead, or held'
+    """
+
+    text: str
+    at: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.at}: {self.text}" if self.at else self.text
+
+
+@dataclass(frozen=True, kw_only=True)
 class SelfCheck:
     """What the self-check found.
 
@@ -70,7 +85,7 @@ class SelfCheck:
     causes : tuple of Cause
         Of a log that isn't what was expected; two of one log are either-or.
     explained : tuple of Explained
-    stops : tuple of str
+    stops : tuple of Stop
         Why nothing is watched.
     doubts : tuple of str
         Why silence says nothing, where something was watched.
@@ -80,7 +95,7 @@ class SelfCheck:
 
     causes: tuple[Cause, ...] = ()
     explained: tuple[Explained, ...] = ()
-    stops: tuple[str, ...] = ()
+    stops: tuple[Stop, ...] = ()
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -125,21 +140,22 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         What they are: ``where identified``, ``where watched``.
     """
     causes: list[Cause] = []
-    stops: list[str] = []
+    stops: list[Stop] = []
     for part in parts:
         at, dead = f"{part.log.path.name}, {where}", _dead(part.records, watcher.channels)
-        stops += [f"{at}: {channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
+        wrong = [f"{channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
         if where == IDENTIFIED:
             counted = counting(part.log, part.spans, watcher.channels)
-            stops += [f"{at}: {remark.text}" for remark in counted if remark.channel not in dead]
+            wrong += [remark.text for remark in counted if remark.channel not in dead]
         motion = _still(part.motion, dead)
         tried = guesses(motion)
         found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
         named = [_cause(part, guess) for guess in found]
         if named:
-            stops.append(f"{at}: {_either(named)}; {named[0].why}")
+            wrong.append(f"{_either(named)}; {named[0].why}")
         elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
-            stops.append(f"{at}: gyros and attitude don't tell of one motion; {nothing_found_text()}")
+            wrong.append(f"gyros and attitude don't tell of one motion; {nothing_found_text()}")
+        stops += [Stop(text=text, at=at) for text in wrong]
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
@@ -167,10 +183,11 @@ def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Recor
     if not predicts(monitor) or not records:
         return check
     explained = explained_where_identified(monitor, records)
-    stops = [unexplained_text(each) for each in explained if each.is_blind]
-    if stops:
-        stops[-1] += f"; {nothing_found_text()}"
-    return replace(check, explained=tuple(explained), stops=(*check.stops, *stops))
+    blind = [unexplained_text(each) for each in explained if each.is_blind]
+    if blind:
+        blind[-1] += f"; {nothing_found_text()}"
+    stops = (*check.stops, *(Stop(text=text) for text in blind))
+    return replace(check, explained=tuple(explained), stops=stops)
 
 
 def check_watched(
