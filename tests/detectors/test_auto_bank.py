@@ -210,6 +210,7 @@ def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     assert "told apart by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
     assert "not told apart: p, q, phi and theta from r, for nothing predicts r" in out
     assert "note: r isn't watched by itself: that takes psi" in out
+    assert any(line.startswith("Not watched  r isn't watched by itself: ") for line in out.splitlines())
     monitor = gb.load_monitor(tmp_path / "m.json")
     assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING, attitude_from_gyros=True)
     gb.save_monitor(monitor, tmp_path / "again.json")

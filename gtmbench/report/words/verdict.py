@@ -185,7 +185,7 @@ def _not_watched(watched: WatchedLog) -> list[str]:
     parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
     rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
     others = [f"others {rest_s:.1f}"] if rest_s >= _SHORT_S else []
-    why = [f"{watched.unwatched[name].rstrip('.')}." for name in _unheard(watched) if name in watched.unwatched]
+    why = [f"{reason.rstrip('.')}." for reason in watched.unwatched.values()]
     return [*why, *([f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else [])]
 
 
