@@ -179,7 +179,7 @@ class Parts:
         if self.version > 1 and not is_intact(content):
             raise _DamagedError(path, "it isn't what was written, by its digest: altered, damaged or not whole")
         try:
-            part = pq.ParquetFile(pa.BufferReader(content))
+            part = pq.ParquetFile(pa.BufferReader(_arrows_own(content)))
         except (OSError, pa.ArrowException) as error:
             raise _DamagedError(path, f"it isn't whole ({one_line(str(error))})") from error
         metadata = part.metadata.metadata or {}
@@ -204,6 +204,20 @@ class Parts:
     def _write_manifest(self) -> None:
         with atomic_write(self.folder / _MANIFEST) as aside:
             aside.write_text(dumps(seal(self._manifest()), indent=2) + "\n", encoding="utf-8")
+
+
+def _arrows_own(content: bytes) -> pa.Buffer:
+    """Return bytes as a copy that is Arrow's, not Python's.
+
+    Arrow's threads read it, and one of them may be the last to let go of it, after `read` has returned. To free what is
+    Python's it would ask for Python's lock; if Python is ending by then, that thread is ended within a destructor, and
+    the process with it (exit code -6, "terminate called without an active exception").
+    """
+    import pyarrow as pa
+
+    own = pa.BufferOutputStream()
+    own.write(content)
+    return own.getvalue()
 
 
 class _DamagedError(InputError):
