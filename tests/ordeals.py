@@ -24,7 +24,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.check.baseline import new_baseline, read_reference, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.files.disk import SUMS, read_sums
+from gtmbench.files.folders import SUMS, read_sums
 from gtmbench.jobs.parts import read_parts
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario

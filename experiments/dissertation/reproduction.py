@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import atomic_folder, check_folder
+from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.files.plain import dumps, finite_or_none, plain
 from theory.polynomials import read_polynomial, write_polynomial
 from theory.rational import Coefficients, PolynomialMatrix, entries

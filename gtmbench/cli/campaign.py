@@ -12,7 +12,7 @@ from gtmbench.checks import whole
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_folder
+from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 

@@ -14,7 +14,8 @@ import click
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_file, check_folder
+from gtmbench.files.disk import check_file
+from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
 

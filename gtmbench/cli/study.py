@@ -17,7 +17,8 @@ from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_folder, atomic_write
+from gtmbench.files.disk import atomic_write
+from gtmbench.files.folders import atomic_folder
 from gtmbench.files.shipped import MAIN_JOB
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import click
 
 from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.errors import InputError, NoteWarning
-from gtmbench.files.disk import SUMS, is_file, is_folder, read_sums
+from gtmbench.errors import GtmbenchError, InputError, NoteWarning
+from gtmbench.files.disk import is_file, is_folder
+from gtmbench.files.folders import SUMS, read_sums, settle
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
@@ -75,6 +76,10 @@ def _told_of(path: Path) -> Iterator[_Told]:
 def _folder(folder: Path) -> Iterator[_Told]:
     from gtmbench.jobs.parts import holds_parts, read_parts
 
+    try:
+        settle(folder)
+    except GtmbenchError as error:
+        yield _Told(folder, str(error))
     monitors = [path for path in sorted(folder.glob("*.json")) if _is_monitor(path)]
     if not is_file(folder / SUMS) and not holds_parts(folder) and not monitors:
         raise InputError(f"{folder} holds neither {SUMS}, nor parts, nor monitors, so nothing says what it held")

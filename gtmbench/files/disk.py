@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
-import signal
 import tempfile
-import threading
 import time
 import tomllib
 from collections.abc import Iterable, Iterator
@@ -31,11 +28,9 @@ _MOST_DOTS = 100
 _LONGEST_NAME = 255
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
-SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
-_SUM = re.compile(r"([0-9a-f]{64})  (.+)")
-_ENDING = (signal.SIGINT, signal.SIGTERM)
 _A_WEEK_S = 7 * 86400.0
-_HIDDEN, _LOCK, _NEW = ".gtmbench-", "lock", "new"  # a folder beside the target; in it its lock, and what is written
+# a folder beside the target; in it its lock, what is written, and what is on its way into a folder of its own name
+HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 
 
 def is_file(path: Path) -> bool:
@@ -140,24 +135,6 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         raise InputError(f"{path} isn't a readable TOML file: {one_line(str(error))}") from error
 
 
-def check_folder(target: Path, *, force: bool) -> None:
-    """Refuse a folder of results that can't be written, or that exists and isn't to be written into.
-
-    Raises
-    ------
-    InputError
-        Before the long work, not after it.
-    """
-    if target.is_dir() and force and os.access(target, os.W_OK | os.X_OK):
-        return
-    if target.is_dir() and not force:
-        raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
-    if target.exists():
-        raise InputError(f"can't write into {target}: it isn't a folder of yours to write; give another --out")
-    with _folder_beside(_resolved(target)):
-        pass
-
-
 def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
     """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
 
@@ -166,10 +143,10 @@ def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
     InputError
         Before the long work, not after it.
     """
-    meant = _resolved(target)
+    meant = resolved(target)
     if meant.exists() and not force:
         raise InputError(f"{target} exists; give another {option}, or --force to write over it")
-    with _folder_beside(meant):
+    with folder_beside(meant):
         pass
 
 
@@ -186,8 +163,8 @@ def atomic_write(target: Path) -> Iterator[Path]:
     GtmbenchError
         Where writing fails: the disk is full, a quota is used up, the folder is removed meanwhile.
     """
-    meant = _resolved(target)
-    with _folder_beside(meant) as aside, _told(target, aside):
+    meant = resolved(target)
+    with folder_beside(meant) as aside, told(target, aside):
         yield aside / meant.name
         to_disk(aside / meant.name)
         (aside / meant.name).replace(meant)
@@ -195,62 +172,7 @@ def atomic_write(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(target: Path) -> Iterator[Path]:
-    """Give a folder to write files to; they are moved into `target` when the block ends well.
-
-    Files of other names that stand in `target` already stay as they are. Beside them stands `SUMS`, with a digest of
-    every file, as ``sha256sum -c`` reads it.
-
-    Raises
-    ------
-    InputError
-        Where a folder stands in a file's place.
-    GtmbenchError
-        Where writing fails, as of `atomic_write`.
-    """
-    meant = target.resolve()
-    with _folder_beside(meant) as aside, _told(target, aside):
-        yield aside
-        (aside / SUMS).write_text(_sums(aside, meant / SUMS), encoding="utf-8")
-        for path in aside.rglob("*"):
-            to_disk(path)
-        with _uninterrupted():
-            _move(aside, meant)
-        to_disk(meant)
-        to_disk(meant.parent)
-
-
-def _move(aside: Path, target: Path) -> None:
-    """Move a folder's files into another one, which may not exist yet; the list of digests last."""
-    results = sorted(aside.iterdir(), key=lambda path: (path.name == SUMS, path.name))
-    for path in results:
-        if (target / path.name).is_dir():
-            raise InputError(f"{target / path.name} is a folder; a file of that name can't be written there")
-    if not target.exists():
-        aside.replace(target)  # all of it at one instant
-        return
-    for path in results:
-        path.replace(target / path.name)
-
-
-def _sums(folder: Path, former: Path) -> str:
-    """Return a line with the digest of every file in a folder, and those of a former list that name others."""
-    sums = read_sums(former) if is_file(former) else {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            with path.open("rb") as file:
-                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
-    return "".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items()))
-
-
-def read_sums(path: Path) -> dict[str, str]:
-    """Return the digests of a folder's files by their names, as `atomic_folder` lists them."""
-    lines = (_SUM.fullmatch(line) for line in path.read_text(encoding="utf-8", errors="replace").splitlines())
-    return {line[2]: line[1] for line in lines if line}
-
-
-@contextmanager
-def _told(target: Path, aside: Path) -> Iterator[None]:
+def told(target: Path, aside: Path) -> Iterator[None]:
     """Say in one line which file couldn't be written and why; what concerns another file stays what it is."""
     try:
         yield
@@ -282,24 +204,7 @@ def to_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait for the few milliseconds that must not be cut in two."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    former = {each: signal.signal(each, lambda number, _: came.append(number)) for each in _ENDING}
-    try:
-        yield
-    finally:
-        for each, handler in former.items():
-            signal.signal(each, handler or signal.SIG_DFL)
-        for number in came:
-            signal.raise_signal(number)
-
-
-def _resolved(target: Path) -> Path:
+def resolved(target: Path) -> Path:
     """Return the file that is meant, through a link; nothing else is written over."""
     try:
         meant = target.resolve()
@@ -314,7 +219,14 @@ def _resolved(target: Path) -> Path:
 
 
 @contextmanager
-def _folder_beside(target: Path) -> Iterator[Path]:
+def folder_beside(target: Path) -> Iterator[Path]:
+    """Give a folder beside a file or a folder to write it in; what is in it is removed, unless it is `READY`.
+
+    Raises
+    ------
+    InputError
+        Where nothing can be written there.
+    """
     parent = target.absolute().parent
     if not parent.is_dir():
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
@@ -329,7 +241,8 @@ def _folder_beside(target: Path) -> Iterator[Path]:
         yield own / _NEW
     finally:
         lock.release()
-        shutil.rmtree(own, ignore_errors=True)
+        if not any(own.glob(f"{READY}/*")):
+            shutil.rmtree(own, ignore_errors=True)
 
 
 def _own_folder(parent: Path) -> tuple[Path, SoftFileLock]:
@@ -337,7 +250,7 @@ def _own_folder(parent: Path) -> tuple[Path, SoftFileLock]:
     from filelock import SoftFileLock, Timeout
 
     while True:
-        own = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=parent))
+        own = Path(tempfile.mkdtemp(prefix=HIDDEN, dir=parent))
         lock = SoftFileLock(own / _LOCK)
         try:
             lock.acquire(timeout=0)
@@ -356,7 +269,9 @@ def _clear_left_behind(parent: Path) -> None:
     """Remove what killed processes left, once a process and folder: of this machine at once, of others after a week."""
     from filelock import SoftFileLock, Timeout
 
-    for left in parent.glob(f"{_HIDDEN}????????"):
+    for left in parent.glob(f"{HIDDEN}????????"):
+        if any(left.glob(f"{READY}/*")):  # files that the next one to write into their folder needs
+            continue
         with suppress(OSError):
             if time.time() - left.stat().st_mtime > _A_WEEK_S:
                 shutil.rmtree(left, ignore_errors=True)

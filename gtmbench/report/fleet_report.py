@@ -11,7 +11,7 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.files.arrow_table import Row
-from gtmbench.files.disk import atomic_folder
+from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.report.figures.fleet import gyros_figure

@@ -1,5 +1,6 @@
 """What is written is whole and on the disk, or one line says which file isn't, and why; what stood there stands."""
 
+import errno
 import os
 import resource
 import signal
@@ -13,7 +14,9 @@ import pytest
 import rerun.blueprint as rrb
 
 import gtmbench as gb
-from gtmbench.files.disk import SUMS, atomic_folder, atomic_write, read_sums
+from gtmbench.files import disk
+from gtmbench.files.disk import atomic_write
+from gtmbench.files.folders import SUMS, atomic_folder, check_folder, read_sums
 from gtmbench.report.recording.entities import log_lines, recorded
 
 ROOT = Path(__file__).parents[2]
@@ -95,6 +98,107 @@ def test_a_folder_lists_the_digest_of_every_file_as_sha256sum_does(tmp_path):
         ["sha256sum", "-c", SUMS], cwd=tmp_path / "out", capture_output=True, text=True, check=True
     )
     assert checked.stdout == "a.txt: OK\nb.txt: OK\n"
+
+
+MOVING = """
+import os, signal, sys
+from pathlib import Path
+from gtmbench.files.folders import atomic_folder
+whole, left = Path.replace, [int(sys.argv[2])]
+def replace(self, target):
+    left[0] -= 1
+    if left[0] < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return whole(self, target)
+Path.replace = replace
+with atomic_folder(Path(sys.argv[1])) as aside:
+    (aside / "seed-1").mkdir()
+    for name in ("a.txt", "b.txt", "seed-1/c.txt"):
+        (aside / name).write_text("new")
+"""
+
+
+@pytest.fixture
+def half(tmp_path, request):
+    """A folder whose files were being replaced when the process was killed, after so many renames."""
+    with atomic_folder(tmp_path / "out") as aside:
+        (aside / "seed-1").mkdir()
+        for name in ("a.txt", "b.txt", "seed-1/c.txt", "own.txt"):
+            (aside / name).write_text("old")
+    command = [sys.executable, "-c", MOVING, str(tmp_path / "out"), str(request.param)]
+    killed = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    return tmp_path / "out"
+
+
+def texts_in(folder):
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.txt")}
+
+
+NEW = {"a.txt": "new", "b.txt": "new", "seed-1/c.txt": "new", "own.txt": "old"}
+
+
+@pytest.mark.parametrize("half", range(5), indirect=True)
+@pytest.mark.parametrize("by", ["verify", "--force"])
+def test_files_of_a_process_that_was_killed_while_it_moved_them_follow(half, by, cli, request):
+    began = request.node.callspec.params["half"]
+    meant = dict.fromkeys(NEW, "old") if began == 0 else NEW  # before the first rename: nothing has begun
+    if by == "verify":
+        assert cli("verify", "out") == (0, "4 files hold what was written.\n", "")
+    else:
+        check_folder(half, force=True)
+    assert texts_in(half) == meant
+    disk._clear_left_behind.cache_clear()
+    with atomic_folder(half) as aside:
+        (aside / "a.txt").write_text("newest")
+    assert texts_in(half) == meant | {"a.txt": "newest"}
+    assert cli("verify", "out")[0] == 0
+    assert [path.name for path in half.parent.iterdir()] == ["out"]
+
+
+def test_files_that_cant_be_moved_are_told_and_not_lost(tmp_path, cli, monkeypatch):
+    replace = Path.replace
+
+    def failing(self, target):
+        if self.name == "b.txt":
+            raise OSError(errno.EIO, "Input/output error")
+        return replace(self, target)
+
+    def write(text):
+        with atomic_folder(tmp_path / "out") as aside:
+            for name in ("a.txt", "b.txt"):
+                (aside / name).write_text(text)
+
+    write("old")
+    monkeypatch.setattr(Path, "replace", failing)
+    with pytest.raises(
+        gb.GtmbenchError, match=r"into .*out: Input/output error; some there are new, others old; .* moves"
+    ):
+        write("new")
+    code, out, _ = cli("verify", "out")
+    assert (code, "some there are new, others old" in out) == (1, True)
+    monkeypatch.undo()
+    assert cli("verify", tmp_path / "out")[0] == 0
+    assert texts_in(tmp_path / "out") == {"a.txt": "new", "b.txt": "new"}
+
+
+@pytest.mark.parametrize(
+    ("there", "said"), [("a", "out/a is a folder; a file"), ("seed-1", "seed-1 is a file; a folder")]
+)
+def test_what_stands_in_a_files_or_a_folders_place_is_told_and_nothing_is_moved(tmp_path, there, said):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / there).mkdir() if there == "a" else (tmp_path / "out" / there).touch()
+
+    def write():
+        with atomic_folder(tmp_path / "out") as aside:
+            (aside / "seed-1").mkdir()
+            for name in ("a", "seed-1/b", "0"):
+                (aside / name).touch()
+
+    with pytest.raises(gb.InputError, match=said):
+        write()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [there]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

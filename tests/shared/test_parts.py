@@ -149,6 +149,14 @@ def test_of_300_flipped_bits_of_a_part_none_is_read(half):
         assert list(read_parts(half).damaged()) == [1]
 
 
+def test_what_arrows_threads_read_is_arrows_own(half):
+    """Were it Python's, a thread that let go of it while Python ends would end the process with code -6."""
+    size, before = (half / "part-000001.parquet").stat().st_size, pa.total_allocated_bytes()
+    part = read_parts(half)._open(1)
+    assert pa.total_allocated_bytes() - before >= size
+    assert part.read().num_rows == 3
+
+
 def test_an_altered_manifest_is_told(half):
     manifest = half / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"tasks": 5', '"tasks": 4'))
