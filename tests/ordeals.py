@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -77,9 +78,11 @@ COMMANDS = {
     "check": ["check", "mine.toml", "--update"],
 }
 FOUND = {"diff": 1, "monitor": 3, "fleet": 3}  # exit codes that are as good as 0 here: what was found
-ENDINGS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGXCPU)  # the last: a limit of time
+FULL = "full disk"  # from then on no file grows beyond a line
+# SIGXCPU: a limit of time
+ENDINGS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGXCPU, FULL)
 FAULT = '[[faults]]\nkind = "bias"\nchannels = ["p"]\nonset_s = 20.0\nsize = 3.0\n'
-MB = 1 << 20
+MB, LINE = 1 << 20, 1000
 
 
 class Forks:
@@ -279,7 +282,7 @@ class Ordeals:
         print(f"writers: {tries} tries, {told} told, {self.failed} failed", flush=True)
 
     def kills(self, tries, names):
-        """Interrupt commands at any instant, in four ways; then run them to their end."""
+        """Interrupt commands at any instant, in five ways; then run them to their end."""
         cluster, at_work = None, 0
         for number in range(tries):
             self.count(number)
@@ -295,12 +298,16 @@ class Ordeals:
             process = self.forks.begin(arguments, work, err)
             time.sleep(self.draw.uniform(0.0, 1.0) * self.took_s[of])
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process, ending) if ending == signal.SIGINT else os.kill(process, ending)
+                interrupt(process, ending)
             code = self.forks.code()
             at_work += code not in (0, FOUND.get(of))
-            what = f"{name} interrupted by {ending.name}, exit {code}"
-            legal = {0, FOUND.get(of, 0), -ending, *((130,) if ending == signal.SIGINT else ()), 143}
+            what = f"{name} interrupted by {getattr(ending, 'name', ending)}, exit {code}"
+            told = {FULL: 2, signal.SIGINT: 130, signal.SIGTERM: 143}.get(ending)
+            legal = {0, FOUND.get(of, 0), told, None if ending == FULL else -ending}
             self.hold(what, ("another exit code", code in legal), ("processes left", gone(process)))
+            if code == 2:
+                lines, is_one = self.said(err)
+                self.hold(what, (f"no line with the reason: {lines}", is_one and "File too large" in lines[0]))
             half = [each for each in self.differs(of, work) if each in left_by(work) and is_output(each)]
             if (
                 of in ("campaign", "fleet")
@@ -425,6 +432,16 @@ def gb_notes():
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         yield told
+
+
+def interrupt(process, ending):
+    """End a process, Ctrl-C with all of its session; or let its files grow no more."""
+    if ending == FULL:
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (LINE, LINE))
+    elif ending == signal.SIGINT:
+        os.killpg(process, ending)
+    else:
+        os.kill(process, ending)
 
 
 def is_output(name):
