@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 import gtmbench as gb
 from gtmbench.faults import additive, replacing, shaping
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.files.disk import atomic_write
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.words.judgement import fault_text
 
@@ -98,7 +99,8 @@ def main() -> None:
     figure.supxlabel("time (s)", fontsize=10)
     figure.supylabel(f"{CHANNEL} (deg/s)", fontsize=10)
     out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / "fault_gallery.png", dpi=90)
+    with atomic_write(out / "fault_gallery.png") as aside:
+        figure.savefig(aside, dpi=90)
     print(f"{len(shown)} panels: {out / 'fault_gallery.png'}")
 
 

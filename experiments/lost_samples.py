@@ -21,6 +21,7 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 import gtmbench as gb
+from gtmbench.files.folders import atomic_folder
 from gtmbench.values.channels import header_of
 
 CHANNELS = ("phi", "theta", "psi", "p", "q", "r")
@@ -112,9 +113,10 @@ def main() -> None:
     lines += ["| Hz | told | error, by channel |", "|---:|---:|---:|", *laid]
     print("\n".join(lines))
     if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
-        (given.out / "report.md").write_text("\n".join(lines) + "\n")
-        table.to_csv(given.out / "rows.csv", index=False, float_format="%.4g")
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_folder(given.out) as folder:
+            (folder / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            table.to_csv(folder / "rows.csv", index=False, float_format="%.4g")
 
 
 if __name__ == "__main__":

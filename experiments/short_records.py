@@ -31,6 +31,7 @@ import gtmbench as gb
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.faults.distortions import lagged
+from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.figures.panels import panels
@@ -327,7 +328,8 @@ def main() -> int:
     given = parser.parse_args()
     jobs = given.jobs or (1 if given.quick else 2)
     if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        check_folder(given.out, force=True)
     began, todo = time.monotonic(), example() if given.quick else cases()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come
     with progress_bar() as tell:
@@ -335,8 +337,9 @@ def main() -> int:
     text = report(pd.DataFrame([row for rows in done for row in rows]), quick=given.quick)
     print(text)
     if given.out:
-        (given.out / "report.md").write_text(text + "\n![r, predicted and measured](example.png)\n")
-        draw(given.out / "example.png")
+        with atomic_folder(given.out) as folder:
+            (folder / "report.md").write_text(f"{text}\n![r, predicted and measured](example.png)\n", encoding="utf-8")
+            draw(folder / "example.png")
     print(f"{time.monotonic() - began:.0f} s" + (f"; report and figure in {given.out}" if given.out else ""))
     return 0
 

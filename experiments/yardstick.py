@@ -34,6 +34,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import gtmbench as gb
+from gtmbench.files.disk import atomic_write
 from gtmbench.values.channels import header_of
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
@@ -429,7 +430,8 @@ def main() -> int:
             table.to_csv(path, mode="a", header=not path.is_file(), index=False)
             print(f"\r{number} of {len(todo)}: {rows[0]['part']}", end="", flush=True)
     text = report(pd.read_csv(path))
-    (given.out / "report.md").write_text(text, encoding="utf-8")
+    with atomic_write(given.out / "report.md") as aside:
+        aside.write_text(text, encoding="utf-8")
     print("\n" + text)
     return 0
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import click
 
-from gtmbench.errors import InputError
+from gtmbench.errors import GtmbenchError
+from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.jobs.progress import Progress, progress_bar
 
 
@@ -87,14 +88,17 @@ def conducted(
     jobs = given.jobs or (1 if given.quick else os.cpu_count() or 1)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes to come; two threads each would fight for the cores
     try:
+        if given.out:
+            given.out.parent.mkdir(parents=True, exist_ok=True)
+            check_folder(given.out, force=True)
         with progress_bar() as tell:
             findings = conduct(Campaign(quick=given.quick, jobs=jobs, tell=tell, given=given))
-    except InputError as error:
+        click.echo(findings.text)
+        if given.out:
+            with atomic_folder(given.out) as folder:
+                (folder / "report.md").write_text(findings.text, encoding="utf-8")
+                findings.write(folder)
+    except (GtmbenchError, OSError) as error:
         parser.error(str(error))
-    click.echo(findings.text)
-    if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
-        (given.out / "report.md").write_text(findings.text)
-        findings.write(given.out)
     click.echo(f"{time.monotonic() - began:.0f} s" + (f"; report and {beside} in {given.out}" if given.out else ""))
     return int(findings.missed and not given.quick)

@@ -255,8 +255,10 @@ def _own_folder(parent: Path) -> tuple[Path, SoftFileLock]:
         try:
             lock.acquire(timeout=0)
             (own / _NEW).mkdir()
+            (own / _LOCK).stat()
         except (Timeout, FileNotFoundError):  # somebody took it for one that was left behind
             lock.release()
+            shutil.rmtree(own, ignore_errors=True)
             continue
         except BaseException:
             shutil.rmtree(own, ignore_errors=True)
@@ -270,6 +272,10 @@ def _clear_left_behind(parent: Path) -> None:
     from filelock import SoftFileLock, Timeout
 
     for left in parent.glob(f"{HIDDEN}????????"):
+        with suppress(OSError):
+            if not (left / _LOCK).stat().st_size:  # killed while it made its lock; one that is alive takes another
+                (left / _LOCK).unlink()
+                left.rmdir()
         if any(left.glob(f"{READY}/*")):  # files that the next one to write into their folder needs
             continue
         with suppress(OSError):

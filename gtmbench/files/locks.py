@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 LEASE_S = 60.0  # without a sign of life, on another machine: then a holder counts as dead
 FOR_EVER_S = -1.0
+_UNSIGNED_S = 2.0  # after which a lock that still says nothing is nobody's: it takes a millisecond to sign one
 _LONGEST_BYTES = 1024
 _LONGEST_NAME = 200  # in bytes; systems take 255
 
@@ -89,6 +90,7 @@ def alone(lock: Path, what: str, *, patience_s: float = 0.0) -> Iterator[None]:
 def _acquire(lease: SoftFileLease, lock: Path, what: str, patience_s: float) -> None:
     from filelock import Timeout
 
+    _clear_unsigned(lock)
     try:
         try:
             lease.acquire(timeout=patience_s, poll_interval=0.05)
@@ -105,6 +107,16 @@ def _acquire(lease: SoftFileLease, lock: Path, what: str, patience_s: float) -> 
         raise InputError(f"{what}: {_holder(lock)}; it is alive, so wait for it, or give another --out") from None
     except OSError as error:
         raise InputError(f"can't write {lock}, which keeps others out: {error.strerror or error}") from error
+
+
+def _clear_unsigned(lock: Path) -> None:
+    """Remove a lock that stays empty: its process was killed as it made it, and `filelock` would heed it for ever."""
+    with suppress(OSError):  # there is none
+        made, until_s = lock.stat().st_ino, time.monotonic() + _UNSIGNED_S
+        while (now := lock.stat()).st_ino == made and now.st_size == 0:
+            if time.monotonic() > until_s:
+                lock.unlink()
+            time.sleep(0.05)
 
 
 def _sign(lock: Path) -> None:

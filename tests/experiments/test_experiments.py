@@ -1,5 +1,6 @@
 """Every script of `experiments/` runs by itself, comes out as committed, and draws its figures."""
 
+import errno
 import json
 import re
 import runpy
@@ -18,6 +19,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
+from gtmbench.files.folders import SUMS
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
 from gtmbench.study.scores.intervals import exact_interval
@@ -345,4 +347,22 @@ def test_a_study_ends_with_1_where_it_misses_a_target_but_a_quick_one(
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
     assert conducted(conduct, "A study.", quick="one flight") == code
     assert capsys.readouterr().out.startswith("# Found\n")
-    assert {path.name: path.read_text() for path in out.iterdir()} == {"report.md": "# Found", "rows.csv": "1\n"}
+    assert {path.name: path.read_text() for path in out.iterdir() if path.name != SUMS} == {
+        "report.md": "# Found",
+        "rows.csv": "1\n",
+    }
+
+
+def test_a_study_that_cant_be_written_leaves_the_one_that_stood_there(tmp_path, monkeypatch, capsys):
+    def full(_out):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/report.md").write_text("before")
+    monkeypatch.setattr(sys, "argv", ["study.py", "--out", str(tmp_path / "out")])
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    with pytest.raises(SystemExit) as ended:
+        conducted(lambda _: Findings("# Found", False, full), "A study.", quick="one flight")
+    assert ended.value.code == 2
+    assert f"can't write {tmp_path / 'out'}: No space left on device" in capsys.readouterr().err
+    assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == {"report.md": "before"}

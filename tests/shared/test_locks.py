@@ -56,6 +56,14 @@ def test_of_a_process_that_was_killed_it_is_taken_over_at_once(holder, tmp_path)
     assert not (tmp_path / "lock").exists()
 
 
+def test_of_a_process_that_was_killed_as_it_made_it_it_is_taken_over_in_seconds(tmp_path):
+    (tmp_path / "lock").touch()
+    began = time.monotonic()
+    with locks.alone(tmp_path / "lock", "a run is at work"):
+        pass
+    assert time.monotonic() - began < 5.0
+
+
 def elsewhere(lock, age_s):
     """Leave the lock of another machine's process, whose last sign of life is so old."""
     lock.write_text(ELSEWHERE.format(duration=locks.LEASE_S))

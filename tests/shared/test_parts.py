@@ -290,6 +290,8 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
 def test_a_folder_that_was_left_behind_without_a_lock_is_cleared_too(tmp_path):
     (tmp_path / ".gtmbench-abcdefgh").mkdir()
     (tmp_path / ".gtmbench-abcdefgh/study.rrd").touch()
+    (tmp_path / ".gtmbench-ijklmnop").mkdir()
+    (tmp_path / ".gtmbench-ijklmnop/lock").touch()  # killed before it could say whose it is
     (tmp_path / ".gtmbench-notes").mkdir()  # nobody's of ours: another length
     began = time.monotonic()
     with disk.atomic_write(tmp_path / "other.txt") as aside:
