@@ -6,8 +6,8 @@ and predictions of the last two minutes and a bit (`alarms.span_rows`, kept in a
 takes the same memory after an hour as after five minutes; only the alarms add up.
 
 Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
-path of their own (`rows.RowByRow`) that costs some ten microseconds: it tells scores, and where one could be an alarm,
-the same functions decide.
+path of their own that is cheaper (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
+functions decide.
 """
 
 from __future__ import annotations
