@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -59,6 +60,8 @@ class Source:
         -1 where it is read with its sign turned.
     period_s : float, optional
         How far apart its samples are, at the median, whatever the record's rate.
+    guessed : str
+        What shows that it is this channel in this unit, where neither a name nor anybody says so; "" where one does.
     """
 
     channel: str
@@ -66,6 +69,13 @@ class Source:
     unit: str
     sign: float = 1.0
     period_s: float | None = None
+    guessed: str = ""
+
+    @property
+    def option(self) -> str:
+        """The option under which it is read so without a guess."""
+        turned = "-" if self.sign < 0 else ""
+        return f"--map {shlex.quote(f'{self.channel}={turned}{self.column}:{self.unit}')}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -12,12 +13,14 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
+from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
-from gtmbench.values.channels import CHANNELS
+from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 
 AS_IT_IS = "as it is"
+UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
 
@@ -41,7 +44,13 @@ class Chosen:
     def source(self) -> Source:
         """Which column it is, and how it is read."""
         meaning = self.meaning or Meaning(channel=self.channel, unit="")
-        return Source(channel=self.channel, column=self.series.name, unit=meaning.unit, sign=meaning.sign)
+        return Source(
+            channel=self.channel,
+            column=self.series.name,
+            unit=meaning.unit,
+            sign=meaning.sign,
+            guessed=meaning.guessed,
+        )
 
     def values(self) -> FloatArray:
         """Return the channel in its unit; psi runs through 360 deg and on."""
@@ -112,7 +121,8 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     if needs is not None:
         lacking = [channel for channel in needs if channel not in chosen and channel not in own]
         if lacking:
-            raise InputError(missing(raw, lacking, list(chosen)))
+            why = _tried(raw, _sure(raw, mapped), _units(mapped)).why_not
+            raise InputError(missing(raw, lacking, list(chosen), why))
         return [chosen.get(channel) or own[channel] for channel in needs]
     if list(raw.clocks) == [""]:  # a table's; of a container's topics only what is a channel, or asked for
         chosen |= own
@@ -128,7 +138,66 @@ def choose_of(names: Sequence[str], raw: RawLog, mapped: Mapping[str, str]) -> l
 
 
 def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
-    return _recognised(raw) | {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items()}
+    """Return the channels that are settled: as mapped, else by documentation or name, else by physics."""
+    units, sure = _units(mapped), _sure(raw, mapped)
+    by_name = {series.name: series for series in raw.series}
+    tried = {
+        meaning.channel: _as_told(by_name[name], meaning, f", guessed by {meaning.guessed}")
+        for name, meaning in _tried(raw, sure, units).meanings.items()
+    }
+    return _in_units(raw, units) | tried | sure
+
+
+def _sure(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
+    by_mapping = {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items() if channel != UNITS}
+    return _recognised(raw) | by_mapping
+
+
+def _units(mapped: Mapping[str, str]) -> str:
+    """Return the unit of what states none, rad or deg; "" where nobody says."""
+    units = mapped.get(UNITS, "")
+    if units not in ("", "rad", "deg"):
+        raise InputError(f"--units is '{units}'; it is rad or deg: what angles, and rates per second, are in")
+    return units
+
+
+def _in_units(raw: RawLog, units: str) -> dict[str, Chosen]:
+    """Return the gyros and angles that state no unit, in the one that somebody says; of two columns neither."""
+    looks: dict[str, list[RawSeries]] = {}
+    for series in raw.series if units and raw.by_name else ():
+        told = guess(series.name, series.unit)
+        if (
+            told.channel in (*GYROS, *ATTITUDE)
+            and told.meaning is None
+            and not stated_unit(series.name, series.unit)[1]
+        ):
+            looks.setdefault(told.channel, []).append(series)
+    return {
+        channel: _as_told(
+            only[0], Meaning(channel=channel, unit=f"{units}/s" if channel in GYROS else units), ", as told"
+        )
+        for channel, only in looks.items()
+        if len(only) == 1
+    }
+
+
+_TRIED: WeakKeyDictionary[RawSeries, dict[object, Found]] = WeakKeyDictionary()  # by a log's first column
+
+
+def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
+    """Return what physics say of a log's open columns; once, however often it is asked."""
+    if not (raw.by_name and raw.series):
+        return NOTHING
+    known = {
+        channel: (choice.series, choice.meaning)
+        for channel in (*GYROS, *ATTITUDE)
+        if (choice := sure.get(channel)) is not None and choice.meaning is not None
+    }
+    key = (raw.time, units, tuple((choice.name, meaning) for choice, meaning in known.values()))
+    before = _TRIED.setdefault(raw.series[0], {})
+    if key not in before:
+        before[key] = found(raw, known, units)
+    return before[key]
 
 
 def _recognised(raw: RawLog) -> dict[str, Chosen]:
@@ -167,14 +236,17 @@ def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
 def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> Chosen:
     meaning = judged(series, raw).meaning
     assert meaning is not None  # the caller looked
+    turned = meaning.sign < 0 and series.meaning is None
+    return _as_told(series, meaning, (" (taken to point down)" if turned else "") + rather)
+
+
+def _as_told(series: RawSeries, meaning: Meaning, why: str) -> Chosen:
     known = unit(meaning.unit)
-    turned = "-" if meaning.sign < 0 else ""
-    why = " (taken to point down)" if turned and series.meaning is None else ""
     return Chosen(
         channel=meaning.channel,
         series=series,
         factor=meaning.sign * (known.factor if known else 1.0),
-        how=f"{turned}'{series.name}' in {meaning.unit}{why}{rather}",
+        how=f"{'-' if meaning.sign < 0 else ''}'{series.name}' in {meaning.unit}{why}",
         meaning=meaning,
     )
 
@@ -259,10 +331,10 @@ def not_taken(raw: RawLog, channels: Sequence[str]) -> list[str]:
     return lines[:_MOST_NAMED]
 
 
-def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str]) -> str:
-    """Return what is said where needed channels aren't there: what looks like them, and what is there."""
+def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str], why: str = "") -> str:
+    """Return what is said where needed channels aren't there: why, what looks like them, and what is there."""
     names = f"channel{'s' * (len(lacking) > 1)} {', '.join(map(repr, lacking))}"
-    asks = "; ".join(dict.fromkeys(_open(raw, channel) for channel in lacking))
+    asks = why or "; ".join(dict.fromkeys(_open(raw, channel) for channel in lacking))
     return f"no {names}: {asks}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from gtmbench.intake.formats.raw import Meaning
+from gtmbench.intake.formats.raw import Meaning, RawSeries
 from gtmbench.intake.units import dimension_of, hint, unit
 from gtmbench.values.channels import ACCELEROMETERS, CHANNEL_OF_HEADER, GYROS
 
@@ -155,3 +156,98 @@ def _key(name: str) -> str:
 def is_table_header(name: str) -> bool:
     """Tell whether a column is named exactly as this package names it: ``p_deg_s``."""
     return name == "time_s" or name in CHANNEL_OF_HEADER
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Triple:
+    """Three columns that are named as the axes of one sensor: rates, angles or accelerations.
+
+    Attributes
+    ----------
+    kind : str
+        ``rate``, ``angle``, ``acceleration``.
+    series : tuple of RawSeries
+        About, or along, x, y and z.
+    meanings : tuple of Meaning
+        What they are, where that is settled.
+    is_exact : bool
+        Whether all three names are known as they are, not by parts.
+    """
+
+    kind: str
+    series: tuple[RawSeries, ...]
+    meanings: tuple[Meaning, ...] = ()
+    is_exact: bool = True
+
+    @property
+    def clock(self) -> str:
+        """Whose stamps they have."""
+        return self.series[0].clock
+
+    @property
+    def stated(self) -> str:
+        """The unit that all three state, "" for none."""
+        units = {meaning.unit for meaning in self.meanings} or {
+            stated_unit(series.name, series.unit)[1] for series in self.series
+        }
+        only = units.pop() if len(units) == 1 else ""
+        known = unit(only)
+        return only if known is not None and known.dimension == _DIMENSIONS[self.kind] else ""
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Their signs, where they are settled; else none."""
+        return tuple(meaning.sign for meaning in self.meanings)
+
+
+_DIMENSIONS = {"rate": "angular rate", "angle": "angle", "acceleration": "acceleration"}
+_AXES = ("roll|phi|bank", "pitch|theta", "yaw|psi|heading|hdg")
+_AXIS = re.compile(rf"(?P<word>{'|'.join(_AXES)})|(?P<letter>[xyzpqr])$|\[(?P<place>[012])\]$")
+_RATES = re.compile(r"gyr|omega|pqr|rate|rot|ang[a-z]*_?vel|\*_?(speed|dot|vel|d)$|(^|[^a-z])(w|av)(_|$|\*)|^\*$")
+_ANGLES = re.compile(r"(^|[^a-z])(att|euler|rpy|angle|ori|eul)")
+_ACCELERATIONS = re.compile(r"acc|specific_?force|(^|[^a-z])(a|f)_?b?_?\*$")
+_NO_SENSOR = re.compile(r"mag|grav|offset|trim|gain|pid|stick|rc_|ctrl|demand|innov|delta|noise|temp|angular_?acc")
+
+
+def triples(series: Sequence[RawSeries]) -> list[Triple]:
+    """Return the columns of a log that are named as three axes of one sensor, by any of the words in use."""
+    found: dict[tuple[str, str, str], dict[int, RawSeries]] = {}
+    for each in series:
+        named = _as_axis(each)
+        if named is not None:
+            kind, axis, stem = named
+            found.setdefault((each.clock, kind, stem), {})[axis] = each
+    return [
+        Triple(kind=kind, series=tuple(axes[i] for i in range(3)), is_exact=_is_exact(axes.values()))
+        for (_, kind, _), axes in found.items()
+        if len(axes) == 3
+    ]
+
+
+def _is_exact(series: Iterable[RawSeries]) -> bool:
+    return all(guess(each.name, each.unit).channel not in ("", "time") for each in series)
+
+
+def _as_axis(series: RawSeries) -> tuple[str, int, str] | None:
+    """Return which kind of sensor a column's name means, which axis, and the name without that; None of others.
+
+    >>> _as_axis(RawSeries(name="imu.bodyRate_y", load=list)), _as_axis(RawSeries(name="EulerAngles[2]", load=list))
+    (('rate', 1, 'imu.body_rate_*'), ('angle', 2, 'euler_angles*'))
+    """
+    base = stated_unit(series.name, series.unit)[0]
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", base).lower().strip()
+    axis = _AXIS.search(name)
+    if axis is None or name in "xyz" or _NOT_MEASURED.search(name) or _NO_SENSOR.search(name):
+        return None
+    if axis["word"]:
+        place = next(i for i, words in enumerate(_AXES) if re.fullmatch(words, axis["word"]))
+    else:
+        place = int(axis["place"]) if axis["place"] else "xyzpqr".index(axis["letter"]) % 3
+    stem = name[: axis.start()] + "*" + name[axis.end() :]
+    if _ACCELERATIONS.search(stem):
+        return ("acceleration", place, stem) if not axis["word"] else None
+    if _RATES.search(stem) and not (axis["word"] and stem == "*"):
+        return "rate", place, stem
+    if axis["word"] or _ANGLES.search(stem):
+        return "angle", place, stem
+    return None

@@ -182,7 +182,9 @@ def _is_placed(raw: RawLog, breaks_s: tuple[float, ...]) -> bool:
 
 
 def _time_source(raw: RawLog) -> list[Source]:
-    return [] if raw.time is None else [Source(channel="time", column=raw.time[0], unit=raw.time[1])]
+    if raw.time is None:
+        return []
+    return [Source(channel="time", column=raw.time[0], unit=raw.time[1], guessed=raw.time_guessed)]
 
 
 def _clocks_of(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gtmbench.intake.formats.raw import RawLog
-from gtmbench.intake.formats.registry import read_raw
+from gtmbench.intake.formats.registry import read_raw, split_part
 from gtmbench.intake.quaternions import with_quaternions
 
 
@@ -45,5 +45,5 @@ def read_log(log: str | Path | ReadLog) -> ReadLog:
     """
     if isinstance(log, ReadLog):
         return log
-    path = Path(log)
-    return ReadLog(path=path, raw=with_quaternions(read_raw(path)))
+    path, part = split_part(log)
+    return ReadLog(path=path, raw=with_quaternions(read_raw(path, part)))

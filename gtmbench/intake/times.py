@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
@@ -21,6 +23,14 @@ from gtmbench.values.record import Span
 
 _WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
 _BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps
+_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_STEPS_S = (0.002, 0.5)  # between a log's samples
+_EPOCH_S = (6.3e8, 2.53e9)  # the years 1990 to 2050, since 1970
+_COUNTS = re.compile(
+    r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist"
+)  # rise, and aren't times
+_FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
+_PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
     **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
@@ -40,27 +50,96 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     """
     if raw.clocks and mapped is None:
         return raw
-    series, stated, per_second = time_column(raw, mapped)
+    tables = dict.fromkeys(series.clock for series in raw.series)
+    if len(tables) > 1 and not raw.clocks and mapped is None:
+        return _table_by_table(raw, list(tables))
+    told = _told_time(raw, mapped)
+    clocks, since = in_seconds({told.clock: told.stamps}, told.per_second)
+    rest = tuple(other for other in raw.series if other not in told.columns)
+    timed = replace(raw, series=rest, time=(told.name, told.stated), time_guessed=told.guessed)
+    since = since or ((since_text(told.since_s),) if told.since_s else ())
+    return timed.with_clocks(clocks, told.note, *since)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Told:
+    """Which column tells a table's time, or which two, and their stamps."""
+
+    columns: tuple[RawSeries, ...]
+    stamps: NDArray[Any]
+    stated: str
+    per_second: float
+    guessed: str = ""
+    since_s: float = 0.0  # that was taken off the stamps
+
+    @property
+    def clock(self) -> str:
+        return self.columns[0].clock
+
+    @property
+    def name(self) -> str:
+        return " + ".join(column.name for column in self.columns)
+
+    @property
+    def note(self) -> str:
+        if len(self.columns) > 1:
+            return f"time: columns '{self.name}'"
+        return f"time: column '{self.name}' in {self.stated}{f', by {self.guessed}' if self.guessed else ''}"
+
+
+def _told_time(raw: RawLog, mapped: str | None) -> _Told:
+    series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
+    stated, per_second = _unit_of_time(meaning, mapped)
     beyond = beyond_seconds(raw, series)
     if beyond is not None:
-        return _in_two_columns(raw, series, *beyond)
+        return _in_two_columns(series, *beyond)
     _check_steps(series, stated, per_second)
-    clocks, since = in_seconds({series.clock: series.load()}, per_second)
-    rest = tuple(other for other in raw.series if other is not series)
-    return replace(raw, series=rest, time=(series.name, stated)).with_clocks(
-        clocks, f"time: column '{series.name}' in {stated}", *since
+    return _Told(columns=(series,), stamps=series.load(), stated=stated, per_second=per_second, guessed=meaning.guessed)
+
+
+def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
+    """Return a log of several tables, each with its own time; those without one are left out."""
+    told: dict[str, _Told] = {}
+    without: list[str] = []
+    why = ""
+    for table in tables:
+        own = tuple(series for series in raw.series if series.clock == table)
+        try:
+            told[table] = _told_time(replace(raw, series=own, by_name=True), None)
+        except InputError as error:
+            without, why = [*without, table], why or str(error)
+    if not told:
+        raise InputError(why)
+    units = {each.per_second for each in told.values()}
+    stamps = {
+        table: each.stamps if len(units) == 1 else each.since_s + each.stamps / each.per_second
+        for table, each in told.items()
+    }
+    clocks, since = in_seconds(stamps, units.pop() if len(units) == 1 else 1.0)
+    times = [column for each in told.values() for column in each.columns]
+    rest = tuple(series for series in raw.series if series.clock in clocks and series not in times)
+    notes = [f"no time, so not taken: {', '.join(without[:12])}"] if without else []
+    guessed = [each.note for each in told.values() if each.guessed]
+    first = next(iter(told.values()))
+    return replace(raw, series=rest, time=None, time_guessed="; ".join(guessed)).with_clocks(
+        clocks, *(guessed or [first.note + (" and so on" if len(told) > 1 else "")]), *since, *notes
     )
 
 
 def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:
     """Return the column that tells the time, or its whole seconds, its unit, and how many of it are a second."""
     series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
+    return series, *_unit_of_time(meaning, mapped)
+
+
+def _unit_of_time(meaning: Meaning, mapped: str | None) -> tuple[str, float]:
+    """Return a time's unit, and how many of it are a second."""
     known = unit(meaning.unit)
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     if meaning.late_s:
         raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    return series, meaning.unit, known.factor
+    return meaning.unit, known.factor
 
 
 def beyond_seconds(raw: RawLog, seconds: RawSeries) -> tuple[RawSeries, float] | None:
@@ -81,18 +160,15 @@ def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple
     return of[0] if len(of) == 1 and of[0][0].clock == seconds.clock else None
 
 
-def _in_two_columns(raw: RawLog, seconds: RawSeries, fine: RawSeries, per_second: float) -> RawLog:
+def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _Told:
     whole, beyond = seconds.values(), fine.values() / per_second
     if np.any(np.abs(beyond) >= 1.0):
         raise InputError(
             f"'{fine.name}' isn't what is beyond the whole seconds of '{seconds.name}': --map time=COLUMN:UNIT"
         )
-    origin_s, name = first_since_1970(whole), f"{seconds.name} + {fine.name}"
-    time_s = (whole - origin_s) + beyond
-    rest = tuple(other for other in raw.series if other is not seconds and other is not fine)
-    since = (since_text(origin_s),) if origin_s else ()
-    return replace(raw, series=rest, time=(name, "s")).with_clocks(
-        {seconds.clock: time_s}, f"time: columns '{name}'", *since
+    origin_s = first_since_1970(whole)
+    return _Told(
+        columns=(seconds, fine), stamps=(whole - origin_s) + beyond, stated="s", per_second=1.0, since_s=origin_s
     )
 
 
@@ -110,15 +186,61 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
         first = (sure or pairs)[0]
         named = " and ".join(map(repr, both))
         raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
+    stepped = [(series, meaning) for series, _ in looks if (meaning := by_steps(series)) is not None]
+    if len(looks) > 1:
+        stepped = _of_shortest_name(stepped)
+    if len(stepped) == 1:
+        return stepped[0]
     if looks:
         raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
-    measured = [
+    rising = [] if measured_time(raw) else [(each, found) for each in raw.series if (found := rises_evenly(each))]
+    if len(rising) == 1:
+        return rising[0]
+    measured = measured_time(raw) or [series.name for series, _ in rising]
+    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
+    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+
+
+def measured_time(raw: RawLog) -> list[str]:
+    """Return the columns that state a unit of time."""
+    return [
         series.name
         for series in raw.series
         if (measure := unit(stated_unit(series.name, series.unit)[1])) and measure.dimension == "time"
     ]
-    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
-    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+
+
+def _of_shortest_name(told: list[tuple[RawSeries, Meaning]]) -> list[tuple[RawSeries, Meaning]]:
+    """Return the column whose name says time and nothing else, where one does; else all."""
+    plain = [(series, meaning) for series, meaning in told if series.name.lower() in _PLAIN]
+    return plain if len(plain) == 1 else told
+
+
+def by_steps(series: RawSeries) -> Meaning | None:
+    """Return the unit of a column that tells the time, by its steps or the epoch that it counts from; None where open.
+
+    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050.
+    """
+    values = series.values()[:_BEGINNING]
+    usual, known = _usual_step(series), values[np.isfinite(values)]
+    middle = float(np.median(known)) if len(known) else 0.0
+    epochs = [name for name, per_second in _UNITS.items() if _EPOCH_S[0] < middle / per_second < _EPOCH_S[1]]
+    if len(epochs) == 1 and np.ptp(known) > 0:
+        return Meaning(channel="time", unit=epochs[0], guessed="the date that it counts to")
+    fits = [name for name, per_second in _UNITS.items() if _STEPS_S[0] <= usual / per_second <= _STEPS_S[1]]
+    return Meaning(channel="time", unit=fits[0], guessed=f"its steps of {usual:.6g}") if len(fits) == 1 else None
+
+
+def rises_evenly(series: RawSeries) -> Meaning | None:
+    """Return the unit of a column that is called anything and rises by even steps, as only a time does; else None."""
+    if _COUNTS.search(series.name):
+        return None
+    steps = np.diff(series.values()[:_BEGINNING])
+    if len(steps) < _FEWEST_STEPS or not np.all(steps > 0) or np.ptp(series.values()[:_BEGINNING]) == len(steps):
+        return None
+    usual = float(np.median(steps))
+    even = np.mean(np.abs(steps - usual) < _UNEVEN * usual)
+    return by_steps(series) if even > _ORDERLY else None
 
 
 def _without_unit(series: RawSeries, told: Guess) -> str:
@@ -148,8 +270,7 @@ def unit_hint(column: str, step: float) -> str:
     >>> unit_hint("t", 20.0), unit_hint("t", 1.0)
     ('; by its steps of 20 it is in ms: --map time=t:ms', '')
     """
-    units = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-    fits = [name for name, per_second in units.items() if 0.002 <= step / per_second <= 0.5]
+    fits = [name for name, per_second in _UNITS.items() if _STEPS_S[0] <= step / per_second <= _STEPS_S[1]]
     typed = "".join(shlex.quote(f"time={column}:{name}") for name in fits)
     return f"; by its steps of {step:.6g} it is in {fits[0]}: --map {typed}" if fits else ""
 

@@ -23,6 +23,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
 from gtmbench.intake.formats.dataflash_events import Told
+from gtmbench.intake.formats.documented import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.injections import Injection
@@ -37,21 +38,6 @@ _MOST_INSTANCES = 16
 _TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
 _CLOCKS = {"TimeUS": 1e6, "TimeMS": 1e3}
 _STEADY = ("IMU", "ATT")  # messages that come again and again: what has no stamp came after the last of these
-
-# ArduPilot's log documentation: body axes forward, right, down
-_DOCUMENTED = {
-    **{("IMU", f"Gyr{axis}"): Meaning(channel=name, unit="rad/s") for axis, name in zip("XYZ", "pqr", strict=True)},
-    ("IMU", "AccX"): Meaning(channel="nx", unit="m/s/s"),
-    ("IMU", "AccY"): Meaning(channel="ny", unit="m/s/s"),
-    ("IMU", "AccZ"): Meaning(channel="nz", unit="m/s/s", sign=-1.0),
-    ("ATT", "Roll"): Meaning(channel="phi", unit="deg"),
-    ("ATT", "Pitch"): Meaning(channel="theta", unit="deg"),
-    ("ATT", "Yaw"): Meaning(channel="psi", unit="deg"),
-    ("AOA", "AOA"): Meaning(channel="alpha", unit="deg"),
-    ("AOA", "SSA"): Meaning(channel="beta", unit="deg"),
-    ("POS", "Alt"): Meaning(channel="altitude", unit="m"),
-    ("GPS", "Alt"): Meaning(channel="altitude", unit="m"),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +84,7 @@ def read_dataflash(path: Path) -> RawLog:
         raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
     return RawLog(
         kind=kind,
-        series=documented_first(series, _DOCUMENTED),
+        series=documented_first(series, ARDUPILOT),
         clocks=clocks,
         notes=notes,
         by_name=False,
@@ -283,7 +269,7 @@ def _part(load: Callable[[], NDArray[Any]], rows: NDArray[Any] | slice) -> Calla
 
 
 def _meaning(topic: str, name: str, stated: str) -> Meaning | None:
-    documented = _DOCUMENTED.get((topic, name))
+    documented = ARDUPILOT.get((topic, name))
     return documented and (replace(documented, unit=stated) if unit(stated) else documented)
 
 

@@ -1,8 +1,4 @@
-"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu`` (CDR) in aircraft axes, unpacked under limits.
-
-REP 103: a body's x points forward, y left and z up; the world's x points east, y north and z up. So q, r and pitch turn
-the other way than an aircraft's, and the heading is counted from north.
-"""
+"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu`` (CDR) in aircraft axes, unpacked under limits."""
 
 from __future__ import annotations
 
@@ -31,28 +27,13 @@ from gtmbench.intake.formats.limits import (
     quiet,
     reading,
 )
-from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, euler_deg, in_seconds
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
+from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
 
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns
 _NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's errors are ValueErrors
 
-_IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
-_IMU_MEANINGS = {
-    "angular_velocity.x": Meaning(channel="p", unit="rad/s"),
-    "angular_velocity.y": Meaning(channel="q", unit="rad/s", sign=-1.0),
-    "angular_velocity.z": Meaning(channel="r", unit="rad/s", sign=-1.0),
-    "linear_acceleration.x": Meaning(channel="nx", unit="m/s2"),
-    "linear_acceleration.y": Meaning(channel="ny", unit="m/s2", sign=-1.0),
-    "linear_acceleration.z": Meaning(channel="nz", unit="m/s2"),
-}
-# of the angles that make the orientation: yaw is counted from east, and 90 deg are taken off where it is read
-_IMU_ANGLES = {
-    "roll": Meaning(channel="phi", unit="deg"),
-    "pitch": Meaning(channel="theta", unit="deg", sign=-1.0),
-    "yaw": Meaning(channel="psi", unit="deg", sign=-1.0),
-}
-_ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
 _ANGULAR = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 _LINEAR = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 _SEC, _NANOSEC = "header.stamp.sec", "header.stamp.nanosec"
@@ -103,7 +84,7 @@ def read_mcap(path: Path) -> RawLog:
     clocks, since = in_seconds(stamps, 1e9)
     series = [column for name, topic in topics.items() for column in _series(name, topic)]
     if any(topic.imu for topic in topics.values()):
-        notes.append("sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down")
+        notes.append(NOTE)
     return RawLog(kind="MCAP", series=tuple(series), clocks=clocks, notes=(*notes, *said, *since))
 
 
@@ -177,7 +158,7 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
             if values is None:
                 left_out[why_not] = left_out.get(why_not, 0) + 1
                 continue
-            topic = topics.setdefault(channel.topic, _Topic(imu=schema in _IMU_SCHEMAS))
+            topic = topics.setdefault(channel.topic, _Topic(imu=schema in IMU_SCHEMAS))
             grown += topic.add(min(record.log_time, 2**63 - 1), values)
             check_values(grown, "its messages")
 
@@ -190,7 +171,7 @@ def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] 
             columns: dict[str, float] = {}
             _flatten("", json.loads(data), columns, 0)
             return columns, ""
-        if encoding == "cdr" and schema in _IMU_SCHEMAS:
+        if encoding == "cdr" and schema in IMU_SCHEMAS:
             return _decoded_imu(data), ""
     except _NO_MESSAGE:
         return None, f"broken {encoding}"
@@ -226,27 +207,7 @@ def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]],
 
 
 def _series(name: str, topic: _Topic) -> list[RawSeries]:
-    columns = {field: partial(topic.column, field) for field in topic.columns if not field.startswith("header.stamp.")}
-    series = [
-        RawSeries(
-            name=f"{name}.{field}",
-            load=load,
-            clock=name,
-            meaning=_IMU_MEANINGS.get(field) if topic.imu else None,
-        )
-        for field, load in columns.items()
-    ]
-    if topic.imu and all(name in topic.columns for name in _ORIENTATION):
-        series += [_angle(name, topic, angle, meaning) for angle, meaning in _IMU_ANGLES.items()]
-    return series
-
-
-def _angle(name: str, topic: _Topic, angle: str, meaning: Meaning) -> RawSeries:
-    def load() -> NDArray[np.float64]:
-        turned = euler_deg([topic.column(f"orientation.{part}") for part in "wxyz"], angle)
-        return turned - 90.0 if angle == "yaw" else turned
-
-    return RawSeries(name=f"{name}.orientation({angle})", load=load, clock=name, meaning=meaning)
+    return topic_series(name, {field: partial(topic.column, field) for field in topic.columns}, is_imu=topic.imu)
 
 
 def _decoded_imu(data: bytes) -> dict[str, float]:
@@ -266,7 +227,7 @@ def _decoded_imu(data: bytes) -> dict[str, float]:
     orientation = struct.unpack_from(f"{order}4d", body, place)
     angular = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9))
     linear = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9 + 3 + 9))
-    names = (_SEC, _NANOSEC, *_ORIENTATION, *_ANGULAR, *_LINEAR)
+    names = (_SEC, _NANOSEC, *ORIENTATION, *_ANGULAR, *_LINEAR)
     return dict(zip(names, (sec, nanosec, *orientation, *angular, *linear), strict=True))
 
 

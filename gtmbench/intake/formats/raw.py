@@ -5,6 +5,7 @@ And what several formats store otherwise than channels are: stamps in ticks, dat
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,12 +29,16 @@ ANGLES = ("roll", "pitch", "yaw")  # that a quaternion becomes
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """Which channel a column is: its unit, -1 where its axis points away, and how many seconds late it was stamped."""
+    """Which channel a column is: its unit, -1 where its axis points away, and how many seconds late it was stamped.
+
+    Where nothing states that, `guessed` says what shows it.
+    """
 
     channel: str
     unit: str
     sign: float = 1.0
     late_s: float = 0.0
+    guessed: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +100,8 @@ class RawLog:
         Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
     time : tuple of str or None
         The column that tells the time, and its unit; None where the container does.
+    time_guessed : str
+        What shows the time's column or unit, where nothing states it; of several tables, with their columns.
     attitude_from_gyros : bool
         Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
     events : function
@@ -112,6 +119,7 @@ class RawLog:
     notes: tuple[str, ...] = ()
     by_name: bool = True
     time: tuple[str, str] | None = None
+    time_guessed: str = ""
     attitude_from_gyros: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
     injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
@@ -160,18 +168,32 @@ class Format:
         As a message lists it.
     magic : tuple of bytes
         What its files begin with: one of these.
+    pattern : bytes
+        A regular expression of what they begin with, where no few bytes tell; "" for none.
     suffixes : tuple of str
         Of files that are nothing else: one that begins otherwise is refused, not tried as a CSV.
     read : function
+        Gives a path's log. With `has_parts`, it also takes which part of the file is meant, "" for all of it.
     rewrite : function, optional
         Writes a file anew with other values in some cells, everything else as it was.
+    has_parts : bool
+        Whether what stands behind a colon names a part: a branch, a sheet, a system.
+    is_folder : function, optional
+        Tells whether a folder is one log of this format.
     """
 
     name: str
     magic: tuple[bytes, ...]
     suffixes: tuple[str, ...]
-    read: Callable[[Path], RawLog]
+    read: Callable[..., RawLog]
     rewrite: Callable[[Path, Path, Sequence[Cells]], None] | None = None
+    pattern: bytes = b""
+    has_parts: bool = False
+    is_folder: Callable[[Path], bool] | None = None
+
+    def begins(self, head: bytes) -> bool:
+        """Tell whether a file's first bytes are those of this format."""
+        return head.startswith(self.magic) or bool(self.pattern and re.match(self.pattern, head, re.DOTALL))
 
 
 def documented_first(series: Iterable[RawSeries], documented: Iterable[tuple[str, str]]) -> tuple[RawSeries, ...]:

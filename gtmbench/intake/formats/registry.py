@@ -2,59 +2,112 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file, no_such
-from gtmbench.intake.formats import dataflash, mcap, parquet, ulog
+from gtmbench.files.disk import is_file, is_folder, no_such
+from gtmbench.intake.formats import (
+    dataflash,
+    excel,
+    folder,
+    matlab,
+    mcap,
+    numpy_archive,
+    parquet,
+    rosbag,
+    tlog,
+    ulog,
+)
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
+from gtmbench.intake.formats.packed import read_gzip, read_zip
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
+from gtmbench.intake.formats.unreadable import why_unreadable
 
-FORMATS = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT)
+FORMATS = (
+    parquet.FORMAT,
+    ulog.FORMAT,
+    dataflash.FORMAT,
+    mcap.FORMAT,
+    tlog.FORMAT,
+    rosbag.FORMAT,
+    matlab.FORMAT,
+    numpy_archive.FORMAT,
+    excel.FORMAT,
+    folder.FORMAT,
+)
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
 
-_PACKED = ((b"\x1f\x8b", "gzip"), (b"PK\x03\x04", "zip"), (b"\x28\xb5\x2f\xfd", "zstd"), (b"BZh", "bzip2"))
 _OURS = {
     ".rrd": "a recording, which `gtmbench view` opens",
     ".toml": "a scenario, which `gtmbench run` flies",
     ".json": "results, or a monitor; a log is watched with one by `gtmbench monitor LOG --detector {}`",
 }
-_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
-_BOOK = re.compile(rb"\xd0\xcf\x11\xe0|PK\x03\x04.{26}(\[Content_Types|_rels|docProps|xl/|mimetype)", re.DOTALL)
-_OTHERS = ((b"{", "JSON"), (b"[{", "JSON"), (b"<", "HTML or XML"), (b"%PDF", "PDF"), (b"MATLAB", "MATLAB"))
-_HEAD_BYTES = 64
-_READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and {FORMATS[-1].name}"
+_GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
+_HEAD_BYTES = 600
+_READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and a {FORMATS[-1].name}"
 
 
-def read_raw(path: Path) -> RawLog:
-    """Return what a log's file holds.
+def split_part(log: str | Path) -> tuple[Path, str]:
+    """Return a log's path and which part of it is meant: ``flight.mat:run1/imu``, a branch; "" for all of it.
+
+    >>> split_part("none.mat:run1/imu"), split_part("none.csv")
+    ((PosixPath('none.mat'), 'run1/imu'), (PosixPath('none.csv'), ''))
+    """
+    before, colon, part = str(log).rpartition(":")
+    if colon and before and not _is_there(Path(log)) and (_is_there(Path(before)) or Path(before).suffix):
+        return Path(before), part
+    return Path(log), ""
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def read_raw(path: Path, part: str = "") -> RawLog:
+    """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files.
 
     Raises
     ------
     InputError
         Where it isn't a file, is too large, isn't of a known format, or is broken.
     """
-    return _printable(_format(path).read(path))
+    form = _packed(path) or _format(path)
+    if part and not form.has_parts:
+        raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
+    return _printable(form.read(path, part) if form.has_parts else form.read(path))
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file goes by the name of a log, or begins as one; any CSV does."""
+    """Whether a file goes by the name of a log, or begins as one; any CSV does. Some folders are one log."""
+    if is_log_folder(path):
+        return True
     if not is_file(path):
         return False
     if path.suffix.lower() in (".csv", *(suffix for form in FORMATS for suffix in form.suffixes)):
         return True
     try:
         with path.open("rb") as file:
-            head = file.read(16)
+            head = file.read(_HEAD_BYTES)
     except OSError:
         return False
-    return any(head.startswith(form.magic) for form in FORMATS)
+    return any(form.begins(head) for form in FORMATS)
+
+
+def is_log_folder(path: Path) -> bool:
+    """Whether a folder is one log."""
+    try:
+        return path.is_dir() and any(form.is_folder(path) for form in FORMATS if form.is_folder)
+    except OSError:
+        return False
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
@@ -74,34 +127,49 @@ def check_written(path: Path) -> None:
 
 
 def _writer(path: Path) -> Callable[[Path, Path, Sequence[Cells]], None]:
-    form = _format(path)
+    form = _packed(path) or _format(path)
     if form.rewrite is None:
         written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
         raise InputError(f"{path} is {form.name}, which is only read here; {written} are written: export it as one")
     return form.rewrite
 
 
-def _format(path: Path) -> Format:
-    """Return the format of a file by its first bytes."""
+def _packed(path: Path) -> Format | None:
+    """Return what reads a log that is packed; None of others."""
+    if is_folder(path):
+        return None
     head = _head(path)
-    if _BOOK.match(head) or (head.startswith(b"PK\x03\x04") and path.suffix.lower() in _WORKBOOKS):
-        raise InputError(
-            f"{path} is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line"
-        )
-    for magic, packing in _PACKED:
-        if head.startswith(magic):
-            raise InputError(f"{path} is packed by {packing}; unpack it first")
+    if head.startswith(_GZIP):
+        return Format(name="packed", magic=(), suffixes=(), read=partial(read_gzip, read=_plain))
+    if head.startswith(_ZIP) and path.suffix.lower() == ".zip" and not any(form.begins(head) for form in FORMATS):
+        return Format(name="zip", magic=(), suffixes=(), read=partial(read_zip, read=_plain), has_parts=True)
+    return None
+
+
+def _plain(path: Path) -> RawLog:
+    """Read what was packed, once: nothing in it is unpacked again."""
+    return _format(path).read(path)
+
+
+def _format(path: Path) -> Format:
+    """Return the format of a file by its first bytes, or of a folder."""
+    if is_folder(path):
+        for form in FORMATS:
+            if form.is_folder and form.is_folder(path):
+                return form
+    head = _head(path)
     if path.suffix.lower() in _OURS:
         raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()].format(path)}; {_READ}")
     for form in FORMATS:
-        if head.startswith(form.magic):
+        if form.begins(head):
             return form
-    if any(path.suffix.lower() in form.suffixes for form in FORMATS):
+    named = [form for form in FORMATS if path.suffix.lower() in form.suffixes]
+    if named == [matlab.FORMAT] and path.suffix.lower() == ".mat":  # files of MATLAB 4 begin as they like
+        return matlab.FORMAT
+    if why := why_unreadable(head, path):
+        raise InputError(f"{path} {why}; {_READ}")
+    if named:
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
-    begins = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-    for magic, kind in _OTHERS:
-        if begins.startswith(magic):
-            raise InputError(f"{path} begins as a file of {kind} does, not as a log; export the log as CSV; {_READ}")
     return CSV
 
 

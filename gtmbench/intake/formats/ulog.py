@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.intake.events import Event
+from gtmbench.intake.formats.documented import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import (
     ANGLES,
     Format,
-    Meaning,
     RawLog,
     RawSeries,
     documented_first,
@@ -26,35 +26,7 @@ from gtmbench.intake.formats.raw import (
 from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events
 from gtmbench.intake.formats.ulog_injections import ulog_injections
-from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.clock import FloatArray
-
-
-def _axes(kind: str, fields: str, channels: str, unit: str) -> dict[tuple[str, str], Meaning]:
-    names = channels.split()
-    return {
-        (kind, fields.format(axis)): Meaning(
-            channel=name.lstrip("-"), unit=unit, sign=-1.0 if name.startswith("-") else 1.0
-        )
-        for axis, name in enumerate(names)
-    }
-
-
-# PX4's message definitions state units and axes (forward, right, down); of two, the first is taken
-_DOCUMENTED = {
-    **_axes("sensor_combined", "gyro_rad[{}]", "p q r", "rad/s"),
-    **_axes("sensor_combined", "accelerometer_m_s2[{}]", "nx ny -nz", "m/s2"),
-    **_axes("vehicle_angular_velocity", "xyz[{}]", "p q r", "rad/s"),
-    **_axes("vehicle_acceleration", "xyz[{}]", "nx ny -nz", "m/s2"),
-    **{
-        ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
-        for angle, channel in zip(ANGLES, ATTITUDE, strict=True)
-    },
-    ("airspeed_validated", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
-    ("airspeed", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
-    ("vehicle_global_position", "alt"): Meaning(channel="altitude", unit="m"),
-    ("vehicle_air_data", "baro_alt_meter"): Meaning(channel="altitude", unit="m"),
-}
 
 
 class _TooMuchWork(Exception):  # noqa: N818 - no ValueError: pyulog goes on after those
@@ -124,7 +96,7 @@ def read_ulog(path: Path) -> RawLog:
         notes = (*notes, "parts of the file are broken and were passed over")
     return RawLog(
         kind=kind,
-        series=documented_first(series, _DOCUMENTED),
+        series=documented_first(series, PX4),
         clocks=clocks,
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
@@ -159,7 +131,7 @@ def _columns(topic: str, fields: dict[str, NDArray[Any]]) -> list[RawSeries]:
         parts = [fields[f"q[{part}]"] for part in range(4)]
         columns |= {f"q({angle})": functools.partial(euler_deg, parts, angle) for angle in ANGLES}
     return [
-        RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=_DOCUMENTED.get((topic, name)))
+        RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=PX4.get((topic, name)))
         for name, load in columns.items()
     ]
 

@@ -1,0 +1,117 @@
+"""Arrays in a tree, as MATLAB, HDF5 and NumPy keep them: those of as many rows are a table."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.checks import listed
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.apart import Arrays
+from gtmbench.intake.formats.limits import MOST_COLUMNS
+from gtmbench.intake.formats.raw import RawLog, RawSeries
+
+_FEWEST = 20  # rows of a table
+_MOST_BESIDE = 64  # columns of an array
+_TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[?(s|ms|us|ns|sec|seconds)\)?\]?)?")
+
+
+def log_of_arrays(
+    kind: str,
+    arrays: Arrays,
+    part: str = "",
+    *,
+    labels: Mapping[str, Sequence[str]] = {},
+    notes: Sequence[str] = (),
+) -> RawLog:
+    """Return a log of arrays by their paths, ``flight/imu/gyro``: columns of an array are ``gyro[0]``, ``gyro[1]``.
+
+    Parameters
+    ----------
+    kind : str
+    arrays : mapping of arrays
+        Dates as such; stamps of whole numbers as they are.
+    part : str
+        The branch that is meant: of its paths only what follows is a name; "" for the whole tree.
+    labels : mapping
+        What the columns of an array are called, where the file says so.
+    notes : sequence of str
+
+    Raises
+    ------
+    InputError
+        Where the branch isn't there, or holds no array of some rows.
+    """
+    chosen = _branch(arrays, part)
+    columns = {
+        path: list(_columns(path.removeprefix(part).strip("/").replace("/", "."), array, labels.get(path, ())))
+        for path, array in chosen.items()
+    }
+    tables: dict[int, list[str]] = defaultdict(list)
+    for path, made in columns.items():
+        if made:
+            tables[len(made[0][1])].append(path)
+    clocks = {path: clock for rows, paths in tables.items() for path, clock in _clocks(rows, paths, columns).items()}
+    if not clocks:
+        raise InputError(f"it holds no column of at least {_FEWEST} numbers{_branches(arrays)}")
+    if len(set(clocks.values())) == 1:
+        clocks = dict.fromkeys(clocks, "")
+    series = [
+        RawSeries(name=name, load=partial(np.asarray, values), clock=clocks[path], unit=_unit(values))
+        for path, made in columns.items()
+        for name, values in made
+    ]
+    return RawLog(kind=kind, series=tuple(series[:MOST_COLUMNS]), notes=tuple(notes))
+
+
+def _branch(arrays: Arrays, part: str) -> Arrays:
+    """Return the arrays of a branch, or one of them."""
+    chosen = {path: array for path, array in arrays.items() if not part or f"{path}/".startswith(f"{part}/")}
+    if not chosen:
+        raise InputError(f"it has no '{part}'{_branches(arrays)}")
+    return {path: array for path, array in chosen.items() if array.dtype.kind in "iufbM"}
+
+
+def _branches(arrays: Arrays) -> str:
+    return f"; it holds {listed(list(arrays)[:12])}" if arrays else ""
+
+
+def _columns(name: str, array: NDArray[Any], labels: Sequence[str]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Give an array's columns, its longer side being the rows; none of what is too short or has more sides."""
+    array = array.reshape([size for size in array.shape if size != 1] or [1])
+    if array.ndim == 2 and array.shape[0] < array.shape[1]:
+        array = array.T
+    if array.ndim not in (1, 2) or len(array) < _FEWEST or (array.ndim == 2 and array.shape[1] > _MOST_BESIDE):
+        return
+    if array.ndim == 1:
+        yield name, array
+        return
+    own = labels if len(labels) == array.shape[1] else ()
+    for place, column in enumerate(array.T):
+        yield (f"{name}.{own[place]}" if own else f"{name}[{place}]"), column
+
+
+def _clocks(rows: int, paths: Sequence[str], columns: Mapping[str, list[tuple[str, NDArray[Any]]]]) -> dict[str, str]:
+    """Return which table each array of so many rows is of: of several times each has its own, the nearest in the tree.
+
+    Rows alone tell where none or one of the arrays is a time.
+    """
+    times = [path for path in paths if any(_TIME.fullmatch(name) for name, _ in columns[path])]
+    if len(times) < 2:
+        return dict.fromkeys(paths, str(rows))
+
+    def nearest(path: str) -> str:
+        return max(times, key=lambda time: (len(os.path.commonpath(["/" + time, "/" + path])), -len(time)))
+
+    return {path: nearest(path).rpartition("/")[0] or str(rows) for path in paths}
+
+
+def _unit(values: NDArray[Any]) -> str:
+    return "s" if values.dtype.kind == "M" else ""

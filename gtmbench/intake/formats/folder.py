@@ -1,0 +1,107 @@
+"""A folder of tables of one flight, as ulog2csv and mavlogdump write it: a file a topic, each with its own time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.csv import read_csv
+from gtmbench.intake.formats.documented import ALL, PX4
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
+from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
+
+_TOPICS = {topic.lower(): topic for topic, _ in ALL}
+_MOST, _HEAD_BYTES = 300, 4096  # tables; of a header
+_NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
+
+
+def read_folder(path: Path) -> RawLog:
+    """Read a folder's tables; an autopilot's topics are known by their files' names, ``log_vehicle_attitude_0``."""
+    tables = _tables(path)
+    if sum(table.stat().st_size for table in tables) > LARGEST_FILE_BYTES:
+        raise InputError(f"{path}: its tables have more than {LARGEST_FILE_BYTES} bytes; at most so many are read")
+    topics = {table: _topic(table.stem) for table in tables}
+    known = [table for table in tables if _of(topics[table]) in _TOPICS.values()]
+    series: list[RawSeries] = []
+    left_out = []
+    for table in known or tables:
+        try:
+            read = read_csv(table)
+        except InputError:
+            left_out.append(table.name)
+            continue
+        topic = topics[table]
+        own = {each.name: each for each in read.series}
+        series += [_column(topic, each) for each in own.values()]
+        if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
+            series += [_angle(topic, own, angle) for angle in ANGLES]
+    if not series:
+        raise InputError(f"{path}: none of its tables can be read")
+    notes = [f"tables: {', '.join(sorted({each.clock for each in series})[:20])}"]
+    if left_out:
+        notes.append(f"not read: {', '.join(left_out[:12])}")
+    if not known:
+        return RawLog(kind="folder of tables", series=tuple(series), notes=tuple(notes))
+    return RawLog(
+        kind="folder of an autopilot's tables",
+        series=documented_first(series, ALL),
+        notes=(*notes, "units and axes are those of the autopilot's documentation"),
+        by_name=False,
+        attitude_from_gyros=True,
+    )
+
+
+def _column(topic: str, column: RawSeries) -> RawSeries:
+    return replace(column, name=f"{topic}.{column.name}", clock=topic, meaning=ALL.get((topic, column.name)))
+
+
+def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:
+    parts = [f"q[{part}]" for part in range(4)]
+
+    def load() -> np.ndarray:
+        return euler_deg([own[part].values() for part in parts], angle)
+
+    name = f"q({angle})"
+    made_of = tuple(f"{topic}.{part}" for part in parts)
+    return RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=ALL.get((topic, name)), made_of=made_of)
+
+
+def _topic(stem: str) -> str:
+    """Return what a table tells of: a topic that is known, a second instance as ``IMU#1``, else its own name.
+
+    >>> _topic("09_26_30_sensor_combined_0"), _topic("IMU"), _topic("imu_1"), _topic("baro")
+    ('sensor_combined', 'IMU', 'IMU#1', 'baro')
+    """
+    numbered = _NUMBERED.fullmatch(stem)
+    bare, number = (numbered["topic"], int(numbered["number"])) if numbered else (stem, 0)
+    for name in sorted(_TOPICS, key=len, reverse=True):
+        if bare.lower() == name or bare.lower().endswith(f"_{name}"):
+            return f"{_TOPICS[name]}#{number}" if number else _TOPICS[name]
+    return stem
+
+
+def _of(topic: str) -> str:
+    return topic.partition("#")[0]
+
+
+def _tables(path: Path) -> list[Path]:
+    return sorted(table for table in path.glob("*.csv") if table.is_file() and not table.name.startswith("."))
+
+
+def is_folder_of_tables(path: Path) -> bool:
+    """Tell whether a folder's tables are one flight: no two of them have the same columns."""
+    tables = _tables(path)[: _MOST + 1]
+    if not 2 <= len(tables) <= _MOST:
+        return False
+    heads = set()
+    for table in tables:
+        with table.open("rb") as file:
+            heads.add(file.read(_HEAD_BYTES).partition(b"\n")[0])
+    return len(heads) == len(tables) or len({_topic(table.stem) for table in tables} & set(_TOPICS.values())) > 1
+
+
+FORMAT = Format(name="folder of tables", magic=(), suffixes=(), read=read_folder, is_folder=is_folder_of_tables)

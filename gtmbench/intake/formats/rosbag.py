@@ -1,0 +1,151 @@
+"""Bags of ROS 1 and of ROS 2, read by rosbags: messages of ROS's own types, by ROS's own definitions.
+
+The definitions that stand in a bag are passed over: rosbags would make Python of them, and nothing in a file is run.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmbench.checks import listed
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.apart import Arrays, read_apart
+from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, reading
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
+from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
+
+_STAMP = "header.stamp"
+_DEPTH = 5  # of messages in messages
+_SQLITE = b"SQLite format 3\0"
+_FIELD = "\t"  # between a topic and its field
+
+
+def read_rosbag(path: Path, part: str = "") -> RawLog:
+    """Read a bag: every topic with its own stamps, a field is ``topic.field``; a part is a topic."""
+    kind = "ROS bag"
+    folder = path if path.is_dir() or path.suffix == ".bag" else path.parent
+    if folder == path.parent and not (folder / "metadata.yaml").is_file():
+        raise InputError(f"{path} is a ROS 2 bag without its metadata.yaml; give the folder: ros2 bag reindex {folder}")
+    facts, arrays = read_apart("rosbag", "rosbags", folder, kind)
+    types, left_out = facts["types"], facts["left_out"]
+    with reading(path, kind):
+        if part:
+            types = {topic: kind for topic, kind in types.items() if topic.strip("/") == part.strip("/")}
+        if not types:
+            of = f"topic '{part}'" if part else "message of ROS's own types"
+            others = f"; left out are {listed([f'{topic} ({kind})' for topic, kind in left_out.items()][:8])}"
+            raise InputError(f"it has no {of}{others if left_out else ''}")
+    topics: dict[str, dict[str, np.ndarray]] = {topic: {} for topic in types}
+    for name, values in arrays.items():
+        topic, _, field = name.partition(_FIELD)
+        if topic in topics:
+            topics[topic][field] = values
+    measured = [topic for topic, columns in topics.items() if _STAMP in columns and columns[_STAMP].all()]
+    stamps = {topic: columns[_STAMP if topic in measured else ""] for topic, columns in topics.items()}
+    clocks, since = in_seconds(stamps, 1e9)
+    imu, notes = _imu(types, topics)
+    series = [column for topic, columns in topics.items() for column in _series(topic, columns, is_imu=topic in imu)]
+    recorded = [topic for topic in topics if topic not in measured]
+    notes += [*(["stamps: header.stamp"] if measured else []), *since]
+    if recorded:
+        notes.append(f"stamps: when messages were recorded, of {listed(recorded[:12])}")
+    if left_out:
+        notes.append(f"left out: {listed([f'{topic} ({kind})' for topic, kind in left_out.items()][:12])}")
+    return RawLog(kind=facts["kind"], series=tuple(series), clocks=clocks, notes=tuple(notes))
+
+
+def _series(topic: str, columns: dict[str, np.ndarray], *, is_imu: bool) -> list[RawSeries]:
+    loads = {field: partial(np.asarray, values) for field, values in columns.items() if field not in ("", _STAMP)}
+    return topic_series(topic, loads, is_imu=is_imu)
+
+
+def _imu(types: dict[str, str], topics: dict[str, dict[str, np.ndarray]]) -> tuple[list[str], list[str]]:
+    """Return the Imu topics that are believed, and notes: of several, those whose orientation moves."""
+    imus = [topic for topic, kind in types.items() if kind in IMU_SCHEMAS]
+    turning = [topic for topic in imus if any(np.ptp(topics[topic][name]) > 0 for name in ORIENTATION)]
+    notes = [NOTE] if imus else []
+    if turning and len(turning) < len(imus):
+        still = [topic for topic in imus if topic not in turning]
+        notes.append(f"{listed(still)}: the orientation stands still, so {listed(turning)} is taken")
+    return turning or imus, notes
+
+
+def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
+    """Return a bag's numbers by topic and field, stamps among them; in a process of its own."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+    from rosbags.typesys import Stores, get_typestore
+
+    is_first = Path(path).is_file()
+    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
+    decoded = store.deserialize_ros1 if is_first else store.deserialize_cdr
+    columns: dict[str, list[array[Any]]] = {}
+    stamps: dict[str, array[int]] = {}
+    fields: dict[str, tuple[list[str], Callable[[Any], Any]]] = {}
+    counts: Counter[str] = Counter()
+    size = 0
+    with (Reader1 if is_first else Reader2)(Path(path)) as reader:
+        types = {each.topic: each.msgtype for each in reader.connections}
+        for topic, kind in types.items():
+            found_paths = list(_numbers(store, kind, "", 0)) if kind in store.fielddefs else []
+            paths = [each for each in found_paths if each is not None]
+            if paths and len(paths) == len(found_paths):
+                fields[topic] = (paths, attrgetter(*paths, paths[0]))  # of two it is always a tuple
+                columns[topic], stamps[topic] = [array("d") for _ in paths], array("q")
+        known = [each for each in reader.connections if each.topic in fields]
+        for connection, stamp_ns, data in reader.messages(connections=known) if known else ():
+            size += len(data)
+            counts[connection.topic] += 1
+            if size > MOST_UNPACKED_BYTES or counts.total() > MOST_MESSAGES:
+                raise InputError("it holds more messages than any log; cut it")
+            values = fields[connection.topic][1](decoded(data, connection.msgtype))
+            stamps[connection.topic].append(stamp_ns)
+            for column, value in zip(columns[connection.topic], values, strict=False):
+                column.append(value)
+    found: Arrays = {}
+    for topic in (topic for topic in fields if stamps[topic]):
+        of = dict(zip(fields[topic][0], map(np.asarray, columns[topic]), strict=True))
+        found[topic + _FIELD] = np.asarray(stamps[topic])
+        seconds = of.pop(f"{_STAMP}.sec", None)
+        if seconds is not None:
+            nanoseconds = of.pop(f"{_STAMP}.nanosec")
+            found[f"{topic}{_FIELD}{_STAMP}"] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
+        found |= {f"{topic}{_FIELD}{field}": values for field, values in of.items()}
+    read = {topic: types[topic] for topic in fields if stamps[topic]}
+    left_out = {topic: kind for topic, kind in types.items() if topic not in read}
+    return {"types": read, "left_out": left_out, "kind": "ROS 1 bag" if is_first else "ROS 2 bag"}, found
+
+
+def _numbers(store: Any, kind: str, before: str, depth: int) -> Iterator[str | None]:
+    """Give where a message's numbers stand; None where it holds a list without end, as a picture's."""
+    for name, (node, what) in store.fielddefs[kind][1]:
+        if node.name == "BASE":
+            if what[0] not in ("string", "wstring"):
+                yield before + name
+        elif node.name == "NAME" and depth < _DEPTH:
+            yield from _numbers(store, what, f"{before}{name}.", depth + 1)
+        elif node.name == "SEQUENCE":
+            yield None
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Tell whether a folder is a ROS 2 bag."""
+    return (path / "metadata.yaml").is_file()
+
+
+FORMAT = Format(
+    name="ROS bag (.bag, .db3)",
+    magic=(b"#ROSBAG V2", _SQLITE),
+    suffixes=(".bag", ".db3"),
+    read=read_rosbag,
+    has_parts=True,
+    is_folder=is_bag_folder,
+)

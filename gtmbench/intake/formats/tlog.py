@@ -1,0 +1,166 @@
+"""MAVLink's telemetry logs (.tlog): packets as a ground station received them, decoded by pymavlink.
+
+Each packet stands behind the time at which it was received. Times are the sender's own, since it was switched on, where
+its messages tell them; packets that came late, twice or in another order are left to the clean-up of all logs.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from gtmbench.checks import listed
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.documented import MAVLINK
+from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first
+from gtmbench.values.clock import FloatArray
+
+_KIND = "MAVLink telemetry log"
+_STAMP_BYTES = 8
+_MARKERS = {
+    0xFE: (6, 5),
+    0xFD: (10, 7),
+}  # bytes of the header, and where the message's number is
+_SIGNED, _SIGNATURE_BYTES = 0x01, 13
+_RECEIVED = "received"
+_CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}
+_ARDUPILOT = 3  # MAV_AUTOPILOT
+_OTHERS = ("HEARTBEAT", "SCALED_IMU2", "SCALED_IMU3", "AHRS2", "SERVO_OUTPUT_RAW", "RC_CHANNELS", "SCALED_PRESSURE")
+_USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}  # of the hundreds of messages: what tells of motion
+
+
+_TURNS = ("ATTITUDE", "HIGHRES_IMU", "RAW_IMU", "SCALED_IMU")  # what a system sends that flies
+_PACKET = re.compile(rb"[\xfe\xfd]")
+_MOST_BROKEN, _SHARE_BROKEN = 1000, 2  # packets, and for each whole one: beyond, it is no telemetry
+Columns = dict[str, "array[float]"]
+Messages = dict[str, Columns]  # of a system, by message and field; when received among them
+
+
+def read_tlog(path: Path, part: str = "") -> RawLog:
+    """Read what one system sent: the only one that flies, or the one whose number is given."""
+    mavlink = library("pymavlink.dialects.v20.ardupilotmega", path, _KIND)
+    with reading(path, _KIND), quiet():
+        systems, broken = _decoded(path.read_bytes(), mavlink)
+        number = _system(systems, part)
+    topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][_RECEIVED])))  # the fastest first
+    autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
+    clocks = _clocks(topics)
+    scaled = _ARDUPILOT in autopilot
+    series = [
+        RawSeries(
+            name=f"{name}.{field}",
+            load=partial(np.asarray, column),
+            clock=name,
+            meaning=MAVLINK.get((name, field)) if scaled or name != "RAW_IMU" else None,
+        )
+        for name, columns in topics.items()
+        for field, column in columns.items()
+        if field != _RECEIVED and field not in _CLOCKS
+    ]
+    others = ", ".join(str(each) for each in systems if each != number)
+    return RawLog(
+        kind=_KIND,
+        series=documented_first(series, [key for name in topics for key in MAVLINK if key[0] == name]),
+        clocks=clocks,
+        notes=(
+            "units and axes are those of MAVLink's messages; times: the sender's, since it was switched on",
+            *([f"system {number}; not read: system {others}"] if others else []),
+            *([f"{broken} packets are broken and were passed over"] if broken else []),
+        ),
+        by_name=False,
+        attitude_from_gyros=True,
+    )
+
+
+def _clocks(topics: Messages) -> dict[str, FloatArray]:
+    """Return when messages were sent; those that don't tell were received as long after as others were."""
+    clocks = {
+        name: np.asarray(columns[field]) / per_second
+        for name, columns in topics.items()
+        for field, per_second in _CLOCKS.items()
+        if field in columns
+    }
+    late = [float(np.median(np.asarray(topics[name][_RECEIVED]) - time_s)) for name, time_s in clocks.items()]
+    after_s = float(np.median(late)) if late else 0.0
+    return {name: clocks.get(name, np.asarray(columns[_RECEIVED]) - after_s) for name, columns in topics.items()}
+
+
+def _system(systems: dict[int, Messages], part: str) -> int:
+    """Return the number of the system that is meant."""
+    flying = [number for number, messages in systems.items() if set(_TURNS) & set(messages)]
+    if part:
+        if part.isdigit() and int(part) in systems:
+            return int(part)
+        raise InputError(f"no system {part} sent anything; there is {listed(map(str, sorted(systems)), 'or')}")
+    if len(flying) == 1:
+        return flying[0]
+    if not flying:
+        raise InputError(f"no message of it tells how anything turns ({listed(_TURNS, 'or')})")
+    raise InputError(f"systems {listed(map(str, sorted(flying)))} sent; say which is meant: --system {min(flying)}")
+
+
+def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], int]:
+    """Return what each system sent, and how many packets are broken."""
+    decoder = mavlink.MAVLink(None)
+    kinds = {kind.id: kind for kind in mavlink.mavlink_map.values() if kind.msgname in _USED}
+    getters = {number: _numbers(kind) for number, kind in kinds.items()}
+    systems: dict[int, Messages] = {}
+    place, whole, broken = 0, 0, 0
+    while (found := _PACKET.search(content, place + _STAMP_BYTES)) is not None and found.start() + 12 <= len(content):
+        begin, place = found.start(), found.start() - _STAMP_BYTES
+        header, own = _MARKERS[content[begin]]
+        signed = _SIGNATURE_BYTES * (header == 10 and content[begin + 2] & _SIGNED)
+        end = begin + header + content[begin + 1] + 2 + signed
+        number = (
+            content[begin + own] if header == 6 else int.from_bytes(content[begin + own : begin + own + 3], "little")
+        )
+        if number not in kinds:
+            is_next = end + _STAMP_BYTES >= len(content) or content[end + _STAMP_BYTES] in _MARKERS
+            place = end if is_next else place + 1
+            continue
+        try:
+            message = decoder.decode(bytearray(content[begin:end]))
+        except (mavlink.MAVError, IndexError):
+            broken, place = broken + 1, place + 1
+            if broken > _MOST_BROKEN + _SHARE_BROKEN * whole:
+                raise InputError(f"{broken} of {broken + whole} packets are broken") from None
+            continue
+        whole, place = whole + 1, end
+        if whole > MOST_MESSAGES:
+            raise InputError(f"it has more than {MOST_MESSAGES} messages; cut the log")
+        fields, values_of = getters[number]
+        of = systems.setdefault(message.get_srcSystem(), {})
+        columns = of.get(kinds[number].msgname)
+        if columns is None:
+            columns = of[kinds[number].msgname] = {field: array("d") for field in (_RECEIVED, *fields)}
+        received_us = int.from_bytes(content[begin - _STAMP_BYTES : begin], "big")
+        for column, value in zip(columns.values(), (received_us / 1e6, *values_of(message)), strict=False):
+            column.append(value)
+    if not systems:
+        raise InputError("it holds no message that tells of motion")
+    return systems, broken
+
+
+def _numbers(kind: Any) -> tuple[list[str], Callable[[Any], Any]]:
+    """Return a message's fields that are one number, and what gets them; of two it is always a tuple."""
+    fields = [name for name, code in zip(kind.fieldnames, kind.fieldtypes, strict=True) if code != "char"]
+    return fields, attrgetter(*fields, fields[0])
+
+
+FORMAT = Format(
+    name="MAVLink telemetry (.tlog)",
+    magic=(),
+    pattern=rb"\x00[\x03-\x07].{6}[\xfe\xfd]",
+    suffixes=(".tlog",),
+    read=read_tlog,
+    has_parts=True,
+)

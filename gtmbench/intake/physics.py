@@ -1,0 +1,320 @@
+"""What open columns must be for gyros and attitude to tell of one motion: units and signs, tried and never assumed.
+
+The attitude's rates are those of the gyros, whatever either is called and in whatever unit. A common scale of both
+stays open in that. What only one unit allows settles it (angles beyond pi, a heading that jumps by a turn), or a
+witness: gravity, of which accelerometers feel the pitch's sine, or the climb at an airspeed, which is that sine, too.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
+from gtmbench.intake.names import Triple, guess, triples
+from gtmbench.intake.units import unit
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.clock import FloatArray
+
+_DEG = math.degrees(1.0)
+_RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
+_ANGLE_UNITS = {"deg": 1.0, "rad": _DEG}
+_MOST_TRIPLES = 6
+_MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
+_SMOOTHED_S, _SLOW_S = 0.4, 4.0
+_LEAST_DEG_S = 0.5  # deviation of an axis that moves
+_CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
+_WITHIN = 0.3  # of a unit's factor, as a logarithm
+_ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
+_ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
+_TURN_WITHIN = 0.05  # of a turn
+_WITNESS, _WITNESS_GAIN = 0.6, (0.2, 5.0)  # correlation, and gain, of a witness: rad and deg are 57 apart
+_USUALLY = 99.5  # %
+_GAP = 5.0  # usual intervals
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What physics say of open columns.
+
+    Attributes
+    ----------
+    meanings : mapping
+        Of columns, by name.
+    why_not : str
+        What is still open, with what to type; "" where nothing is, or nothing could be tried.
+    """
+
+    meanings: Mapping[str, Meaning]
+    why_not: str = ""
+
+
+NOTHING = Found(meanings={})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """A triple of gyros and one of angles that tell of one motion, read so."""
+
+    gyros: Triple
+    angles: Triple
+    units: tuple[str, str]
+    signs: tuple[tuple[float, ...], tuple[float, ...]]  # of the gyros, of the angles
+    score: float
+    share: float  # of the gyros' motion that the attitude explains
+    evidence: str  # of the angles' unit
+
+    @property
+    def meanings(self) -> dict[str, Meaning]:
+        """What each column is."""
+        why = (f"the attitude, which explains {100 * self.share:.0f} % of them", self.evidence)
+        return {
+            series.name: Meaning(channel=channel, unit=unit, sign=sign, guessed=told)
+            for triple, channels, unit, signs, told in zip(
+                (self.gyros, self.angles), (GYROS, ATTITUDE), self.units, self.signs, why, strict=True
+            )
+            for series, channel, sign in zip(triple.series, channels, signs, strict=True)
+        }
+
+
+def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
+    """Return what open gyros and angles of a log must be.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its clocks known.
+    known : mapping
+        Channels that are settled: a column and what it is.
+    angle_unit : str
+        ``rad`` or ``deg``, of what states none; "" where nobody says.
+    """
+    if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
+        return NOTHING
+    named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
+    gyros = _candidates(named, "rate", GYROS, known)
+    angles = _candidates(named, "angle", ATTITUDE, known)
+    fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
+    if not fits:
+        return NOTHING
+    best = min(fits, key=lambda fit: fit.score)
+    if not best.evidence:
+        why = "gyros and attitude fit each other in rad and in deg, and neither gravity nor a climb shows which"
+        return Found(meanings={}, why_not=f"{why}: --units rad or --units deg")
+    alike = [fit for fit in fits if fit is not best and fit.score < best.score + _ALIKE]
+    if alike:
+        other = min(alike, key=lambda fit: fit.score)
+        return Found(meanings={}, why_not=f"two readings fit alike: {typed(best.meanings)}, or {typed(other.meanings)}")
+    settled = {series.name for series, _ in known.values()}
+    return Found(meanings={name: meaning for name, meaning in best.meanings.items() if name not in settled})
+
+
+def typed(meanings: Mapping[str, Meaning]) -> str:
+    """Return the options that state what columns are.
+
+    >>> typed({"az": Meaning(channel="nz", unit="m/s2", sign=-1.0)})
+    '--map nz=-az:m/s2'
+    """
+    options = (
+        f"{meaning.channel}={'-' if meaning.sign < 0 else ''}{name}:{meaning.unit}"
+        for name, meaning in meanings.items()
+    )
+    return " ".join(f"--map {shlex.quote(option)}" for option in options)
+
+
+def _candidates(
+    named: Sequence[Triple], kind: str, channels: Sequence[str], known: Mapping[str, tuple[RawSeries, Meaning]]
+) -> list[Triple]:
+    """Return the columns that may be three channels: those that are known, else what is named so, exactly at best."""
+    if set(channels) <= set(known):
+        series, meanings = zip(*(known[channel] for channel in channels), strict=True)
+        return [Triple(kind=kind, series=series, meanings=meanings)]
+    own = [triple for triple in named if triple.kind == kind]
+    exact = [triple for triple in own if triple.is_exact]
+    return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Motion:
+    """Gyros and angles over the same intervals, as they are stored."""
+
+    time_s: FloatArray  # the intervals' ends, shape (intervals + 1,)
+    rates: FloatArray  # the gyros' means, smoothed, shape (intervals, 3)
+    angles: FloatArray  # at the ends, shape (intervals + 1, 3)
+
+
+def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterator[_Fit]:
+    """Give the ways to read gyros and angles under which they tell of one motion."""
+    motion = _motion(raw, gyros, angles)
+    if motion is None:
+        return
+    units, shown = _angle_units(angles, motion.angles, angle_unit)
+    witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
+    for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=3))):
+        turned = motion.angles * (np.asarray(signs) * _ANGLE_UNITS.get(named, 1.0))
+        told = _gains(motion.rates, _smoothed(_body_rates(turned, motion.time_s), motion.time_s))
+        if told is None:
+            continue
+        gains, correlations = told
+        own = tuple(np.sign(gains).tolist())
+        rate_unit = _rate_unit(gyros, gains)
+        if rate_unit is None or (gyros.signs and own != gyros.signs):
+            continue
+        sines = [(_gain_of_sine(witness, turned, motion.time_s), why) for witness, why in witnesses]
+        witnessed = [why for gain, why in sines if _WITNESS_GAIN[0] < abs(gain) < _WITNESS_GAIN[1]]
+        if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
+            continue  # what a witness tells is another scale's
+        share = float(np.mean(np.square(correlations)))
+        flips = sum(sign < 0 for sign in (*own, *signs))
+        goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
+        yield _Fit(
+            gyros=gyros,
+            angles=angles,
+            units=(rate_unit, named),
+            signs=(own, signs),
+            score=1.0 - share + _PRICE * flips + (1.0 if goes_down else 0.0),
+            share=share,
+            evidence=shown or ("the gyros' unit" if gyros.stated else next(iter(witnessed), "")),
+        )
+
+
+def _motion(raw: RawLog, gyros: Triple, angles: Triple) -> _Motion | None:
+    """Return the motion over the intervals between the attitude's samples; None where there are too few."""
+    time_s, values = _clean(raw.clocks[angles.clock], [*angles.series])
+    if len(time_s) > _MOST_ROWS:
+        first = (len(time_s) - _MOST_ROWS) // 2
+        time_s, values = time_s[first : first + _MOST_ROWS], values[first : first + _MOST_ROWS]
+    at_s, rates = _clean(raw.clocks[gyros.clock], [*gyros.series])
+    inside = (time_s >= at_s[0]) & (time_s <= at_s[-1]) if len(at_s) > 1 else np.zeros(len(time_s), dtype=bool)
+    time_s, values = time_s[inside], values[inside]
+    if len(time_s) < _FEWEST:
+        return None
+    turned = np.vstack([np.zeros(3), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at_s)[:, np.newaxis], axis=0)])
+    at_ends = np.column_stack([np.interp(time_s, at_s, column) for column in turned.T])
+    steps = np.diff(time_s)
+    means = np.diff(at_ends, axis=0) / steps[:, np.newaxis]
+    means[steps > _GAP * np.median(steps)] = np.nan
+    return _Motion(time_s=time_s, rates=_smoothed(means, time_s), angles=values)
+
+
+def _clean(time_s: FloatArray, series: Sequence[RawSeries]) -> tuple[FloatArray, FloatArray]:
+    """Return the stamps that rise, and columns there, where all are numbers."""
+    values = np.column_stack([each.values() for each in series])
+    there = np.isfinite(time_s) & np.isfinite(values).all(axis=1)
+    time_s, values = time_s[there], values[there]
+    rising = np.diff(np.maximum.accumulate(time_s), prepend=-np.inf) > 0 if len(time_s) else np.zeros(0, dtype=bool)
+    return time_s[rising], values[rising]
+
+
+def _angle_units(angles: Triple, values: FloatArray, told: str) -> tuple[list[str], str]:
+    """Return the units that angles may be in, and what shows it where one is left."""
+    if angles.stated or told:
+        return [angles.stated or told], "the unit that is stated"
+    most = np.percentile(np.abs(values), _USUALLY, axis=0)
+    if most[0] > _ROLL_RAD or most[1] > _PITCH_RAD:
+        return ["deg"], f"angles up to {max(most[:2]):.3g}"
+    steps = np.abs(np.diff(values[:, 2]))
+    for name, turn in (("deg", 360.0), ("rad", math.tau)):
+        jumps = np.abs(steps - turn) < _TURN_WITHIN * turn
+        if jumps.any() and (name == "deg" or most[2] < _YAW_RAD):
+            return [name], f"a heading that jumps by {steps[jumps][0]:.3g}"
+    return ["deg", "rad"], ""
+
+
+def _body_rates(angles: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return p, q, r over the intervals between angles in deg."""
+    steps = np.diff(angles, axis=0)
+    steps -= 360.0 * np.rint(steps / 360.0)
+    phi, theta, _ = np.deg2rad(angles[:-1] + 0.5 * steps).T
+    phi_rate, theta_rate, psi_rate = (steps / np.diff(time_s)[:, np.newaxis]).T
+    return np.column_stack(
+        [
+            phi_rate - psi_rate * np.sin(theta),
+            theta_rate * np.cos(phi) + psi_rate * np.cos(theta) * np.sin(phi),
+            psi_rate * np.cos(theta) * np.cos(phi) - theta_rate * np.sin(phi),
+        ]
+    )
+
+
+def _smoothed(rates: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return means over a few tenths of a second: an attitude's differences are noise beyond that."""
+    width = max(1, round(_SMOOTHED_S / float(np.median(np.diff(time_s)))))
+    sums = np.cumsum(np.vstack([np.zeros(rates.shape[1]), rates]), axis=0)
+    return (sums[width:] - sums[:-width]) / width if not np.isnan(sums[-1]).any() else _smoothed_around(rates, width)
+
+
+def _smoothed_around(rates: FloatArray, width: int) -> FloatArray:
+    """Do the same where some intervals are missing: means that hold one are."""
+    windows = np.lib.stride_tricks.sliding_window_view(rates, width, axis=0)
+    return np.asarray(windows.mean(axis=-1))
+
+
+def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return what the gyros are of the rates that the attitude tells, axis by axis, and how they correlate; or None."""
+    there = np.isfinite(rates).all(axis=1) & np.isfinite(told).all(axis=1)
+    if np.count_nonzero(there) < _FEWEST:
+        return None
+    y, u = rates[there] - rates[there].mean(axis=0), told[there] - told[there].mean(axis=0)
+    powers = np.mean(np.square(u), axis=0)
+    if not np.all(powers > _LEAST_DEG_S**2) or not np.all(np.mean(np.square(y), axis=0) > 0):
+        return None
+    cross = np.mean(y * u, axis=0)
+    correlations = np.abs(cross) / np.sqrt(powers * np.mean(np.square(y), axis=0))
+    if correlations.min() < _CORRELATED or np.sort(correlations)[1] < _MOSTLY:
+        return None
+    return cross / (powers * correlations), correlations  # by the deviations: noise makes neither side smaller
+
+
+def _rate_unit(gyros: Triple, gains: FloatArray) -> str | None:
+    """Return the unit in which gyros read what the attitude tells, the stated one where one is; None of no unit."""
+    off = {
+        name: float(np.abs(np.log(np.abs(gains) * factor)).max())
+        for name, factor in _RATE_UNITS.items()
+        if not gyros.stated or unit(gyros.stated) == unit(name)
+    }
+    best = min(off, key=lambda name: off[name], default=None)
+    return (gyros.stated or best) if best is not None and off[best] < _WITHIN else None
+
+
+def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[FloatArray, str]]:
+    """Give what should be the pitch's sine, at some times, with what it is."""
+    named = triples(raw.series)
+    felt = [triple for triple in named if triple.kind == "acceleration" and triple.clock in raw.clocks]
+    for triple in [triple for triple in felt if triple.clock == clock][:1] or felt[:1]:
+        at_s, forces = _clean(raw.clocks[triple.clock], triple.series)
+        norm = float(np.median(np.linalg.norm(forces, axis=1))) if len(forces) else 0.0
+        if norm > 0.0:
+            yield np.interp(time_s, at_s, forces[:, 0] / norm), "gravity in the accelerometers"
+    height, speed = (_first(raw, channel) for channel in ("altitude", "tas"))
+    if height is not None and speed is not None:
+        up, along = (
+            np.interp(time_s, at_s, values[:, 0])
+            for at_s, values in (_clean(raw.clocks[each.clock], [each]) for each in (height, speed))
+        )
+        with np.errstate(all="ignore"):
+            yield np.nan_to_num(np.gradient(up, time_s) / along, posinf=0.0, neginf=0.0), "the climb at its airspeed"
+
+
+def _first(raw: RawLog, channel: str) -> RawSeries | None:
+    """Return the first column that is named as a channel and moves."""
+    named = (each for each in raw.series if guess(each.name, each.unit).channel == channel and each.clock in raw.clocks)
+    return next((each for each in named if np.ptp(np.nan_to_num(each.values())) > 0), None)
+
+
+def _gain_of_sine(witness: FloatArray, angles: FloatArray, time_s: FloatArray) -> float:
+    """Return what a witness is of the pitch's sine, in slow motion; 0 where they have little to do with each other."""
+    width = max(1, round(_SLOW_S / float(np.median(np.diff(time_s)))))
+    if len(witness) < 3 * width:
+        return 0.0
+    window = np.ones(width) / width
+    told, sine = (
+        np.convolve(column - column.mean(), window, mode="valid")
+        for column in (witness, np.sin(np.deg2rad(angles[:, 1])))
+    )
+    cross, power, other = (float(np.mean(product)) for product in (told * sine, np.square(sine), np.square(told)))
+    return cross / power if power * other > 0.0 and abs(cross) > _WITNESS * math.sqrt(power * other) else 0.0
