@@ -22,8 +22,12 @@ def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
     (first, *others) = sources
     if others or out is not None:
         return True
+    from gtmbench.intake.formats.registry import is_log_folder
+
     try:
-        return first.is_dir() or (not first.exists() and any(letter in str(first) for letter in "*?["))
+        return (first.is_dir() and not is_log_folder(first)) or (
+            not first.exists() and any(letter in str(first) for letter in "*?[")
+        )
     except (OSError, ValueError):
         return False
 

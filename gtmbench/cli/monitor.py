@@ -39,6 +39,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
 @click.command("monitor")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB...", type=click.Path(path_type=Path))
 @map_option
+@click.option("--system", metavar="N", help="The system that is meant, of a telemetry log of several.")
 @detector_option("A bank or a detector is first calibrated on the healthy part.")
 @click.option(
     "--identify",
@@ -83,6 +84,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
 def monitor_command(
     logs: tuple[Path, ...],
     mapping: tuple[str, ...],
+    system: str | None,
     detector: str | None,
     calibrated: Path | None,
     healthy: tuple[str, ...],
@@ -107,7 +109,7 @@ def monitor_command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot DataFlash, MCAP.
+    """Watch a recorded flight: CSV, Parquet, PX4 ULog, ArduPilot, MAVLink telemetry, ROS bags, MCAP, MATLAB and more.
 
     Give a saved monitor, or a detector to calibrate on a healthy part; the rest is watched. With --identify alone, bank
     auto uses the relations that the log's channels allow. Without either, it lists what can be watched. A self-check
@@ -146,7 +148,7 @@ def monitor_command(
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
         return monitor_fleet(logs, watching, out, jobs=processes, resume=resume, as_json=as_json, quiet=quiet)
     _refuse({"--jobs": jobs, "--resume": resume, "--time-limit": time_limit}, "of several logs; give --out, too")
-    log = logs[0]
+    log = logs[0] if system is None else Path(f"{logs[0]}:{system}")
     for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
         if path is not None:
             _check_output(path, ending, log, force=force)
@@ -178,6 +180,7 @@ def monitor_command(
             watched = watched.with_names()
         tell("writing", None, None)
         _write(watched, record, figure, save)
+        _keep_mapping(watched)
     if as_json:
         from gtmbench.report.tables.log import log_results
 
@@ -310,6 +313,15 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
         from gtmbench.detectors.monitor_file import save_monitor
 
         save_monitor(watched.monitor, save)
+
+
+def _keep_mapping(watched: WatchedLog) -> None:
+    """Write how the columns were read, where ``--map-file`` names a file that isn't there."""
+    path = click.get_current_context().params.get("map_file")
+    if path is not None and not path.exists():
+        from gtmbench.intake.map_file import write_map_file
+
+        write_map_file(watched.log.sources, path)
 
 
 def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None, *, details: bool) -> None:

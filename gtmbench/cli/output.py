@@ -78,15 +78,52 @@ def typed(message: str, context: click.Context) -> str:
 
 
 def map_option(command: F) -> F:
-    """Add ``--map`` to a command that reads a log."""
-    return click.option(
+    """Add ``--map``, ``--map-file`` and ``--units`` to a command that reads a log: its `mapping` holds them all."""
+
+    @wraps(command)
+    def told(
+        *arguments: Any, mapping: tuple[str, ...], map_file: Path | None, units: str | None, **options: Any
+    ) -> Any:
+        own = {text.partition("=")[0].strip() for text in mapping}
+        kept = [text for text in kept_mapping(map_file) if text.partition("=")[0] not in own]
+        stated = () if units is None else (f"units={units}",)
+        return command(*arguments, mapping=(*mapping, *kept, *stated), **options)
+
+    option = click.option(
         "--map",
         "mapping",
         multiple=True,
         metavar="CHANNEL=COLUMN:UNIT",
         help="Map a column whose name doesn't identify it: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
         "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late).",
-    )(command)
+    )
+    file = click.option(
+        "--map-file",
+        type=click.Path(path_type=Path),
+        metavar="COLUMNS.toml",
+        help="The same from a file; `gtmbench monitor` writes it where there is none.",
+    )
+    unit = click.option(
+        "--units",
+        type=click.Choice(["rad", "deg"]),
+        help="What angles, and rates per second, are in that state no unit.",
+    )
+    return cast(F, option(file(unit(told))))
+
+
+def kept_mapping(path: Path | None) -> list[str]:
+    """Return the options ``--map`` that a file keeps; none of one that the command is to write.
+
+    Raises
+    ------
+    InputError
+        Where it isn't such a file, or there is none and the command doesn't write it.
+    """
+    if path is None or (not path.exists() and click.get_current_context().command.name == "monitor"):
+        return []
+    from gtmbench.intake.map_file import read_map_file
+
+    return read_map_file(path)
 
 
 def attitude_option(command: F) -> F:

@@ -60,6 +60,8 @@ class Source:
         -1 where it is read with its sign turned.
     period_s : float, optional
         How far apart its samples are, at the median, whatever the record's rate.
+    late_s : float
+        By how many seconds its stamps are late.
     guessed : str
         What shows that it is this channel in this unit, where neither a name nor anybody says so; "" where one does.
     """
@@ -69,13 +71,19 @@ class Source:
     unit: str
     sign: float = 1.0
     period_s: float | None = None
+    late_s: float = 0.0
     guessed: str = ""
+
+    @property
+    def typed(self) -> str:
+        """What stands behind its channel in ``--map``."""
+        late = f"@{self.late_s:g}" if self.late_s else ""
+        return f"{'-' if self.sign < 0 else ''}{self.column}{f':{self.unit}{late}' if self.unit else ''}"
 
     @property
     def option(self) -> str:
         """The option under which it is read so without a guess."""
-        turned = "-" if self.sign < 0 else ""
-        return f"--map {shlex.quote(f'{self.channel}={turned}{self.column}:{self.unit}')}"
+        return f"--map {shlex.quote(f'{self.channel}={self.typed}')}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gtmbench.checks import meant
+from gtmbench.checks import listed, meant
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
@@ -49,6 +49,7 @@ class Chosen:
             column=self.series.name,
             unit=meaning.unit,
             sign=meaning.sign,
+            late_s=meaning.late_s,
             guessed=meaning.guessed,
         )
 
@@ -334,12 +335,17 @@ def not_taken(raw: RawLog, channels: Sequence[str]) -> list[str]:
 def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str], why: str = "") -> str:
     """Return what is said where needed channels aren't there: why, what looks like them, and what is there."""
     names = f"channel{'s' * (len(lacking) > 1)} {', '.join(map(repr, lacking))}"
-    asks = why or "; ".join(dict.fromkeys(_open(raw, channel) for channel in lacking))
-    return f"no {names}: {asks}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
+    unlike = [channel for channel in lacking if _open(raw, channel) == ""]
+    asks = list(dict.fromkeys(_open(raw, channel) for channel in lacking if channel not in unlike))
+    if unlike:
+        asks.append(f"nothing looks like {listed(unlike, 'or')}: {asked(unlike[0], 'COLUMN')}")
+    return (
+        f"no {names}: {why or '; '.join(asks)}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
+    )
 
 
 def _open(raw: RawLog, channel: str) -> str:
-    """Return what is open about a channel that isn't there."""
+    """Return what is open about a channel that isn't there; "" where nothing looks like it."""
     looks = [(series, told) for series in raw.series if (told := guess(series.name, series.unit)).channel == channel]
     known = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == channel]
     if channel not in CHANNELS:
@@ -347,7 +353,7 @@ def _open(raw: RawLog, channel: str) -> str:
     if known or looks:
         return "; ".join(_doubt(raw, series, told) for series, told in (known or looks)[:3])
     words = [f"column '{name}' {why}" for name, why in of_words(raw).items() if guess(name).channel == channel]
-    return "; ".join(words) or f"nothing looks like {channel}: {asked(channel, 'COLUMN')}"
+    return "; ".join(words)
 
 
 def of_words(raw: RawLog) -> dict[str, str]:

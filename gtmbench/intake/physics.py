@@ -8,6 +8,7 @@ witness: gravity, of which accelerometers feel the pitch's sine, or the climb at
 from __future__ import annotations
 
 import math
+import operator
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -155,6 +156,7 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
         return
     units, shown = _angle_units(angles, motion.angles, angle_unit)
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
+    felt = _axes_felt(raw, gyros)
     for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=3))):
         turned = motion.angles * (np.asarray(signs) * _ANGLE_UNITS.get(named, 1.0))
         told = _gains(motion.rates, _smoothed(_body_rates(turned, motion.time_s), motion.time_s))
@@ -170,7 +172,7 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
         if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
-        flips = sum(sign < 0 for sign in (*own, *signs))
+        flips = sum(sign < 0 for sign in (*own, *signs)) if felt is None else 2 * sum(map(operator.ne, own, felt))
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
         yield _Fit(
             gyros=gyros,
@@ -298,6 +300,15 @@ def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[Fl
         )
         with np.errstate(all="ignore"):
             yield np.nan_to_num(np.gradient(up, time_s) / along, posinf=0.0, neginf=0.0), "the climb at its airspeed"
+
+
+def _axes_felt(raw: RawLog, gyros: Triple) -> tuple[float, ...] | None:
+    """Return the gyros' signs by the accelerometers of the same sensor: where z feels gravity it points up."""
+    beside = [triple for triple in triples(raw.series) if triple.kind == "acceleration" and triple.clock == gyros.clock]
+    along = np.nanmean([each.values() for each in beside[0].series], axis=1) if beside else np.zeros(3)
+    if not abs(along[2]) > np.abs(along[:2]).max():
+        return None
+    return (1.0, -1.0, -1.0) if along[2] > 0 else (1.0, 1.0, 1.0)
 
 
 def _first(raw: RawLog, channel: str) -> RawSeries | None:

@@ -31,6 +31,7 @@ _COUNTS = re.compile(
 )  # rise, and aren't times
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
+_MOST_SAID = 4  # tables
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
     **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
@@ -119,11 +120,11 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
     times = [column for each in told.values() for column in each.columns]
     rest = tuple(series for series in raw.series if series.clock in clocks and series not in times)
     notes = [f"no time, so not taken: {', '.join(without[:12])}"] if without else []
-    guessed = [each.note for each in told.values() if each.guessed]
-    first = next(iter(told.values()))
-    return replace(raw, series=rest, time=None, time_guessed="; ".join(guessed)).with_clocks(
-        clocks, *(guessed or [first.note + (" and so on" if len(told) > 1 else "")]), *since, *notes
-    )
+    guessed = [each for each in told.values() if each.guessed]
+    if guessed:  # of no one column
+        raw = replace(raw, time=("", guessed[0].stated), time_guessed=guessed[0].guessed)
+    said = [each.note for each in (guessed or list(told.values()))[:_MOST_SAID]]
+    return replace(raw, series=rest).with_clocks(clocks, *said, *since, *notes)
 
 
 def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:

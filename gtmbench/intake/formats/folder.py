@@ -15,7 +15,8 @@ from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
 
 _TOPICS = {topic.lower(): topic for topic, _ in ALL}
-_MOST, _HEAD_BYTES = 300, 4096  # tables; of a header
+_MOST = 300  # tables
+_SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
 
@@ -93,15 +94,13 @@ def _tables(path: Path) -> list[Path]:
 
 
 def is_folder_of_tables(path: Path) -> bool:
-    """Tell whether a folder's tables are one flight: no two of them have the same columns."""
+    """Tell whether a folder's tables are one flight's: of an autopilot's topics, or called by sensors, each once."""
     tables = _tables(path)[: _MOST + 1]
     if not 2 <= len(tables) <= _MOST:
         return False
-    heads = set()
-    for table in tables:
-        with table.open("rb") as file:
-            heads.add(file.read(_HEAD_BYTES).partition(b"\n")[0])
-    return len(heads) == len(tables) or len({_topic(table.stem) for table in tables} & set(_TOPICS.values())) > 1
+    bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
+    of_autopilot = {_of(_topic(table.stem)) for table in tables} & set(_TOPICS.values())
+    return len(of_autopilot) > 1 or (len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare)))
 
 
 FORMAT = Format(name="folder of tables", magic=(), suffixes=(), read=read_folder, is_folder=is_folder_of_tables)

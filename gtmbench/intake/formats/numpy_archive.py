@@ -20,7 +20,7 @@ _PACKED_AT_MOST = 200  # times
 def read_numpy(path: Path, part: str = "") -> RawLog:
     """Read an archive's arrays, fields of a structured one as arrays of their own; objects are left out."""
     with reading(path, _KIND):
-        if path.open("rb").read(2) != b"PK":
+        if not zipfile.is_zipfile(path):
             return log_of_arrays("NumPy array", _fields("", np.load(path, allow_pickle=False)), part)
         arrays: Arrays = {}
         left_out = []

@@ -30,7 +30,7 @@ from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
-from gtmbench.report.words.verdict import summary_lines
+from gtmbench.report.words.verdict import guessed_options, summary_lines
 from gtmbench.study.log.self_check.explained import Explained
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.values.channels import unit_of
@@ -85,6 +85,11 @@ def _log_lines(log: FlightLog) -> list[str]:
         f"{log.path.name}: {_span((first.start_s, last.end_s))}, every {log.sample_period_s:g} s{parts}",
         f"channels: {', '.join(with_unit(name, unit_of(name)) for name in log.channels)}",
         *log.method,
+        *(
+            [f"to state what was guessed: gtmbench monitor {log.path} {typed}"]
+            if (typed := guessed_options(log))
+            else []
+        ),
     ]
 
 

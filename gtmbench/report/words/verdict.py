@@ -14,6 +14,7 @@ from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import is_ready
+from gtmbench.intake.flight_log import FlightLog
 from gtmbench.report.log_findings import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.judgement import kind_text, source_text
@@ -212,7 +213,25 @@ def _read_as(watched: WatchedLog) -> list[str]:
             columns.setdefault(table, []).append(source.channel)
     from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
     what = "; ".join(from_) or ", ".join(own)
-    return [f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
+    return [f"{what}; {1.0 / log.sample_period_s:.4g} Hz.", *guessed_text(log)]
+
+
+def guessed_text(log: FlightLog) -> list[str]:
+    """Say what was guessed of a log's columns, and by what, in one sentence; nothing where nothing was."""
+    by_reason: dict[tuple[str, str], list[str]] = {}
+    for source in log.sources:
+        if source.guessed:
+            by_reason.setdefault((source.unit, source.guessed), []).append(
+                f"{'-' if source.sign < 0 else ''}{source.channel}"
+            )
+    told = [f"{', '.join(names)} in {unit} by {why}" for (unit, why), names in by_reason.items()]
+    return [f"Guessed: {'; '.join(told)}."] if told else []
+
+
+def guessed_options(log: FlightLog) -> list[str]:
+    """Return what to type for a log to be read so without a guess, in one line; none where nothing was guessed."""
+    options = [source.option for source in log.sources if source.guessed and source.column]
+    return [" ".join(options)] if options else []
 
 
 def _next(watched: WatchedLog) -> list[str]:

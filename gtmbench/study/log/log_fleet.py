@@ -23,7 +23,7 @@ from gtmbench.files.disk import is_file
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.registry import is_log
+from gtmbench.intake.formats.registry import is_log, is_log_folder
 from gtmbench.intake.mapping import split_mapping
 from gtmbench.jobs.parts import Parts, holds_parts, parts_in
 from gtmbench.jobs.processes import Lost, survived
@@ -171,6 +171,10 @@ def _within(folder: Path) -> Iterator[Path]:
     for here, folders, files in os.walk(folder):
         if holds_parts(Path(here)):
             folders.clear()
+            continue
+        if is_log_folder(Path(here)):
+            folders.clear()
+            yield Path(here)
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         yield from (path for name in files if not name.startswith(".") and is_log(path := Path(here, name)))
