@@ -50,6 +50,7 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.faults.typed import fault
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
@@ -200,6 +201,7 @@ __all__ = [
     "decimate",
     "derivable",
     "derive",
+    "fault",
     "filtered_attitude",
     "find_autopilot",
     "find_detector",

@@ -10,7 +10,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
-from gtmbench.cli.faults import trial_faults, trial_option
+from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
@@ -95,13 +95,7 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option(
     "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
-@click.option(
-    "--fault",
-    "scenario",
-    metavar="SCENARIO.toml",
-    help="With --closed-loop: the scenario whose [[faults]] act in the loop; severities must be absolute.",
-)
-@trial_option
+@fault_options("With --closed-loop: what breaks in the loop.")
 @click.option(
     "--attitude",
     default="own",
@@ -124,7 +118,8 @@ def fly_command(
     noise: str | None,
     commands: bool,
     closed_loop: bool,
-    scenario: str | None,
+    given: tuple[str, ...],
+    onset: float | None,
     trial: int | None,
     attitude: str,
     force: bool,
@@ -145,12 +140,12 @@ def fly_command(
     claim_file(out, force=force)
     noise = noise.lower() if noise else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
-    if scenario is not None and not closed_loop:
+    if given and not closed_loop:
         raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
     estimator_of(attitude)
     if attitude != OWN and noise is None and not closed_loop:
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
-    faults = trial_faults(scenario, trial)
+    faults = chosen_faults(given, onset, trial).faults
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)

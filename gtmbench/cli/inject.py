@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.detectors import import_option
-from gtmbench.cli.faults import numbered, trial_number, trial_option
+from gtmbench.cli.faults import Chosen, chosen_faults, fault_options, numbered, scenario_trials
 from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.values.channels import ATTITUDE
 
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
@@ -22,16 +23,12 @@ if TYPE_CHECKING:
     from gtmbench.study.log.injection import ChangedColumn
 
 
+_MOST_NAMED = 12  # columns
+
+
 @click.command("inject")
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option(
-    "--fault",
-    "scenario",
-    required=True,
-    metavar="SCENARIO.toml",
-    help="The scenario whose [[faults]] break the log (severities must be absolute), or a name from `gtmbench list`.",
-)
-@trial_option
+@fault_options("What breaks: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
 @click.option(
     "--attitude",
@@ -47,14 +44,19 @@ if TYPE_CHECKING:
     type=float,
     help="The estimator's time constant.  [default: the log's own if accelerometers show it, else 5 s]",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="The broken log to write, in the same format.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="The broken log to write, in the same format; a .csv where that is only read.",
+)
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def inject_command(
     log: Path,
-    scenario: str,
+    given: tuple[str, ...],
+    onset: float | None,
     trial: int | None,
     mapping: tuple[str, ...],
     attitude: str,
@@ -65,48 +67,50 @@ def inject_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Break a recorded flight, CSV or Parquet, by one trial of a scenario, and change nothing else in it.
+    """Break a recorded flight of any format that `gtmbench monitor` reads, by typed faults or a scenario's trial.
 
-    If the gyros drive the attitude, as in most logs, it follows a gyro's fault.
+    A CSV or a Parquet table stays as it is but for what breaks. Of other formats the channels are written, as a CSV
+    that `gtmbench monitor` reads as it is, and the output says what that leaves out. If the gyros drive the attitude,
+    as in most logs, it follows a gyro's fault.
 
     Onsets are on the log's clock, as `gtmbench monitor` shows it. Figures are in the channels' units, whatever the
-    log's are. Other columns, stamps, notation, schema and metadata stay as they are.
+    log's are.
     """
-    from gtmbench.study.scenario import load_faults
-
-    trials = load_faults(scenario)
     if listed:
-        _list(log, trials, as_json=as_json, quiet=quiet)
+        _list(log, scenario_trials(given), as_json=as_json, quiet=quiet)
         return
     if out is None:
         raise InputError("--out is missing; name the broken log to write")
-    _check_out(out, log, force=force)
-    number = trial_number(trial, trials, scenario)
-    faults = trials[number - 1].absolute(f"{scenario}, trial {number}")
     from gtmbench.intake.read import read_log
     from gtmbench.report.words.units import counted
     from gtmbench.study.log.bending import following_in_log
-    from gtmbench.study.log.injection import inject_log
+    from gtmbench.study.log.injection import becomes_table, inject_log, left_out
 
-    broken = {name for fault in faults for name in fault.changes}
     read = read_log(log)
+    chosen = chosen_faults(given, onset, trial)
+    broken = {name for fault in chosen.faults for name in fault.changes}
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
-    changed = inject_log(read, out, faults, mapping=mapping, attitude=following.estimator or "own")
+    changing = {*broken, *(ATTITUDE if following.estimator else ())}
+    as_table = becomes_table(read, changing, mapping)
+    _check_out(out, read.path, ".csv" if as_table else read.path.suffix, force=force)
+    changed = inject_log(read, out, chosen.faults, mapping=mapping, attitude=following.estimator or "own")
+    without = left_out(read, mapping) if as_table else ()
     samples = sum(column.changed for column in changed)
-    verdict = f"Wrote {out}: trial {number} of {scenario} changed {counted(samples, 'sample')}."
+    verdict = f"Wrote {out}: {chosen.text} changed {counted(samples, 'sample')}."
     if as_json:
-        own = _summary(log, out, scenario, number, faults, changed, following)
-        print_json(envelope("inject", verdict, own))
+        own = _summary(log, out, chosen, changed, following)
+        print_json(envelope("inject", verdict, own | {"left_out": list(without)}))
     elif not quiet:
         echo(verdict)
-        _print(out, faults, changed, following)
+        _print(out, chosen.faults, changed, following, without)
 
 
-def _check_out(out: Path, log: Path, *, force: bool) -> None:
+def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
     if out.exists() and log.exists() and out.samefile(log):
         raise InputError("--out is the log itself; give another name")
-    if out.suffix.lower() != log.suffix.lower():
-        raise InputError(f"--out is '{out}'; a log keeps its format, so its name ends in '{log.suffix}'")
+    if out.suffix.lower() != suffix.lower():
+        why = "a log keeps its format" if suffix == log.suffix else "this log becomes a CSV"
+        raise InputError(f"--out is '{out}'; {why}, so its name ends in '{suffix}'")
     claim_file(out, force=force)
 
 
@@ -129,9 +133,7 @@ def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool)
 def _summary(
     log: Path,
     out: Path,
-    scenario: str,
-    number: int,
-    faults: Sequence[Fault],
+    chosen: Chosen,
     changed: Sequence[ChangedColumn],
     following: Following,
 ) -> dict[str, object]:
@@ -140,9 +142,9 @@ def _summary(
     return {
         "log": str(log),
         "out": str(out),
-        "scenario": scenario,
-        "trial": number,
-        "faults": [fault_row(fault) for fault in faults],
+        "scenario": chosen.source,
+        "trial": chosen.trial,
+        "faults": [fault_row(fault) for fault in chosen.faults],
         "columns": [asdict(column) for column in changed],
         "attitude": {
             "follows": following.estimator is not None,
@@ -153,7 +155,13 @@ def _summary(
     }
 
 
-def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn], following: Following) -> None:
+def _print(
+    out: Path,
+    faults: Sequence[Fault],
+    changed: Sequence[ChangedColumn],
+    following: Following,
+    without: Sequence[str],
+) -> None:
     from gtmbench.report.words.judgement import fault_text
 
     for fault in faults:
@@ -163,4 +171,7 @@ def _print(out: Path, faults: Sequence[Fault], changed: Sequence[ChangedColumn],
     for column in changed:
         when = "" if column.first_s is None else f", from {column.first_s:.10g} to {column.last_s:.10g} s"
         echo(f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}")
+    if without:
+        more = f" and {len(without) - _MOST_NAMED} more" if len(without) > _MOST_NAMED else ""
+        echo(f"left out, for this format is only read: {', '.join(without[:_MOST_NAMED])}{more}")
     echo(f"broken log: {out}    watch it: gtmbench monitor {out}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
-from gtmbench.cli.faults import trial_faults, trial_option
+from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import claim_file, common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -33,10 +33,7 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 )
 @click.option("--figure", type=click.Path(path_type=Path), help="Also write a figure: .png, .svg or .pdf.")
 @aircraft_options
-@click.option(
-    "--fault", "scenario", metavar="SCENARIO.toml", help="The scenario whose [[faults]] act.  [default: r's sign flips]"
-)
-@trial_option
+@fault_options("What breaks.  [default: r's sign flips]")
 @click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
 @click.option(
     "--calibrated",
@@ -54,7 +51,8 @@ def rescue_command(
     altitude: float | None,
     tas: float | None,
     without_io: bool,
-    scenario: str | None,
+    given: tuple[str, ...],
+    onset: float | None,
     trial: int | None,
     seed: int,
     monitor_file: Path | None,
@@ -74,7 +72,7 @@ def rescue_command(
     from gtmbench.study.rescue import fly_rescue
 
     _check_files(out, figure, force=force)
-    faults = _own_faults() if scenario is None and trial is None else trial_faults(scenario, trial)
+    faults = chosen_faults(given, onset, trial).faults or _own_faults()
     silent = as_json or quiet
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:

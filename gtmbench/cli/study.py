@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import click
 
 from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
+from gtmbench.cli.faults import chosen_faults, is_typed
 from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -62,6 +63,14 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 )
 @import_option
 @click.option(
+    "--fault",
+    "given",
+    multiple=True,
+    metavar="KIND:CHANNEL[:KEY=VALUE,...]",
+    help="Instead of the scenarios' faults: this one, as bias:r:size=2. Repeat it for several in one trial.",
+)
+@click.option("--onset", type=float, metavar="SECONDS", help="When typed faults begin.")
+@click.option(
     "--seed",
     "seeds",
     metavar="N|FIRST:LAST",
@@ -78,6 +87,8 @@ def run_command(
     out: Path,
     detectors: tuple[str, ...],
     calibrated: Path | None,
+    given: tuple[str, ...],
+    onset: float | None,
     seeds: tuple[int, ...] | None,
     figures: bool,
     recording: bool,
@@ -97,6 +108,8 @@ def run_command(
 
     claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
+    if given or onset is not None:
+        loaded = _with_faults(loaded, given, onset)
     watching = watchers_of(detectors, calibrated)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
@@ -123,6 +136,17 @@ def run_command(
         if strict and not any(trial.expected for trial in study.trials):
             echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
     return code
+
+
+def _with_faults(scenarios: list[Scenario], given: tuple[str, ...], onset: float | None) -> list[Scenario]:
+    """Return the first scenario, of a setup that all share, with one trial: of the faults that are typed."""
+    from gtmbench.study.fault_tables import spec_of
+
+    scenario_of = next((text for text in given if not is_typed(text)), None)
+    if scenario_of is not None:
+        raise InputError(f"--fault is '{scenario_of}'; give faults such as bias:r:size=2, or the scenario itself")
+    first, faults = scenarios[0], chosen_faults(given, onset, None).faults
+    return [replace(first, faults=(spec_of(faults, first.setup.duration_s),))]
 
 
 @dataclass(frozen=True, kw_only=True)

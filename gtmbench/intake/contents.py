@@ -81,6 +81,8 @@ class LogChannel:
         How often it is logged, and how often it is new; NaN where nothing tells.
     why_not : str
         Why it can't be used; "" where it can.
+    guessed : str
+        What shows that it is this channel in this unit, where nothing states it; "" where something does.
     """
 
     name: str
@@ -90,6 +92,7 @@ class LogChannel:
     logged_hz: float
     fresh_hz: float
     why_not: str = ""
+    guessed: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -228,6 +231,7 @@ def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, 
                 logged_hz=logged_hz,
                 fresh_hz=fresh_hz,
                 why_not=no_use.get(choice.channel, "" if raw.clocks else "no time"),
+                guessed=choice.source.guessed,
             )
         )
         if track is not None and not told[-1].why_not:

@@ -102,7 +102,7 @@ def guess(header: str, unit_beside: str = "") -> Guess:
     """Return what a column is by its name and unit.
 
     >>> guess("gyro_x (deg/s)").meaning
-    Meaning(channel='p', unit='deg/s', sign=1.0, late_s=0.0)
+    Meaning(channel='p', unit='deg/s', sign=1.0, late_s=0.0, guessed='')
     >>> guess("gyro_x").why_not
     'looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s'
     >>> guess("p [hPa]").why_not

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ from gtmbench.intake.mapping import Chosen, choose, split_mapping
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
+from gtmbench.values.channels import header_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import Span
 
@@ -111,6 +113,18 @@ def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values:
                 f"{path}: {channel} is worked out of {', '.join(made_of)}; only a column can be written anew"
             )
     rewrite_raw(path, out, [samples[channel].cells(new) for channel, new in values.items()])
+
+
+def write_table(out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
+    """Write channels as a CSV of our own headers: a row a time, empty where a channel has no sample then."""
+    times = np.unique(np.concatenate([each.time_s for each in samples.values()]))
+    columns = [np.full(len(times), np.nan) for _ in samples]
+    for column, (channel, each) in zip(columns, samples.items(), strict=True):
+        column[np.searchsorted(times, each.time_s)] = values[channel]
+    with out.open("w", encoding="utf-8") as file:
+        file.write(",".join(["time_s", *map(header_of, samples)]) + "\n")
+        for row in zip(times.tolist(), *(column.tolist() for column in columns), strict=True):
+            file.write(",".join("" if math.isnan(value) else repr(value) for value in row) + "\n")
 
 
 def _turned_back(angles: FloatArray, stored: FloatArray, turn: float) -> FloatArray:

@@ -75,6 +75,7 @@ FILES = {
     "flights/day2.csv": text,
     "notes/readme.md": lambda: "x",
     "bare.csv": lambda: text(head=BARE),
+    "small.csv": lambda: scaled(MOTION, np.pi / 180.0, head=BARE),
     "letters.csv": lambda: text(head="time_s,a,b,c,d,e,f"),
     "slow.csv": lambda: text(flight()[::25]),
     "shuffled.csv": lambda: text(np.random.default_rng(1).permutation(flight())),
@@ -124,7 +125,7 @@ FILES = {
 UNITS = "column 'gyro_x' looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s; column 'gyro_y' looks like q"
 NO_CHANNEL = "is no channel; before the = stands one, such as p, and behind it the log's column: --map p=COLUMN:UNIT"
 SPAN = "and there is no such log; give a span in seconds, such as 0:30, or another log"
-READ = "read are CSV, Parquet, PX4 ULog, ArduPilot DataFlash (.bin, .log) and MCAP"
+READ = "read are CSV, ... and folders of tables"
 
 # what is typed, the files that are there being those named, and what is said: "..." stands for whatever is between
 MISTAKES = [
@@ -190,16 +191,16 @@ MISTAKES = [
     ("monitor headless.csv", "headless.csv: its first line holds numbers, no names; put a line above that names ..."),
     (
         "monitor book.csv",
-        "book.csv is a spreadsheet's workbook; save its sheet as CSV, names and units in its first line",
+        "book.csv isn't a readable Excel workbook: ...",
     ),
-    ("monitor book.xlsx", "book.xlsx is a spreadsheet's workbook; save its sheet as CSV, ..."),
+    ("monitor book.xlsx", "book.xlsx isn't a readable Excel workbook: ..."),
     ("monitor old_book.csv", "old_book.csv is a spreadsheet's workbook; save its sheet as CSV, ..."),
-    ("monitor zipped.csv", "zipped.csv is packed by zip; unpack it first"),
-    ("monitor flight.csv.gz", "flight.csv.gz is packed by gzip; unpack it first"),
-    ("monitor binary.csv", "binary.csv: it holds zero bytes, so it is no table in text; export the log as CSV"),
+    ("monitor zipped.csv", "zipped.csv: ..."),
+    ("monitor flight.csv.gz", "flight.csv.gz can be watched; say by what: ..."),
+    ("monitor binary.csv", "binary.csv is of no format that is known (...); export the log as CSV; ..."),
     ("monitor json.csv", f"json.csv begins as a file of JSON does, not as a log; export the log as CSV; {READ}"),
     ("monitor page.csv", "page.csv begins as a file of HTML or XML does, not as a log; ..."),
-    ("monitor flight.mat", "flight.mat begins as a file of MATLAB does, not as a log; ..."),
+    ("monitor flight.mat", "flight.mat isn't a readable MATLAB file: ..."),
     ("monitor flight.ulg", f"flight.ulg doesn't begin as a .ulg file does (it begins b'time_s,p'); {READ}"),
     # what a table holds
     (
@@ -247,19 +248,18 @@ MISTAKES = [
     ),
     ("monitor us.csv --identify 0:30", "us.csv: column 'time_s' rises by 40000 s a sample, ...: --map time=time_s:us"),
     (
-        "monitor stamp.csv --detector C",
-        "stamp.csv: column 'timestamp' ... states no unit; ... in us: --map time=timestamp:us",
-    ),
-    (
         "monitor two_times.csv --identify 0:30",
         "two_times.csv: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s",
     ),
     # columns and their units
-    ("monitor bare.csv", f"bare.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
-    ("monitor bare.csv --identify 0:30", f"bare.csv: no channels 'p', 'q', 'r': {UNITS}, ..."),
+    ("monitor small.csv", f"small.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
+    (
+        "monitor small.csv --identify 0:30",
+        "small.csv: no channels ...: gyros and attitude fit each other in rad and in deg, ...: --units rad or ...",
+    ),
     (
         "monitor letters.csv --identify 0:30",
-        "letters.csv: no channels ...: nothing looks like p: --map p=COLUMN:rad/s ...",
+        "letters.csv: no channels ...: nothing looks like p, q or r: --map p=COLUMN:rad/s ...",
     ),
     ("monitor bare.csv --map p:gyro_x:rad/s", "--map 'p:gyro_x:rad/s' isn't CHANNEL=COLUMN:UNIT; for example ..."),
     (

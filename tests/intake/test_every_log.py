@@ -1,6 +1,11 @@
 """Every format: values as they were logged, units and signs right, and the same file as its own library reads it."""
 
+import shlex
+import subprocess
+import sys
+
 import numpy as np
+import pandas as pd
 import pytest
 
 import gtmbench as gb
@@ -27,3 +32,123 @@ def test_it_is_listed(tmp_path, cli, name):
     code, out, err = cli("monitor", str(makers.make(tmp_path, name)), "--list")
     assert (code, err) == (0, "")
     assert all(f" {channel} " in out for channel in CHANNELS)
+
+
+def test_a_bare_table_is_read_by_its_motion_and_says_so(tmp_path, cli):
+    table = makers.flight(60.0)
+    bare = {"t": 1000 * table.time_s, "gyro_x": makers.RAD * table.p, "gyro_y": makers.RAD * table.q}
+    bare |= {"gyro_z": makers.RAD * table.r, "roll": table.phi, "pitch": table.theta, "yaw": table.psi}
+    path, kept = tmp_path / "bare.csv", tmp_path / "columns.toml"
+    pd.DataFrame(bare).to_csv(path, index=False)
+    code, out, err = cli("monitor", str(path), "--identify", "0:30", "--details", "--map-file", str(kept))
+    assert (code, err) == (3, "") or code == 0
+    said = " ".join(out.split())
+    assert "Guessed: p, q, r in rad/s by the attitude" in said
+    (typed,) = (line for line in out.splitlines() if line.startswith("to state what was guessed: gtmbench monitor"))
+    assert "--map time=t:ms" in typed
+    assert "--map p=gyro_x:rad/s" in typed
+    for stated in (shlex.split(typed.partition("monitor")[2])[1:], ["--map-file", str(kept)]):
+        code, out, err = cli("monitor", str(path), "--list", *stated)
+        assert (code, err, "guessed" in out) == (0, "", False)
+
+
+SCALES = {"rad": 1.0, "deg": 180.0 / np.pi}
+
+
+@pytest.mark.parametrize("units", SCALES)
+def test_a_common_scale_needs_somebodys_word(tmp_path, units):
+    table = makers.flight(60.0)
+    small = {"time_s": table.time_s} | {name: 0.02 * table[name] for name in CHANNELS}
+    path = tmp_path / "small.csv"
+    pd.DataFrame(small).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match=r"fit each other in rad and in deg, .*: --units rad or --units deg"):
+        gb.open_log(path, needs=CHANNELS)
+    log = gb.open_log(path, needs=CHANNELS, mapping=[f"units={units}"])
+    factor = 0.02 if units == "deg" else 0.02 / makers.RAD
+    assert np.abs(log.segments[0]["q"] - factor * table.q).max() < 1e-9
+
+
+def test_of_two_gyros_that_fit_alike_none_is_taken(tmp_path):
+    table = makers.flight(60.0)
+    two = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
+    for sensor in ("left", "right"):
+        two |= {f"gyro_{sensor}_{axis}": table[name] for axis, name in zip("xyz", "pqr", strict=True)}
+    path = tmp_path / "two.csv"
+    pd.DataFrame(two).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match=r"two readings fit alike: .*gyro_left_x:deg/s.*, or .*gyro_right_x:deg/s"):
+        gb.open_log(path, needs=CHANNELS)
+
+
+def test_axes_that_point_left_and_up_are_turned(tmp_path):
+    """By the accelerometer of the same sensor, whose z feels gravity."""
+    table = makers.flight(60.0)
+    turned = {"time_s": table.time_s, "imu.gyro_x": table.p, "imu.gyro_y": -table.q, "imu.gyro_z": -table.r}
+    turned |= {"imu.acc_x": 0.0 * table.p, "imu.acc_y": 0.0 * table.p, "imu.acc_z": 9.8 + 0.0 * table.p}
+    turned |= {"euler_x": table.phi, "euler_y": -table.theta, "euler_z": 90.0 - table.psi}
+    path = tmp_path / "flu.csv"
+    pd.DataFrame(turned).to_csv(path, index=False)
+    record = gb.open_log(path, needs=CHANNELS).segments[0]
+    assert np.abs(record["q"] - table.q).max() < 1e-9
+    assert np.abs(record["theta"] - table.theta).max() < 1e-9
+
+
+def test_systems_of_a_telemetry_log_are_asked_for(tmp_path, cli):
+    path = tmp_path / "two.tlog"
+    for system in (1, 7):
+        makers.telemetry(path, makers.flight(10.0), system=system)
+    code, _, err = cli("monitor", str(path), "--list")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "systems 1 and 7 sent; say which is meant: --system 1" in err
+    assert cli("monitor", str(path), "--list", "--system", "7")[0] == 0
+
+
+PARTS = {"flight.mat:flight/imu": 4, "flight73.mat:flight/ahrs": 4}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_branch_of_a_tree_is_a_log(tmp_path, part):
+    makers.make(tmp_path, part.partition(":")[0])
+    assert len(gb.log_columns(f"{tmp_path}/{part}")) == PARTS[part]
+    with pytest.raises(gb.InputError, match="it has no 'nowhere'; it holds flight/"):
+        gb.log_columns(f"{tmp_path}/{part.partition(':')[0]}:nowhere")
+
+
+NAMED = {
+    "box.bbl": (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "black box .* blackbox_decode"),
+    "track.kml": (b'<?xml version="1.0"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">', "positions only, no gyros"),
+    "quad.param": (b"ACRO_BAL_PITCH,1\nACRO_BAL_ROLL,1\nACRO_LOCKING,0\n", "parameters of an autopilot"),
+    "log.bin": (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "type: git lfs pull"),
+    "plot.png": (b"\x89PNG\r\n\x1a\n", "is a picture"),
+    "log.pkl": (b"\x80\x04\x95\x10\x00\x00\x00\x00\x00\x00\x00\x8c\x05numpy", "is a pickle, which could run anything"),
+    "none.csv": (b"", "is empty"),
+    "log.dat": (bytes(range(200)), "is of no format that is known"),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_what_cant_be_read_is_named_with_what_would_do(tmp_path, name):
+    content, message = NAMED[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(gb.InputError, match=message):
+        gb.open_log(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["flight.tlog", "bag2", "flight.mat", "flight.zip", "tables"])
+def test_a_typed_fault_breaks_any_log(tmp_path, cli, name):
+    log, out = makers.make(tmp_path, name), tmp_path / "broken.csv"
+    healthy = gb.open_log(log, needs=CHANNELS).segments[0]
+    onset_s = round(healthy.start_s + 10.0, 2)
+    typed = ["--fault", "bias:r:size=2", "--onset", str(onset_s), "--attitude", "own", "--out", str(out)]
+    code, said, err = cli("inject", str(log), *typed)
+    assert (code, err) == (0, "")
+    assert "left out" in said or name in ("flight.tlog", "flight.zip")
+    broken = gb.open_log(out, needs=CHANNELS).segments[0]
+    assert np.abs(broken["r"] - healthy["r"] - 2.0 * (healthy.time_s > onset_s - 1e-6)).max() < 1e-5
+
+
+def test_the_readers_libraries_stay_out_of_the_way_of_a_csv(tmp_path):
+    makers.columns(makers.flight()).to_csv(tmp_path / "log.csv", index=False)
+    late = {"pymavlink", "rosbags", "h5py", "openpyxl", "apsw", "lz4", "mcap", "pyulog"}
+    code = f"import sys, gtmbench as gb; gb.open_log(sys.argv[1]); print(sorted({late} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code, str(tmp_path / "log.csv")], capture_output=True, check=True)
+    assert run.stdout.strip() == b"[]"

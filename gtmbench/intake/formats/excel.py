@@ -47,7 +47,8 @@ def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
 
     found: Arrays = {}
     headers: dict[str, list[str]] = {}
-    book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
+    content = Path(path).open("rb")  # noqa: SIM115  read until this process ends; by its name it may be no workbook
+    book = load_workbook(content, read_only=True, data_only=True, keep_links=False)
     for sheet in book.worksheets:
         rows = [row[:MOST_COLUMNS] for row in sheet.iter_rows(values_only=True)]
         check_values(float(sum(map(len, rows))), "its sheets")

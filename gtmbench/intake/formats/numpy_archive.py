@@ -19,12 +19,13 @@ _PACKED_AT_MOST = 200  # times
 
 def read_numpy(path: Path, part: str = "") -> RawLog:
     """Read an archive's arrays, fields of a structured one as arrays of their own; objects are left out."""
-    with reading(path, _KIND):
-        if not zipfile.is_zipfile(path):
-            return log_of_arrays("NumPy array", _fields("", np.load(path, allow_pickle=False)), part)
+    with reading(path, _KIND), path.open("rb") as file:
+        if file.read(2) != b"PK":
+            file.seek(0)
+            return log_of_arrays("NumPy array", _fields("", np.load(file, allow_pickle=False)), part)
         arrays: Arrays = {}
         left_out = []
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(file) as archive:
             _check_size(path, archive)
             for name in archive.namelist():
                 if name.endswith(".npy"):

@@ -63,7 +63,7 @@ def read_zip(path: Path, part: str, read: Reads) -> RawLog:
 
 def _may_be_log(member: zipfile.ZipInfo) -> bool:
     name = PurePosixPath(member.filename)
-    hidden = any(each.startswith((".", "__MACOSX")) for each in name.parts)
+    hidden = any(each.startswith((".", "__MACOSX")) and each != ".." for each in name.parts)
     is_link = stat.S_ISLNK(member.external_attr >> 16)
     return not (member.is_dir() or hidden or is_link or name.suffix.lower() in _NO_LOGS)
 

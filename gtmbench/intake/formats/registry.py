@@ -50,7 +50,10 @@ _OURS = {
 }
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _HEAD_BYTES = 600
-_READ = f"read are {', '.join(form.name for form in (CSV, *FORMATS[:-1]))} and a {FORMATS[-1].name}"
+_READ = (
+    "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, ROS bags, MCAP, MATLAB, HDF5, NumPy, "
+    "Excel and folders of tables"
+)
 
 
 def split_part(log: str | Path) -> tuple[Path, str]:
@@ -80,7 +83,7 @@ def read_raw(path: Path, part: str = "") -> RawLog:
     InputError
         Where it isn't a file, is too large, isn't of a known format, or is broken.
     """
-    form = _packed(path) or _format(path)
+    form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
     return _printable(form.read(path, part) if form.has_parts else form.read(path))
@@ -121,17 +124,21 @@ def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
     _writer(path)(path, out, cells)
 
 
-def check_written(path: Path) -> None:
-    """Refuse a log whose format isn't written."""
-    _writer(path)
+def is_written(path: Path) -> bool:
+    """Whether a log's format is written here, not only read."""
+    return _form(path).rewrite is not None
 
 
 def _writer(path: Path) -> Callable[[Path, Path, Sequence[Cells]], None]:
-    form = _packed(path) or _format(path)
+    form = _form(path)
     if form.rewrite is None:
         written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
-        raise InputError(f"{path} is {form.name}, which is only read here; {written} are written: export it as one")
+        raise InputError(f"{path} is {form.name}, which is only read here; {written} are written")
     return form.rewrite
+
+
+def _form(path: Path) -> Format:
+    return _packed(path) or _format(path)
 
 
 def _packed(path: Path) -> Format | None:
@@ -141,7 +148,7 @@ def _packed(path: Path) -> Format | None:
     head = _head(path)
     if head.startswith(_GZIP):
         return Format(name="packed", magic=(), suffixes=(), read=partial(read_gzip, read=_plain))
-    if head.startswith(_ZIP) and path.suffix.lower() == ".zip" and not any(form.begins(head) for form in FORMATS):
+    if head.startswith(_ZIP) and not any(form.begins(head) for form in FORMATS):
         return Format(name="zip", magic=(), suffixes=(), read=partial(read_zip, read=_plain), has_parts=True)
     return None
 

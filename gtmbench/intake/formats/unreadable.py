@@ -24,7 +24,6 @@ _KINDS = (
     (rb"\x28\xb5\x2f\xfd", "is packed by zstd", "unpack it first"),
     (rb"BZh\d", "is packed by bzip2", "unpack it first"),
     (rb"\xfd7zXZ|7z\xbc\xaf", "is packed by xz or 7-Zip", "unpack it first"),
-    (rb"PK\x03\x04", "is packed by zip", "name it .zip, or unpack it first"),
     (rb"CDF[\x01\x02]", "is a file of netCDF", _CSV),
     (rb"\x80[\x02-\x05].{0,12}[c\x8c]", "is a pickle, which could run anything", "save the arrays as .npz"),
     (rb"\s*\[?\{", "begins as a file of JSON does, not as a log", _CSV),

@@ -42,6 +42,11 @@ def listing_lines(contents: LogContents, width: int) -> list[str]:
     doubtful = [f"open: '{column.name}' {column.why_not}" for column in contents.columns if column.why_not]
     for told in (bad, doubtful):
         lines += told[:_MOST] + ([f"... and {len(told) - _MOST} more: --all"] if len(told) > _MOST else [])
+    by_reason: dict[str, list[str]] = {}
+    for each in contents.channels:
+        if each.guessed:
+            by_reason.setdefault(f"{each.unit} by {each.guessed}", []).append(each.name)
+    lines += [f"guessed: {', '.join(names)} in {why}" for why, names in by_reason.items()]
     if contents.imus:
         lines.append(f"IMUs: {len(contents.imus)} ({', '.join(contents.imus)})")
     lines += events_lines(contents.events)

@@ -85,11 +85,7 @@ def _log_lines(log: FlightLog) -> list[str]:
         f"{log.path.name}: {_span((first.start_s, last.end_s))}, every {log.sample_period_s:g} s{parts}",
         f"channels: {', '.join(with_unit(name, unit_of(name)) for name in log.channels)}",
         *log.method,
-        *(
-            [f"to state what was guessed: gtmbench monitor {log.path} {typed}"]
-            if (typed := guessed_options(log))
-            else []
-        ),
+        *(f"to state what was guessed: gtmbench monitor {log.path} {typed}" for typed in guessed_options(log)),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +12,9 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.files.disk import atomic_write
 from gtmbench.intake.contents import log_contents
-from gtmbench.intake.formats.registry import check_written
+from gtmbench.intake.formats.registry import is_written
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import Samples, log_samples, write_samples
+from gtmbench.intake.samples import Samples, log_samples, write_samples, write_table
 from gtmbench.study.log.bending import bent_samples, following_in_log
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.values.attitude import AttitudeEstimator
@@ -70,7 +70,10 @@ def inject_log(
     mapping: Sequence[str] = (),
     attitude: str | AttitudeEstimator = FROM_LOG,
 ) -> tuple[ChangedColumn, ...]:
-    r"""Write a recorded flight, CSV or Parquet, with faults to `out`; nothing else changes.
+    r"""Write a recorded flight with faults to `out`; of a CSV or a Parquet table nothing else changes.
+
+    Logs of other formats become a CSV of their channels, in our headers and units, every sample at its own time
+    (`becomes_table`).
 
     Faults act one after the other on the samples in the file, at their own times. Effects that grow with time use the
     stamps; effects from sample to sample (a slew limit, a lag) use the column's nominal sample period. Missing samples
@@ -114,17 +117,18 @@ def inject_log(
     listed = [faults] if isinstance(faults, Fault) else list(faults)
     changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
     estimator = following_in_log(read, changed, mapping, attitude=attitude).estimator
-    check_written(log)
     wanted = dict.fromkeys(name for fault in listed for name in fault.reads)
     bends: list[str] = []
     if estimator is not None:
         there = log_contents(read, mapping=mapping).usable
         bends = [name for name in ATTITUDE if name in there]
         wanted |= dict.fromkeys(name for name in (*GYROS, *bends) if name in there)
-    samples = log_samples(read, list(wanted), mapping)
     changed = list(dict.fromkeys([*changed, *bends]))
+    as_table = becomes_table(read, changed, mapping)
+    if as_table:
+        wanted |= dict.fromkeys(log_contents(read, mapping=mapping).usable)
+    samples = log_samples(read, list(wanted), mapping)
     _check_apart({name: samples[name] for name in changed})
-    _check_columns(log, {name: samples[name] for name in bends})
     for fault in listed:
         _check_onset(fault, samples[fault.channel], log)
     healthy = {name: each.values for name, each in samples.items()}
@@ -134,8 +138,27 @@ def inject_log(
         followed = bent_samples(estimator, own, {name: values[name] for name in GYROS if name in own})
         values = _all_broken(listed, samples, healthy | followed)
     with atomic_write(out) as aside:
-        write_samples(log, aside, samples, {name: values[name] for name in changed})
+        if as_table:
+            write_table(aside, samples, values)
+        else:
+            write_samples(log, aside, samples, {name: values[name] for name in changed})
     return tuple(_changed(samples[name], values[name]) for name in changed)
+
+
+def becomes_table(log: ReadLog, changed: Iterable[str], mapping: Sequence[str] = ()) -> bool:
+    """Tell whether a log becomes a CSV of its channels: its format isn't written, or what changes has no column."""
+    if not is_written(log.path):
+        return True
+    made = {series.name for series in log.raw.series if series.made_of}
+    columns = {channel.name: channel.column for channel in log_contents(log, mapping=mapping).channels}
+    return any(columns.get(name) in made for name in changed)
+
+
+def left_out(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the columns that aren't in the CSV that a log becomes."""
+    contents = log_contents(log, mapping=mapping)
+    kept = {channel.column for channel in contents.channels if not channel.why_not}
+    return tuple(column.name for column in contents.columns if column.name not in kept and column.channel != "time")
 
 
 def _all_broken(
@@ -164,16 +187,6 @@ def _check_apart(changed: Mapping[str, Samples]) -> None:
     twice = next((name for name in columns if columns.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"column '{twice}' is mapped to {' and '.join(changed)}, and both break; map one of them")
-
-
-def _check_columns(log: Path, attitude: Mapping[str, Samples]) -> None:
-    """Refuse an attitude that is to follow and isn't in columns of its own."""
-    made_of = next((each.chosen.series.made_of for each in attitude.values() if each.chosen.series.made_of), ())
-    if made_of:
-        raise InputError(
-            f"{log}: the attitude can't follow the gyro's fault, for it is worked out of {', '.join(made_of)}, which "
-            "aren't written; give the log columns of roll, pitch and yaw, or break the gyro alone (--attitude own)"
-        )
 
 
 def _check_onset(fault: Fault, samples: Samples, log: Path) -> None:

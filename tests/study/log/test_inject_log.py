@@ -397,13 +397,14 @@ def test_what_cant_be_broken_is_refused_and_nothing_is_written(tmp_path, case):
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
-def test_a_format_that_is_only_read_is_refused(tmp_path):
-    log = tmp_path / "log.ulg"
+def test_a_format_that_is_only_read_becomes_a_csv_of_its_channels(tmp_path):
+    log, out = tmp_path / "log.ulg", tmp_path / "out.csv"
     rows = [(k * 10_000, 0.1 * k, 0.0, 0.0) for k in range(500)]
     log.write_bytes(ulog({"vehicle_angular_velocity": (["float[3] xyz"], rows)}))
-    with pytest.raises(InputError, match=r"PX4 ULog, which is only read here; CSV and Parquet are written"):
-        inject_log(log, tmp_path / "out.ulg", Jam(channel="p", onset_s=1.0))
-    assert [path.name for path in tmp_path.iterdir()] == ["log.ulg"]
+    inject_log(log, out, gb.Bias(channel="p", onset_s=1.0, size=2.0))
+    was, now = (gb.open_log(path).segments[0] for path in (log, out))
+    assert (now["q"] == was["q"]).all()
+    assert np.abs(now["p"] - was["p"] - 2.0 * (was.time_s >= 1.0)).max() < 1e-9
 
 
 SCENARIO = """
@@ -576,13 +577,12 @@ def test_an_attitude_of_its_own_stamps_that_wraps_keeps_them_and_how_it_wraps(tm
     assert {each.channel for each in changed} == {"r", "phi", "theta", "psi"}
 
 
-def test_an_attitude_in_quaternions_is_refused_and_its_gyro_broken_alone(tmp_path):
+def test_an_attitude_in_quaternions_becomes_angles_and_its_gyro_is_broken_alone(tmp_path):
     log, out = tmp_path / "log.csv", tmp_path / "out.csv"
     log.write_text("t [s],p [deg/s],qw,qx,qy,qz\n" + "".join(f"{t},1.0,1.0,0.0,0.0,0.0\n" for t in TIME_S))
     bias = gb.Bias(channel="p", onset_s=2.0, size=1.0)
-    with pytest.raises(InputError, match=r"worked out of qw, qx, qy, qz, which aren't written; give .*--attitude own"):
-        inject_log(log, out, bias)
-    assert not out.exists()
+    assert {each.channel for each in inject_log(log, tmp_path / "angles.csv", bias)} == {"p", "phi", "theta", "psi"}
+    assert (tmp_path / "angles.csv").read_text().startswith("time_s,p_deg_s,")
     assert [each.channel for each in inject_log(log, out, bias, attitude="own")] == ["p"]
 
 
