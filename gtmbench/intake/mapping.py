@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -11,6 +12,7 @@ import numpy as np
 from gtmbench.checks import listed, meant
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
+from gtmbench.intake.formats.documented import ALL
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
@@ -317,6 +319,10 @@ def judged(series: RawSeries, raw: RawLog) -> Guess:
     """Return what a column is: by the format's documentation, else by its name where names may be believed."""
     if series.meaning is not None:
         return Guess(channel=series.meaning.channel, meaning=series.meaning)
+    topic, _, field = series.name.rpartition(".")
+    documented = ALL.get((re.split(r"[./]", topic)[-1], field)) if raw.by_name else None
+    if documented is not None:  # an autopilot's, in anybody's table
+        return Guess(channel=documented.channel, meaning=documented)
     return guess(series.name, series.unit) if raw.by_name else Guess()
 
 

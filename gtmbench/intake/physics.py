@@ -101,6 +101,9 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     gyros = _candidates(named, "rate", GYROS, known)
     angles = _candidates(named, "angle", ATTITUDE, known)
     fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
+    if not fits and gyros and angles:
+        names = " and ".join(", ".join(series.name for series in triple.series) for triple in (gyros[0], angles[0]))
+        return Found(meanings={}, why_not=f"{names} don't tell of one motion in any unit, or of too little")
     if not fits:
         return NOTHING
     best = min(fits, key=lambda fit: fit.score)

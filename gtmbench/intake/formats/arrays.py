@@ -20,7 +20,7 @@ from gtmbench.intake.formats.raw import RawLog, RawSeries
 
 _FEWEST = 20  # rows of a table
 _MOST_BESIDE = 64  # columns of an array
-_TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[?(s|ms|us|ns|sec|seconds)\)?\]?)?")
+_TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[?(s|ms|us|ns|secs?|seconds)\)?\]?)?")
 
 
 def log_of_arrays(
@@ -110,7 +110,7 @@ def _clocks(rows: int, paths: Sequence[str], columns: Mapping[str, list[tuple[st
     def nearest(path: str) -> str:
         return max(times, key=lambda time: (len(os.path.commonpath(["/" + time, "/" + path])), -len(time)))
 
-    return {path: nearest(path).rpartition("/")[0] or str(rows) for path in paths}
+    return {path: nearest(path) for path in paths}
 
 
 def _unit(values: NDArray[Any]) -> str:

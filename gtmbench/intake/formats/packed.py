@@ -22,7 +22,6 @@ from gtmbench.intake.formats.raw import RawLog
 _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
 _PIECE = 1 << 20
 _NO_LOGS = (
-    ".txt",
     ".md",
     ".pdf",
     ".png",
@@ -65,7 +64,8 @@ def _may_be_log(member: zipfile.ZipInfo) -> bool:
     name = PurePosixPath(member.filename)
     hidden = any(each.startswith((".", "__MACOSX")) and each != ".." for each in name.parts)
     is_link = stat.S_ISLNK(member.external_attr >> 16)
-    return not (member.is_dir() or hidden or is_link or name.suffix.lower() in _NO_LOGS)
+    is_word = name.suffix.lower() in _NO_LOGS or name.stem.lower() in ("readme", "license")
+    return not (member.is_dir() or hidden or is_link or is_word)
 
 
 def _unpacked(path: Path, packed: IO[bytes] | gzip.GzipFile, name: str, read: Reads) -> RawLog:

@@ -31,10 +31,7 @@ _FIELD = "\t"  # between a topic and its field
 def read_rosbag(path: Path, part: str = "") -> RawLog:
     """Read a bag: every topic with its own stamps, a field is ``topic.field``; a part is a topic."""
     kind = "ROS bag"
-    folder = path if path.is_dir() or path.suffix == ".bag" else path.parent
-    if folder == path.parent and not (folder / "metadata.yaml").is_file():
-        raise InputError(f"{path} is a ROS 2 bag without its metadata.yaml; give the folder: ros2 bag reindex {folder}")
-    facts, arrays = read_apart("rosbag", "rosbags", folder, kind)
+    facts, arrays = read_apart("rosbag", "rosbags", path, kind)
     types, left_out = facts["types"], facts["left_out"]
     with reading(path, kind):
         if part:
@@ -84,7 +81,7 @@ def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.typesys import Stores, get_typestore
 
-    is_first = Path(path).is_file()
+    is_first = Path(path).suffix.lower() == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
     decoded = store.deserialize_ros1 if is_first else store.deserialize_cdr
     columns: dict[str, list[array[Any]]] = {}
