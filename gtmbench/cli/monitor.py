@@ -156,7 +156,9 @@ def monitor_command(
     if monitor is None or listed or every:
         from gtmbench.intake.contents import log_contents
 
-        contents = log_contents(log, mapping=mapping)
+        with progress_bar(silent=as_json or quiet) as tell:
+            tell("reading", None, None)
+            contents = log_contents(log, mapping=mapping)
         if not quiet and (listed or every or not as_json):
             _list(contents, every=every, as_json=as_json)
         if listed or every:

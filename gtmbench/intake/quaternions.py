@@ -31,10 +31,12 @@ def with_quaternions(raw: RawLog) -> RawLog:
     told = {guess(series.name, series.unit).channel for series in raw.series}
     names = {series.name for series in raw.series}
     added, notes = [], []
-    for stem, parts in _quaternions(raw):
+    found = list(_quaternions(raw))
+    only = len([stem for stem, _ in found if not _OF_ROS.search(stem)]) == 1  # of several none is preferred
+    for stem, parts in found:
         if _name(stem, "roll") in names:  # its format has made them already
             continue
-        known = not _OF_ROS.search(stem) and not told & set(_CHANNELS.values())
+        known = only and not _OF_ROS.search(stem) and not told & set(_CHANNELS.values())
         made = [_angle(stem, parts, angle, is_channel=known) for angle in ANGLES]
         added += made
         if known:

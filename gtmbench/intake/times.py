@@ -111,20 +111,30 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
             without, why = [*without, table], why or str(error)
     if not told:
         raise InputError(why)
+    same = {table: _of_as_many_rows(raw, table, told) for table in without}
+    series = tuple(replace(each, clock=same.get(each.clock) or each.clock) for each in raw.series)
+    raw, without = replace(raw, series=series), [table for table in without if same[table] is None]
     units = {each.per_second for each in told.values()}
     stamps = {
         table: each.stamps if len(units) == 1 else each.since_s + each.stamps / each.per_second
         for table, each in told.items()
     }
     clocks, since = in_seconds(stamps, units.pop() if len(units) == 1 else 1.0)
-    times = [column for each in told.values() for column in each.columns]
-    rest = tuple(series for series in raw.series if series.clock in clocks and series not in times)
+    times = {column.name for each in told.values() for column in each.columns}
+    rest = tuple(series for series in raw.series if series.clock in clocks and series.name not in times)
     notes = [f"no time, so not taken: {', '.join(without[:12])}"] if without else []
     guessed = [each for each in told.values() if each.guessed]
     if guessed:  # of no one column
         raw = replace(raw, time=("", guessed[0].stated), time_guessed=guessed[0].guessed)
     said = [each.note for each in (guessed or list(told.values()))[:_MOST_SAID]]
     return replace(raw, series=rest).with_clocks(clocks, *said, *since, *notes)
+
+
+def _of_as_many_rows(raw: RawLog, table: str, told: Mapping[str, _Told]) -> str | None:
+    """Return the only table with a time that has as many rows as one without; None of several, or none."""
+    rows = len(next(series for series in raw.series if series.clock == table).load())
+    alike = [name for name, each in told.items() if len(each.stamps) == rows]
+    return alike[0] if len(alike) == 1 else None
 
 
 def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:

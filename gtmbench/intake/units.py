@@ -18,7 +18,16 @@ _ALIKE = 0.1  # of factors that were measured
 _UNITS: dict[str, tuple[str, dict[str, float]]] = {
     "angular rate": (
         "deg/s",
-        {"deg/s": 1.0, "degs-1": 1.0, "dps": 1.0, "rad/s": _DEG, "rads-1": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01}
+        {
+            "deg/s": 1.0,
+            "degs-1": 1.0,
+            "dps": 1.0,
+            "rad/s": _DEG,
+            "radps": _DEG,
+            "rads-1": _DEG,
+            "mrad/s": _DEG / 1e3,
+            "cdeg/s": 0.01,
+        }
         | {"mdeg/s": 1e-3, "mdps": 1e-3},
     ),
     "angle": (

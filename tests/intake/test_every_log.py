@@ -68,6 +68,48 @@ def test_a_common_scale_needs_somebodys_word(tmp_path, units):
     assert np.abs(log.segments[0]["q"] - factor * table.q).max() < 1e-9
 
 
+def test_jsbsims_own_output_is_read_as_it_comes(tmp_path):
+    import jsbsim
+
+    directive = '<?xml version="1.0"?><output name="own.csv" type="CSV" rate="50"><rates>ON</rates>'
+    (tmp_path / "own.xml").write_text(f"{directive}<position>ON</position></output>")
+    plane = jsbsim.FGFDMExec(None)
+    plane.set_debug_level(0)
+    plane.load_model("c172x")
+    plane["ic/h-sl-ft"], plane["ic/vc-kts"] = 4000.0, 90.0
+    plane.set_output_path(str(tmp_path))
+    plane.set_output_directive(str(tmp_path / "own.xml"))
+    plane.run_ic()
+    for step in range(1200):
+        plane["fcs/aileron-cmd-norm"] = 0.05 * np.sin(0.02 * step)
+        plane.run()
+    log = gb.open_log(tmp_path / "own.csv", needs=CHANNELS)
+    rates = gb.derive(log.segments[0], ["p_att"])
+    assert np.nanstd(rates["p"] - rates["p_att"]) < 0.05 * np.std(rates["p"])
+
+
+def test_tables_of_one_length_share_the_time_of_one_of_them(tmp_path):
+    table = makers.flight()
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    own = {"time": {"time (sec)": table.time_s}, "gyro": {f"{name} (deg/s)": table[name] for name in "pqr"}}
+    own["attitude"] = {f"{name} (deg)": table[name] for name in ("phi", "theta", "psi")}
+    for name, columns in own.items():
+        pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False)
+    record = gb.open_log(folder, needs=CHANNELS).segments[0]
+    assert (record["q"] == table.q.to_numpy()).all()
+
+
+def test_of_several_quaternions_none_is_taken(tmp_path):
+    table = makers.flight()
+    turns = np.column_stack([np.cos(0.1 * table.time_s), *[np.sin(0.1 * table.time_s) / 3**0.5] * 3])
+    columns = {f"{name}_q{i}": turns[:, i] for name in ("left", "right") for i in range(4)}
+    path = tmp_path / "two.csv"
+    pd.DataFrame({"time_s": table.time_s} | columns).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match="no channel 'phi'"):
+        gb.open_log(path, needs=["phi"])
+
+
 def test_of_two_gyros_that_fit_alike_none_is_taken(tmp_path):
     table = makers.flight(60.0)
     two = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}

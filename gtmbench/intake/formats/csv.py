@@ -94,6 +94,8 @@ def layout_of(path: Path) -> Layout:
     if separator not in header:
         separator = r"\s+"
     fields = [_fields(line, separator) for line in lines[place + 1 : place + 3]]
+    if separator == r"\s+" and fields and max(map(len, fields)) == 1:  # one column, whose name has spaces
+        separator = ","
     names = [name.strip() for name in _fields(header, separator)]
     if all(map(_ONLY_NUMBER.fullmatch, filter(None, names))):
         raise InputError(

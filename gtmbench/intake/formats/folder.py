@@ -14,7 +14,7 @@ from gtmbench.intake.formats.documented import ALL, PX4
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
 
-_TOPICS = {topic.lower(): topic for topic, _ in ALL}
+_TOPICS = {topic for topic, _ in ALL}
 _MOST = 300  # tables
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
@@ -26,7 +26,7 @@ def read_folder(path: Path) -> RawLog:
     if sum(table.stat().st_size for table in tables) > LARGEST_FILE_BYTES:
         raise InputError(f"{path}: its tables have more than {LARGEST_FILE_BYTES} bytes; at most so many are read")
     topics = {table: _topic(table.stem) for table in tables}
-    known = [table for table in tables if _of(topics[table]) in _TOPICS.values()]
+    known = [table for table in tables if _of(topics[table]) in _TOPICS]
     series: list[RawSeries] = []
     left_out = []
     for table in known or tables:
@@ -74,14 +74,14 @@ def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:
 def _topic(stem: str) -> str:
     """Return what a table tells of: a topic that is known, a second instance as ``IMU#1``, else its own name.
 
-    >>> _topic("09_26_30_sensor_combined_0"), _topic("IMU"), _topic("imu_1"), _topic("baro")
+    >>> _topic("09_26_30_sensor_combined_0"), _topic("IMU"), _topic("IMU_1"), _topic("baro")
     ('sensor_combined', 'IMU', 'IMU#1', 'baro')
     """
     numbered = _NUMBERED.fullmatch(stem)
     bare, number = (numbered["topic"], int(numbered["number"])) if numbered else (stem, 0)
     for name in sorted(_TOPICS, key=len, reverse=True):
-        if bare.lower() == name or bare.lower().endswith(f"_{name}"):
-            return f"{_TOPICS[name]}#{number}" if number else _TOPICS[name]
+        if bare == name or bare.endswith(f"_{name}"):
+            return f"{name}#{number}" if number else name
     return stem
 
 
@@ -99,7 +99,7 @@ def is_folder_of_tables(path: Path) -> bool:
     if not 2 <= len(tables) <= _MOST:
         return False
     bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
-    of_autopilot = {_of(_topic(table.stem)) for table in tables} & set(_TOPICS.values())
+    of_autopilot = {_of(_topic(table.stem)) for table in tables} & _TOPICS
     return len(of_autopilot) > 1 or (len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare)))
 
 
