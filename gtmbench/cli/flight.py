@@ -95,7 +95,7 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option(
     "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
-@fault_options("With --closed-loop: what breaks in the loop.")
+@fault_options("With --closed-loop: the fault in the loop.")
 @click.option(
     "--attitude",
     default="own",

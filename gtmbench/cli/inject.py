@@ -28,7 +28,7 @@ _MOST_NAMED = 12  # columns
 
 @click.command("inject")
 @click.argument("log", type=click.Path(path_type=Path))
-@fault_options("What breaks: typed in place, or a scenario's [[faults]].", required=True)
+@fault_options("The fault: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
 @click.option(
     "--attitude",
@@ -69,7 +69,7 @@ def inject_command(
 ) -> None:
     """Break a recorded flight of any format that `gtmbench monitor` reads, by typed faults or a scenario's trial.
 
-    A CSV or a Parquet table stays as it is but for what breaks. Of other formats the channels are written, as a CSV
+    A CSV or a Parquet table stays as it is but for the fault. Of other formats the channels are written, as a CSV
     that `gtmbench monitor` reads as it is, and the output says what that leaves out. If the gyros drive the attitude,
     as in most logs, it follows a gyro's fault.
 
@@ -86,8 +86,8 @@ def inject_command(
     from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.injection import becomes_table, inject_log, left_out
 
-    read = read_log(log)
     chosen = chosen_faults(given, onset, trial)
+    read = read_log(log)
     broken = {name for fault in chosen.faults for name in fault.changes}
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
     changing = {*broken, *(ATTITUDE if following.estimator else ())}

@@ -33,7 +33,7 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 )
 @click.option("--figure", type=click.Path(path_type=Path), help="Also write a figure: .png, .svg or .pdf.")
 @aircraft_options
-@fault_options("What breaks.  [default: r's sign flips]")
+@fault_options("The fault.  [default: r's sign flips]")
 @click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
 @click.option(
     "--calibrated",

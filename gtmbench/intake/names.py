@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from gtmbench.intake.formats.raw import Meaning, RawSeries
@@ -206,6 +206,7 @@ _AXIS = re.compile(rf"(?P<word>{'|'.join(_AXES)})|(?P<letter>[xyzpqr])$|\[(?P<pl
 _RATES = re.compile(r"gyr|omega|pqr|rate|rot|ang[a-z]*_?vel|\*_?(speed|dot|vel|d)$|(^|[^a-z])(w|av)(_|$|\*)|^\*$")
 _ANGLES = re.compile(r"(^|[^a-z])(att|euler|rpy|angle|ori|eul)")
 _ACCELERATIONS = re.compile(r"acc|specific_?force|(^|[^a-z])(a|f)_?b?_?\*$")
+_QUATERNION = re.compile(r"quat|orientation|(^|[^a-z])q[a-z_]*\*$")
 _NO_SENSOR = re.compile(r"mag|grav|offset|trim|gain|pid|stick|rc_|ctrl|demand|innov|delta|noise|temp|angular_?acc")
 
 
@@ -218,10 +219,18 @@ def triples(series: Sequence[RawSeries]) -> list[Triple]:
             kind, axis, stem = named
             found.setdefault((each.clock, kind, stem), {})[axis] = each
     return [
-        Triple(kind=kind, series=tuple(axes[i] for i in range(3)), is_exact=_is_exact(axes.values()))
+        Triple(
+            kind=kind, series=(axes[0], axes[1], axes[2]), meanings=_meanings(axes), is_exact=_is_exact(axes.values())
+        )
         for (_, kind, _), axes in found.items()
         if len(axes) == 3
     ]
+
+
+def _meanings(axes: Mapping[int, RawSeries]) -> tuple[Meaning, ...]:
+    """Return what the format documents of three axes; none where it doesn't document all."""
+    documented = tuple(meaning for place in range(3) if (meaning := axes[place].meaning) is not None)
+    return documented if len(documented) == 3 else ()
 
 
 def _is_exact(series: Iterable[RawSeries]) -> bool:
@@ -244,6 +253,8 @@ def _as_axis(series: RawSeries) -> tuple[str, int, str] | None:
     else:
         place = int(axis["place"]) if axis["place"] else "xyzpqr".index(axis["letter"]) % 3
     stem = name[: axis.start()] + "*" + name[axis.end() :]
+    if axis["letter"] and _QUATERNION.search(stem):
+        return None
     if _ACCELERATIONS.search(stem):
         return ("acceleration", place, stem) if not axis["word"] else None
     if _RATES.search(stem) and not (axis["word"] and stem == "*"):

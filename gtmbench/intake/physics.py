@@ -24,7 +24,6 @@ from gtmbench.values.clock import FloatArray
 
 _DEG = math.degrees(1.0)
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
-_ANGLE_UNITS = {"deg": 1.0, "rad": _DEG}
 _MOST_TRIPLES = 6
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
 _SMOOTHED_S, _SLOW_S = 0.4, 4.0
@@ -161,7 +160,8 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
     felt = _axes_felt(raw, gyros)
     for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=3))):
-        turned = motion.angles * (np.asarray(signs) * _ANGLE_UNITS.get(named, 1.0))
+        known = unit(named)
+        turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
         told = _gains(motion.rates, _smoothed(_body_rates(turned, motion.time_s), motion.time_s))
         if told is None:
             continue

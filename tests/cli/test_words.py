@@ -57,7 +57,7 @@ def typed(tmp_path, cli):
         ),
         ("monitor slow.csv --identify 0:25", "column 'time' looks like time, but states no unit: --map time=time:s"),
         ("monitor wide.csv", "rows have more cells than the 2 that its first line names"),
-        ("monitor book.xlsx", "is a spreadsheet's workbook; save its sheet as CSV"),
+        ("monitor book.xlsx", "isn't a readable Excel workbook"),
         ("monitor flight.csv --identify 0-25", "there is no such log; give a span in seconds, such as 0:30"),
         ("monitor flight.csv --identify 0-25", "did you mean 0:25?"),
         ("monitor flight.csv --identify 0:5", "flight.csv has 1 sample a second; at least 2.5 are needed"),

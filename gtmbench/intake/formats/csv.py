@@ -90,12 +90,7 @@ def layout_of(path: Path) -> Layout:
     if place == len(lines):
         raise InputError("it is empty")
     header = lines[place].lstrip("#%/ \t")
-    separator = max(";\t|,", key=header.count)  # of as many, the one that no unit holds
-    if separator not in header:
-        separator = r"\s+"
-    fields = [_fields(line, separator) for line in lines[place + 1 : place + 3]]
-    if separator == r"\s+" and fields and max(map(len, fields)) == 1:  # one column, whose name has spaces
-        separator = ","
+    separator, fields = _separated(header, lines[place + 1 : place + 3])
     names = [name.strip() for name in _fields(header, separator)]
     if all(map(_ONLY_NUMBER.fullmatch, filter(None, names))):
         raise InputError(
@@ -121,6 +116,17 @@ def layout_of(path: Path) -> Layout:
         decimal="," if comma else ".",
         skipped=skipped,
     )
+
+
+def _separated(header: str, lines: Sequence[str]) -> tuple[str, list[list[str]]]:
+    """Return what separates a table's cells, and the cells of its first lines."""
+    separator = max(";\t|,", key=header.count)  # of as many, the one that no unit holds
+    if separator not in header:
+        separator = r"\s+"
+    fields = [_fields(line, separator) for line in lines]
+    if separator == r"\s+" and fields and max(map(len, fields)) == 1:  # one column, whose name has spaces
+        separator = ","
+    return separator, fields
 
 
 def _more_cells(names: Sequence[str], separator: str) -> str:

@@ -148,7 +148,8 @@ def _packed(path: Path) -> Format | None:
     head = _head(path)
     if head.startswith(_GZIP):
         return Format(name="packed", magic=(), suffixes=(), read=partial(read_gzip, read=_plain))
-    if head.startswith(_ZIP) and not any(form.begins(head) for form in FORMATS):
+    is_book = path.suffix.lower() in excel.FORMAT.suffixes
+    if head.startswith(_ZIP) and not is_book and not any(form.begins(head) for form in FORMATS):
         return Format(name="zip", magic=(), suffixes=(), read=partial(read_zip, read=_plain), has_parts=True)
     return None
 
@@ -170,12 +171,12 @@ def _format(path: Path) -> Format:
     for form in FORMATS:
         if form.begins(head):
             return form
-    named = [form for form in FORMATS if path.suffix.lower() in form.suffixes]
-    if named == [matlab.FORMAT] and path.suffix.lower() == ".mat":  # files of MATLAB 4 begin as they like
-        return matlab.FORMAT
+    suffix = path.suffix.lower()
+    if suffix == ".mat" or (head.startswith(_ZIP) and suffix in excel.FORMAT.suffixes):  # these may begin as they like
+        return matlab.FORMAT if suffix == ".mat" else excel.FORMAT
     if why := why_unreadable(head, path):
         raise InputError(f"{path} {why}; {_READ}")
-    if named:
+    if any(suffix in form.suffixes for form in FORMATS):
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
     return CSV
 
