@@ -24,7 +24,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.limits import MOST_COLUMNS, check_values, quiet
 
 Arrays = dict[str, NDArray[Any]]
-_SPARE_BYTES, _BYTES_A_BYTE = 3 << 28, 20  # of memory: beside the file, and for each of its bytes
+_SPARE_BYTES, _BYTES_A_BYTE = 300 << 20, 20  # of memory: beside the file, and for each of its bytes
 _LEAST_S, _BYTES_A_S = 4, 2e6  # of a processor
 _LONGEST_S = 600.0  # by the clock: a busy machine may be slow
 _PACKAGES = Path(__file__).resolve().parents[3]
