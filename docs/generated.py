@@ -34,7 +34,7 @@ REPORTS = {  # pages of the repository that these pages link to; each becomes a 
     path.relative_to(ROOT).as_posix(): f"report_{path.parent.name}"
     for path in (*sorted((ROOT / "experiments/reports").glob("*/report.md")), ROOT / "aircraft/gtm/README.md")
 }
-TABLES = {"CHANNELS": "channels", "PSEUDO_INPUTS": "method"}  # values, which can't say where they come from
+TABLES = {"CHANNELS": "values", "PSEUDO_INPUTS": "method"}  # values, which can't say where they come from
 
 
 def room(name: str) -> str:
