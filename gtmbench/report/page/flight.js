@@ -41,6 +41,12 @@ function roundValues([low, high]) {
   return values;
 }
 
+function powers(low, high) {
+  const values = [];
+  for (let power = Math.ceil(low); power <= high; power++) values.push(power);
+  return values;
+}
+
 function label(axis, side, values, [low, high], name) {
   axis.replaceChildren(...values.map((value) => {
     const tick = document.createElement("span");
@@ -79,7 +85,8 @@ function show(from, to) {
     }
     const [low, high] = reach(panel);
     panel.svg.setAttribute("viewBox", `${view[0]} ${-high} ${width} ${high - low}`);
-    label(panel.axis, "bottom", roundValues([low, high]), [low, high], (value) => short(panel.isLog ? 10 ** value : value));
+    const marks = panel.isLog ? powers(low, high) : roundValues([low, high]);
+    label(panel.axis, "bottom", marks, [low, high], (value) => short(panel.isLog ? 10 ** value : value));
   }
   const clock = view.map((time) => time + begins);
   label(all.querySelector(".x"), "left", roundValues(clock), clock, (value) => String(Number(value.toPrecision(12))));

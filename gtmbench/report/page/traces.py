@@ -81,8 +81,14 @@ class Panel:
                 share=(value - self.low) / (self.high - self.low),
                 name=f"{10.0**value:g}" if self.is_logarithmic else f"{value:g}",
             )
-            for value in round_values((self.low, self.high))
+            for value in self._marked()
         ]
+
+    def _marked(self) -> list[float]:
+        """Return round values; on a logarithmic axis powers of ten."""
+        if self.is_logarithmic:
+            return [float(power) for power in range(math.ceil(self.low), math.floor(self.high) + 1)]
+        return round_values((self.low, self.high))
 
 
 Series = Sequence[tuple[FloatArray, FloatArray]]  # times in s, and values: a part after the other
