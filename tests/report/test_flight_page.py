@@ -1,6 +1,7 @@
 """The page of a log: verdict first, every spike, no place, without mouse or network."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
 COMMAND = "gtmbench monitor flight.csv --identify 0:50"
 
 
+@cache
 def record_with(bias, seconds=110.0):
     flight = gb.fly(excitation="multisine+turbulence", duration_s=seconds, seed=3)
     record = gb.decimate(gb.measure(flight, noise="t2", seed=3), 4).select(["p", "q", "r", "phi", "theta", "psi"])
