@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.accommodate import Accommodate
-from gtmbench.report.rescued import flown, moments
+from gtmbench.report.rescued import moments, shown_flight
 from gtmbench.study.rescue import fly_rescue
 from tests.helpers.rescuing import early_monitor
 
@@ -38,9 +38,9 @@ def test_moments_are_told_from_the_onset_on(rescue):
 def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
     """The q gyro's flip leaves the envelope within half a second: that flight is much shorter than the rescued one."""
     rescue = fly_rescue([gb.SignFlip(channel="q", onset_s=15.0)], Accommodate(early_monitor()), duration_s=19.0)
-    assert flown(rescue, "unaided").end_s == rescue.unaided.truth.end_s < 17.0
-    assert flown(rescue, "rescued").end_s == 19.0
-    assert flown(rescue, "unaided").start_s == flown(rescue, "rescued").start_s == 10.0
+    assert shown_flight(rescue, "unaided").end_s == rescue.unaided.truth.end_s < 17.0
+    assert shown_flight(rescue, "rescued").end_s == 19.0
+    assert shown_flight(rescue, "unaided").start_s == shown_flight(rescue, "rescued").start_s == 10.0
 
 
 def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
