@@ -29,7 +29,7 @@ from gtmbench.report.score_units import LOWEST, level
 from gtmbench.report.tables.results import versions
 from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
 from gtmbench.report.words.judgement import alarm_text
-from gtmbench.report.words.log import detail_lines, event_text
+from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.units import duration_text
 from gtmbench.report.words.verdict import labelled, sensor_text, verdict_text
 from gtmbench.study.log.watched import WatchedLog
@@ -90,7 +90,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
-        events=[(f"{event.time_s:.2f}", event_text(event)) for event in watched.log.events[:_MOST_ROWS]],
+        events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         treatment=_treatment(watched),
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
