@@ -67,22 +67,14 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     """
     penalty = float(np.log(max(case.count, 2)))
     suspects = suspects_in(case, channels)
-    fitters = [Fitter(suspect, without) for suspect in suspects]
-    mates = {
-        fitter: [other for other in fitters if other.suspect.channel in axis_of(fitter.suspect.channel)]
-        for fitter in fitters
-    }
     ranking: list[FittedHypothesis] = []
-    for fitter in sorted(fitters, key=lambda fitter: _likely_first(fitter, mates[fitter])):
-        best = min(ranking, key=lambda fit: fit.bic, default=None)
-        if best is not None and _is_out(fitter, mates[fitter], best):
+    for axis in _likely_first([Fitter(suspect, without) for suspect in suspects]):
+        most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
+        if all(_leaves_more(fitter, most) for fitter in axis):
             continue
-        objection = case.objection(fitter.suspect.channel)
-        for fit in (*known(fitter), *unknown(fitter)):
-            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty + objection
-            if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
-                bic -= fitter.suspect.sick_elsewhere
-            ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))
+        for fitter in axis:
+            if fitter.suspect.at_least <= min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS:
+                ranking += _fitted(fitter, penalty)
     ranking.sort(key=lambda fit: fit.bic)
     is_open = bool(ranking) and ranking[0].kind in ABSORBING and not ranking[0].left.heals(case.monitor)
     if is_open and "cross-axis" not in set(without):
@@ -102,39 +94,51 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 
-def _is_out(fitter: Fitter, mates: Sequence[Fitter], best: FittedHypothesis) -> bool:
-    """Tell whether a suspect leaves far more than the best so far, and its mates too.
+def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
+    """Give the hypotheses on a suspect; `penalty` is what a fitted number costs."""
+    suspect, case = fitter.suspect, fitter.suspect.case
+    beside = suspect.elsewhere + case.objection(suspect.channel)
+    for fit in (*known(fitter), *unknown(fitter)):
+        bic = fit.left.deviance + beside + fit.free * penalty
+        if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
+            bic -= suspect.sick_elsewhere
+        yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic)
 
-    Simple shapes are no measure of a suspect where they aren't of the best one, its mate: a sign that has flipped isn't
-    one.
+
+def _likely_first(fitters: Sequence[Fitter]) -> list[list[Fitter]]:
+    """Return suspects axis by axis: first those whose readings look held or clipped, then whose own residual is worst.
+
+    What the first leave rules out most of the others, before any of their shapes is filtered.
     """
-    most = best.bic + _HOPELESS
-    if fitter.suspect.at_least > most:
-        return True
-    is_other = all(best.channel != mate.suspect.channel for mate in mates)
-    return is_other and all(_leaves_more(mate, most) for mate in mates)
+    axes: dict[tuple[str, ...], list[Fitter]] = {}
+    for fitter in fitters:
+        axes.setdefault(axis_of(fitter.suspect.channel), []).append(fitter)
 
+    def place(axis: tuple[str, ...]) -> tuple[bool, float, float]:
+        beside = min(fitter.suspect.sick_elsewhere for fitter in axes[axis])
+        energies = fitters[0].suspect.case.energies
+        return (
+            not any(fitter.is_traced for fitter in axes[axis]),
+            beside,
+            -max((energies[name] for name in axis if name in energies), default=0.0),
+        )
 
-def _likely_first(fitter: Fitter, mates: Sequence[Fitter]) -> tuple[float, float]:
-    """Return what orders suspects: about the least that those of an axis leave without noise, then one alone."""
-    if any(mate.is_traced for mate in mates):
-        return -np.inf, float(not fitter.is_traced)
-    return min(map(_left_by_shapes, mates)), _left_by_shapes(fitter)
-
-
-def _left_by_shapes(fitter: Fitter) -> float:
-    """Return about the least that a suspect leaves without noise; of one that holds or clips shapes don't tell."""
-    return -np.inf if fitter.is_traced else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
+    return [sorted(axes[axis], key=lambda fitter: not fitter.is_traced) for axis in sorted(axes, key=place)]
 
 
 def _leaves_more(fitter: Fitter, most: float) -> bool:
-    """Tell whether a suspect leaves more than so much with whatever simple shape and noise."""
+    """Tell whether a suspect leaves more than so much with whatever simple shape and noise.
+
+    Of one that holds or clips shapes don't tell.
+    """
     elsewhere = fitter.suspect.elsewhere
-    if _left_by_shapes(fitter) <= most:
+    if fitter.is_traced or not np.isfinite(most):
         return False
-    return elsewhere > most or all(
-        noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0]
-    )
+    if elsewhere > most:
+        return True
+    if fitter.plain(*fitter.shapes).deviance + elsewhere <= most:
+        return False
+    return all(noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0])
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:

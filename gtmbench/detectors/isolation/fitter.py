@@ -204,15 +204,14 @@ class Fitter:
 
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""
-        return self._plains([names])[0]
+        found = self._plain.get(names)
+        return found if found is not None else self._plains([names])[0]
 
     def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
-        deviances = self.columns.deviances(sets)
-        for names, deviance in zip(sets, deviances, strict=True):
-            if names not in self._plain:
-                white = partial(self.columns.left, names)
-                left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=white)
-                self._plain[names] = self._dense(names, left)
+        new = [names for names in sets if names not in self._plain]
+        for names, deviance in zip(new, self.columns.deviances(new), strict=True):
+            left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=partial(self.columns.left, names))
+            self._plain[names] = self._dense(names, left)
         return [self._plain[names] for names in sets]
 
     def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
