@@ -150,27 +150,28 @@ class Effects:
     def __init__(self, paths: list[Path], rows: int, sample_period_s: float, bend: Bend | None = None) -> None:
         from scipy.fft import next_fast_len
 
-        self._paths, self._period_s, self._bend = paths, sample_period_s, bend
+        self._period_s, self._bend = sample_period_s, bend
         self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
-        self._kernels = [np.fft.rfft(path.kernel, self._size) for path in paths]
+        groups: dict[tuple[str, int, bool, bytes], list[Path]] = {}
+        for path in paths:
+            groups.setdefault((path.output, path.ahead, path.is_alone, path.kernel.tobytes()), []).append(path)
+        self._groups = [(group, np.fft.rfft(group[0].kernel, self._size)) for group in groups.values()]
 
     def of(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
-        """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows."""
+        """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows.
+
+        Ways that a residual's operator takes together are added up before they are filtered.
+        """
         shown: dict[str, FloatArray] = {}
-        alone = (
-            np.fft.rfft(changes, self._size)
-            if any(path.is_alone and not path.is_short for path in self._paths)
-            else np.zeros(0)
-        )
         bends = {} if self._bend is None else self._bend.of(changes)
-        for path, kernel in zip(self._paths, self._kernels, strict=True):
+        for group, kernel in self._groups:
+            path = group[0]
             if path.is_short:
                 wave = _summed(path.kernel, changes, rows)
-                shown[path.output] = shown[path.output] + wave if path.output in shown else wave
-                continue
-            source = bends[path.through] if path.through else changes
-            driven = alone if path.is_alone else np.fft.rfft(path.drive(source, self._period_s), self._size)
-            wave = np.fft.irfft(driven * kernel, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
+            else:
+                driven = sum(each.drive(bends.get(each.through, changes), self._period_s) for each in group)
+                spectrum = np.fft.rfft(driven, self._size) * kernel
+                wave = np.fft.irfft(spectrum, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
             shown[path.output] = shown[path.output] + wave if path.output in shown else wave
         return shown
 

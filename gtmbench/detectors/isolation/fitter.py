@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
+from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
@@ -27,6 +28,7 @@ _FINER = 4  # lines of a spectrum than rows
 _MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
 _AGAIN, _PILED = 10, 0.05  # rows, and of those judged, at the readings' ends
+_LATE = 0.05  # of what the best shapes explain
 WORTH = 10.0  # of -2 log likelihood, that a search is worth
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
@@ -124,29 +126,34 @@ class Fitter:
     # ---- what all hypotheses are made of ----
 
     @cached_property
-    def shapes(self) -> dict[str, FloatArray]:
+    def shapes(self) -> Mapping[str, FloatArray]:
         """What a fault may add, per unit; nothing before the onset.
 
         Where the attitude bends with the sensor, what it should have read is known far worse than what it read, which
         tells the same: a gain is one over another. Noise is left out, or a shape would take the sensor's own away.
         """
-        v, t = self.suspect.case.smooth(self.measured) if self.is_driven else self.virtual, self.after_s
+        names = ("1", "t", "x", "x'", "lag", "sgn", "sin", "cos")
+        return Lazily((*names, *(f"of {name}" for name in (*self.peers, *self.felt))), self._shape)
+
+    def _shape(self, name: str) -> FloatArray:
+        v, t = self._expected, self.after_s
         level = v - (v[0] if self.suspect.channel == "psi" else 0.0)
-        frequency = 2.0 * np.pi * self.frequency_hz
-        shapes = {
-            "1": np.ones_like(t),
-            "t": t,
-            "x": level,
-            "x'": np.gradient(v) / self.period_s,
-            "lag": _lagged(v, _LAG_S, self.period_s) - v,
-            "sgn": np.sign(self.measured if self.is_driven else level),
-            "sin": np.sin(frequency * t),
-            "cos": np.cos(frequency * t),
+        of: dict[str, Callable[[], FloatArray]] = {
+            "1": lambda: np.ones_like(t),
+            "t": lambda: t,
+            "x": lambda: level,
+            "x'": lambda: np.gradient(v) / self.period_s,
+            "lag": lambda: _lagged(v, _LAG_S, self.period_s) - v,
+            "sgn": lambda: np.sign(self.measured if self.is_driven else level),
+            "sin": lambda: np.sin(2.0 * np.pi * self.frequency_hz * t),
+            "cos": lambda: np.cos(2.0 * np.pi * self.frequency_hz * t),
         }
-        for name, readings in self.peers.items():
-            shapes[f"of {name}"] = readings
-        shapes |= {f"of {name}": readings for name, readings in self.felt.items()}
-        return {name: shape * self.on for name, shape in shapes.items()}
+        beside = self.peers | self.felt
+        return np.asarray((of[name]() if name in of else beside[name.removeprefix("of ")]) * self.on)
+
+    @cached_property
+    def _expected(self) -> FloatArray:
+        return self.suspect.case.smooth(self.measured) if self.is_driven else self.virtual
 
     @property
     def is_driven(self) -> bool:
@@ -322,9 +329,11 @@ class Fitter:
         return np.asarray(np.sqrt(np.diag(self.columns.covariance(names))))
 
     def is_late(self) -> bool:
-        """Whether shapes of readings that come late explain anything."""
-        late = [self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
-        return min(late, default=np.inf) < self.anything[()].deviance - WORTH
+        """Whether shapes of readings that come late explain enough of what any shape does for a search of how late."""
+        nothing = self.anything[()].deviance
+        late = [nothing - self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
+        best = nothing - min(left.deviance for left in self.anything.values())
+        return max(late, default=0.0) > max(WORTH, _LATE * best)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
