@@ -41,6 +41,7 @@ class OpenFault:
     ruled_out: frozenset[str] = frozenset()
     held: FittedHypothesis | None = None  # the last that was decisive
     settling: Excursion | None = None  # just before
+    is_decided: bool = False  # so that only its end is still looked for
 
     @property
     def number(self) -> int:
