@@ -55,6 +55,8 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("t", "x", "x'"),
 )
 
+WALKING: tuple[tuple[str, ...], ...] = ((), ("1",), ("1", "t"))  # a random walk may go with
+_NOISY = 5  # sets of shapes that are tried with noise
 _SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), ("x", "x'"), ("sgn",))
 
 
@@ -204,10 +206,24 @@ class Fitter:
         return self.columns.weights(names)
 
     def weigh_all(self) -> None:
-        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long."""
+        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long.
+
+        So for the noise beside some of them.
+        """
         mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
         sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
         self._plains([*sets, ("sin", "cos", "x"), *mixed])
+        self.noises(list(dict.fromkeys([*WALKING, *self.noisy])))
+
+    @cached_property
+    def possible(self) -> list[tuple[str, ...]]:
+        """The sets of a few shapes that don't say that the sensor reads ahead of time."""
+        return [names for names in self.anything if not leads(names, self.weights(*names))]
+
+    @cached_property
+    def noisy(self) -> list[tuple[str, ...]]:
+        """The best of them: they are tried with noise, too."""
+        return sorted(self.possible, key=lambda names: self.plain(*names).deviance + 8.0 * len(names))[:_NOISY]
 
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""

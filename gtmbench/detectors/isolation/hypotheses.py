@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.isolation.fitter import UNKNOWN, WORTH, Fit, Fitter, Parameters, leads
+from gtmbench.detectors.isolation.fitter import UNKNOWN, WALKING, WORTH, Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.noise import spikes_of
 from gtmbench.detectors.isolation.search import (
     Search,
@@ -32,7 +32,6 @@ _TURNED = 0.1  # a sensor that is turned keeps its gain, but for as much
 _BEYOND = 1.5  # times the greatest reading before: nothing healthy
 _EVENLY = 0.8  # of the readings are repeated equally often
 _REPEATED = 3  # samples and more are no chance
-_NOISY = 5  # shapes that are tried with noise
 
 
 def _additive(fitter: Fitter) -> Iterator[Fit]:
@@ -40,8 +39,7 @@ def _additive(fitter: Fitter) -> Iterator[Fit]:
     yield fitter.shaped("bias", "additive", ("1",), {"size": float(size)}, partial(_errors, fitter, "size", "1"))
     yield from _drift(fitter)
     yield from _oscillation(fitter)
-    walking: tuple[tuple[str, ...], ...] = ((), ("1",), ("1", "t"))
-    for names, (_, walk) in zip(walking, fitter.noises(walking), strict=True):
+    for names, (_, walk) in zip(WALKING, fitter.noises(WALKING), strict=True):
         gain = float(np.sqrt(walk.variance / fitter.period_s))
         yield Fit(
             kind="random_walk",
@@ -296,11 +294,9 @@ def unknown(fitter: Fitter) -> Iterator[Fit]:
     """Give fits of shapes that belong to no kind, the best of them with noise, too."""
     if fitter.is_constant and "replacing" not in fitter.without:
         return
-    sets = [names for names in fitter.anything if not leads(names, fitter.weights(*names))]
-    for names in sets:
+    for names in fitter.possible:
         yield _of_no_kind(fitter.plain(*names), len(names))
-    noisy = sorted(sets, key=lambda names: fitter.plain(*names).deviance + 8.0 * len(names))[:_NOISY]
-    for names, noises in zip(noisy, fitter.noises(noisy), strict=True):
+    for names, noises in zip(fitter.noisy, fitter.noises(fitter.noisy), strict=True):
         for noise in noises:
             yield _of_no_kind(noise.left, len(names) + 1)
 

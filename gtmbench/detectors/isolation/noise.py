@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.isolation.case import own
 from gtmbench.detectors.isolation.effects import powers
-from gtmbench.detectors.isolation.parabola import vertex
+from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.record import FloatArray
 
@@ -75,7 +75,7 @@ class _Spectra:
     def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:
         variances = _VARIANCES / max(float(np.median(power, axis=1).max()), 1e-12)  # where it shows most
         if least > 0.0:
-            variances = np.geomspace(least, max(variances[-1], 4.0 * least), len(variances))
+            variances = spaced(least, max(variances[-1], 4.0 * least), len(variances))
         spectra = 1.0 + np.outer(variances, power)
         return cls(variances=variances, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
 
@@ -100,15 +100,16 @@ class Noise:
         """Return the best white noise and the best random walk on the readings, of each of what is left otherwise."""
         if not lefts:
             return []
-        binned = np.array([self._binned(left.work_out()) for left in lefts])
+        binned = self._binned(np.array([left.work_out() for left in lefts]))
         return list(zip(self._best(lefts, binned, self._white), self._best(lefts, binned, self._walk), strict=True))
 
-    def _binned(self, left: FloatArray) -> FloatArray:
+    def _binned(self, lefts: FloatArray) -> FloatArray:
+        """Return periodograms of what is left, shape (any, outputs, rows), in bins: shape (any, outputs * bins)."""
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
-        lines = np.fft.rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
+        lines = np.fft.rfft(lefts if self._suspect.is_whole else np.where(self._there, lefts, 0.0), self._size)
         power = weights * (np.square(lines.real) + np.square(lines.imag)) / counts
-        return np.add.reduceat(power, edges, axis=1).ravel()
+        return np.asarray(np.add.reduceat(power, edges, axis=-1).reshape(len(lefts), -1))
 
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
         logs = np.log(spectra.variances)
@@ -135,17 +136,7 @@ class Noise:
     @cached_property
     def _bins(self) -> tuple[FloatArray, FloatArray, Indices]:
         """Return weights and angular frequencies of a periodogram's lines, and where bins of them begin."""
-        rows, size = self._suspect.white.shape[1], self._size
-        lines = size // 2 + 1
-        weights = np.full(lines, 2.0 * rows / size)  # they count as many as there are samples
-        weights[0] = rows / size
-        if size % 2 == 0:
-            weights[-1] = rows / size
-        edges: Indices = np.concatenate(
-            [np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)]
-        )
-        edges = np.unique(edges[edges < lines])
-        return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
+        return _bins(self._suspect.white.shape[1], self._size)
 
     @cached_property
     def _size(self) -> int:
@@ -164,6 +155,18 @@ class Noise:
         """What white noise of unit variance on the readings makes of the residuals, shape (outputs, bins)."""
         suspect = self._suspect
         return powers(suspect.paths, suspect.outputs, self._frequency, suspect.case.period_s, suspect.bend)
+
+
+@lru_cache(maxsize=64)  # the same for all suspects of a case, and for all cases as long
+def _bins(rows: int, size: int) -> tuple[FloatArray, FloatArray, Indices]:
+    lines = size // 2 + 1
+    weights = np.full(lines, 2.0 * rows / size)  # they count as many as there are samples
+    weights[0] = rows / size
+    if size % 2 == 0:
+        weights[-1] = rows / size
+    edges: Indices = np.concatenate([np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)])
+    edges = np.unique(edges[edges < lines])
+    return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
 
 
 def spikes_of(suspect: Suspect) -> SpikesFit | None:
