@@ -26,7 +26,8 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
-from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
+from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
+from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, greatest
 from gtmbench.detectors.isolation.readings import is_straighter
@@ -397,7 +398,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     fault = fault_of(best)
     if fault is None or best.channel in ANGLES:
         return None
-    (suspect,) = suspects_in(case, (best.channel,)) or (None,)
+    suspect = suspect_through(case, best.channel, best.estimator)
     if suspect is None:
         return None
     begun = suspect.time_s >= fault.onset_s
@@ -435,7 +436,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
 
 def is_bent_far(case: Case) -> bool:
     """Tell whether a gyro seems to have bent the attitude so far that its fit errs: what was said stands."""
-    for suspect in suspects_in(case, case.driving):
+    for suspect in likely_suspects_in(case, case.driving):
         if suspect.bend is None:
             continue
         change = suspect.off if suspect.away is None else suspect.away

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
-from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, sharpness_of
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
+from gtmbench.detectors.isolation.driving import likely_suspects_in
+from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import axis_of
 
-_LIKELY = 3  # estimators
-_RARELY = 10.0  # of -2 log likelihood: an attitude that is taken for driven isn't
 _HOPELESS = 200.0  # of -2 log likelihood
 ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
@@ -28,34 +26,7 @@ class FittedHypothesis(Fit):
 
     channel: str
     bic: float
-
-
-def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
-    """Return those of some channels that have a virtual sensor."""
-    return [suspect for name in channels if (suspect := _suspect(case, name)) is not None]
-
-
-@lru_cache(maxsize=12)  # one case is judged in several steps
-def _suspect(case: Case, channel: str) -> Suspect | None:
-    return _driving(case, channel) if channel in case.driving else Suspect.of(case, channel)
-
-
-def _driving(case: Case, channel: str) -> Suspect:
-    """Return a gyro that drives the attitude, through the estimator by which simple shapes explain most.
-
-    Which that is the linear tells but for a few, and of these the whole equations. It may also be that the estimator
-    takes another gyro than the one that is logged, or that there is none: then the attitude stays straight.
-    """
-    sharpness = sharpness_of(case.monitor.operators[channel])
-    bends = [Bend(estimator, case.record, case.start, channel, sharpness) for estimator in CANDIDATES]
-    tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
-    likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
-    bent = [simple.suspect.without(simple.change) for simple in likely]
-    best = likely[0] if bent[0] is likely[0].suspect else min(map(simplest, bent), key=lambda simple: simple.deviance)
-    straight = Suspect.of(case, channel)
-    if straight is not None and simplest(straight).least + _RARELY < best.least:
-        return straight
-    return best.suspect
+    estimator: AttitudeEstimator | None = None  # through which it bends the attitude
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:
@@ -66,7 +37,7 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     isn't tried further; nor is a suspect that could explain all that it enters and would still leave far more.
     """
     penalty = float(np.log(max(case.count, 2)))
-    suspects = suspects_in(case, channels)
+    suspects = likely_suspects_in(case, channels)
     ranking: list[FittedHypothesis] = []
     for axis in _likely_first([Fitter(suspect, without) for suspect in suspects]):
         most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
@@ -98,11 +69,12 @@ def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
     """Give the hypotheses on a suspect; `penalty` is what a fitted number costs."""
     suspect, case = fitter.suspect, fitter.suspect.case
     beside = suspect.elsewhere + case.objection(suspect.channel)
+    estimator = None if suspect.bend is None else suspect.bend.estimator
     for fit in (*known(fitter), *unknown(fitter)):
         bic = fit.left.deviance + beside + fit.free * penalty
         if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
             bic -= suspect.sick_elsewhere
-        yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic)
+        yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, estimator=estimator)
 
 
 def _likely_first(fitters: Sequence[Fitter]) -> list[list[Fitter]]:
