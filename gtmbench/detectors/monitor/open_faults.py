@@ -55,8 +55,11 @@ class OpenFault:
 
     @property
     def later_looks(self) -> tuple[int, ...]:
-        """When it is looked at once the next look is over."""
-        return self.looks[1:] or (self.due + rows_of(_LOOK_S, self.monitor),)
+        """When it is looked at once the next look is over: where that has named a sensor, not before twice as long."""
+        is_named = self.alarm.sensor is not None and not self.alarm.doubt
+        soonest = self.row + 2 * (self.due - self.row) if is_named else self.due
+        later = tuple(look for look in self.looks[1:] if look >= soonest)
+        return later or (self.due + rows_of(_LOOK_S, self.monitor),)
 
     @property
     def is_late(self) -> bool:
