@@ -348,8 +348,12 @@ class Fitter:
         """Whether shapes of readings that come late explain enough of what any shape does for a search of how late."""
         nothing = self.anything[()].deviance
         late = [nothing - self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
-        best = nothing - min(left.deviance for left in self.anything.values())
-        return max(late, default=0.0) > max(WORTH, _LATE * best)
+        return max(late, default=0.0) > max(WORTH, 2.0 * _LATE * (nothing - self.half_explained))
+
+    @cached_property
+    def half_explained(self) -> float:
+        """-2 log likelihood of what explains half as much as the best few shapes do: no more is no kind of fault."""
+        return 0.5 * (self.anything[()].deviance + min(left.deviance for left in self.anything.values()))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

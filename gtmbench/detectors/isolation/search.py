@@ -54,7 +54,7 @@ class Search:
 
         grid = spaced(self.low, self.high, _GRID)
         grid = np.sort(np.append(grid, self.guess)) if self.low < self.guess < self.high else grid
-        value = _least(tried, grid, fitter.anything[()].deviance)
+        value = _least(tried, grid, fitter.half_explained)
         error = partial(_curved, self.name, tried, value)
         yield fitter.fixed(self.kind, self.family, self._changes(fitter, value), {self.name: value}, 1, error)
 
@@ -100,7 +100,7 @@ def hysteresis_step(width: float, y: FloatArray, before: FloatArray, _: float) -
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:
-    """Return where a function is least: of some values, and ever finer around the best where that is worth it.
+    """Return where a function is least: of some values, and ever finer around the best where that is `worth` it.
 
     A few at once: values evenly between the best one's neighbours, and the bottom of the parabola through the three.
     """

@@ -313,15 +313,15 @@ class AlarmLogic:
             alarm = replace(alarm, judgements=(*alarm.judgements, judged))
         if alarm is not fault.alarm:
             self._put(alarm)
-        looked_at = replace(
+        self._open[fault.number] = replace(
             fault,
             alarm=alarm,
+            looks=fault.later_looks,
             is_judged=fault.is_judged or judged is not None,
             ruled_out=fault.ruled_out | outcome.ruled_out,
             held=outcome.held or fault.held,
             is_decided=fault.is_decided or outcome.is_decided,
         )
-        self._open[fault.number] = replace(looked_at, looks=looked_at.later_looks)
         if outcome.closing is not None:
             self._close(self._open[fault.number], outcome.closing)
 

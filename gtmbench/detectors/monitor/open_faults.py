@@ -18,7 +18,7 @@ from gtmbench.detectors.isolation.readings import Habit
 from gtmbench.detectors.isolation.referee import Referee
 from gtmbench.detectors.monitor.scores import Crossing
 
-HORIZONS_S = (0.75, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+HORIZONS_S = (0.75, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end
 _APART_S = 3.0  # what shakes the aircraft shakes all of it within that
 
@@ -55,11 +55,8 @@ class OpenFault:
 
     @property
     def later_looks(self) -> tuple[int, ...]:
-        """When it is looked at once the next look is over: where that has named a sensor, not before twice as long."""
-        is_named = self.alarm.sensor is not None and not self.alarm.doubt
-        soonest = self.row + 2 * (self.due - self.row) if is_named else self.due
-        later = tuple(look for look in self.looks[1:] if look >= soonest)
-        return later or (self.due + rows_of(_LOOK_S, self.monitor),)
+        """When it is looked at once the next look is over."""
+        return self.looks[1:] or (self.due + rows_of(_LOOK_S, self.monitor),)
 
     @property
     def is_late(self) -> bool:
