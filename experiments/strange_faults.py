@@ -19,6 +19,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
+from scipy.signal import bilinear, lfilter, lfilter_zi
+
+import gtmbench as gb
 from every_fault import (
     MILD,
     OVERALL,
@@ -31,13 +34,10 @@ from every_fault import (
     said,
     share,
 )
-from scipy.signal import bilinear, lfilter, lfilter_zi
-
-import gtmbench as gb
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped
 from studies.targets import Target, held, is_missed
@@ -57,7 +57,7 @@ class Bursts(gb.Fault):
     amplitude: float = gb.severity()
     frequency_hz: float = gb.severity(unit="Hz", low=0.0)
 
-    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:
+    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:  # noqa: ARG002
         """Add it."""
         tone = self.amplitude * np.sin(2.0 * np.pi * self.frequency_hz * elapsed_s)
         return readings[:, 0] + np.where(elapsed_s % 2.5 < 0.6, tone, 0.0), carried
@@ -71,7 +71,7 @@ class Resonance(gb.Fault):
     frequency_hz: float = gb.severity(unit="Hz", low=0.0)
     damping: float = gb.severity(unit="", low=0.0)
 
-    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:
+    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:  # noqa: ARG002
         """Filter it."""
         turn = 2.0 * math.pi * self.frequency_hz
         over, under = bilinear([turn**2], [1.0, 2.0 * self.damping * turn, turn**2], 1.0 / sample_period_s)
@@ -89,7 +89,7 @@ class GainByRate(gb.Fault):
     kind: ClassVar[str] = "gain_by_rate"
     loss: float = gb.severity(unit="", low=0.0)  # at 20 deg/s and more
 
-    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:
+    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:  # noqa: ARG002
         """Shrink it."""
         x = readings[:, 0]
         slope = np.gradient(np.convolve(np.pad(x, 10, mode="edge"), np.ones(21) / 21.0, mode="valid"), sample_period_s)
@@ -105,7 +105,7 @@ class GrowingDelay(gb.Fault):
     slope: float = gb.severity(unit="s", low=0.0)  # a second
     most_s: float = gb.severity(unit="s", low=0.0)
 
-    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:
+    def distort(self, readings: Any, elapsed_s: Any, sample_period_s: float, carried: Any) -> Any:  # noqa: ARG002
         """Delay it."""
         late = np.minimum(self.slope * elapsed_s, self.most_s)
         return np.interp(elapsed_s - late, elapsed_s, readings[:, 0]), carried
@@ -198,11 +198,12 @@ def report(rows: pd.DataFrame, figures: Mapping[str, Mapping[str, float]], size:
         return ", ".join(f"{name} {times}" for name, times in kinds.head(4).items())
 
     by_family = {"fault": "fault", "severity": "given"}
-    seeds = f"seeds {rows['seed'].min()} to {rows['seed'].max()}"
+    flights = f"{rows['seed'].nunique()} flights (seeds {rows['seed'].min()} to {rows['seed'].max()})"
     return f"""# Strange faults
 
-{SAID_QUICK if size is QUICK else ""}Bank C, calibrated on {size.calibration} flights of {size.calibration_s:g} s, meets five families
-of faults that no hypothesis was made for, of every gyro and angle, on {rows["seed"].nunique()} flights ({seeds}; {", ".join(EXCITATIONS)} in turn).
+{SAID_QUICK if size is QUICK else ""}Bank C, calibrated on {size.calibration} flights of {size.calibration_s:g} s, meets
+five families of faults that no hypothesis was made for, of every gyro and angle, on {flights},
+{", ".join(EXCITATIONS)} in turn.
 Bursts of a tone (0.6 s every 2.5 s), a resonance of the mount, a gain that depends on the rate, a delay that grows, and
 two faults of one sensor, {LATER_S:g} s apart. Judged 20 s after the alarm.
 
@@ -233,7 +234,7 @@ SAID_QUICK = "**Quick: one short flight and two sensors. It shows that the scrip
 def wrong_text(rows: pd.DataFrame) -> str:
     """List the trials in which another sensor was named."""
     lines = [
-        f"- {row['fault']} of {row['channel']}, {row['given']}, flight {row['seed']}: {row['verdict']} ({row['kind said']})"
+        f"- {row['fault']} of {row['channel']}, {row['given']}, {row['seed']}: {row['verdict']} ({row['kind said']})"
         for row in rows[rows["wrong"]].to_dict("records")
     ]
     return "\n".join(lines) or "None."

@@ -174,7 +174,9 @@ class AttitudeEstimator:
 
         kept = self.time_constant_s / (self.time_constant_s + step_s)
         gain = step_s / (self.time_constant_s * self.bias_time_constant_s)
-        over, under = ([kept, -kept], [1.0, kept * step_s * gain - 1.0 - kept, kept]) if gain else ([kept], [1.0, -kept])
+        over, under = (
+            ([kept, -kept], [1.0, kept * step_s * gain - 1.0 - kept, kept]) if gain else ([kept], [1.0, -kept])
+        )
         healthy = _steps(path[:-1], rates[:-1], rates[1:], step_s)
         bend, bias = np.zeros_like(path), np.zeros_like(path)
         for _ in range(_ROUNDS):

@@ -10,14 +10,13 @@ import numpy as np
 
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.driving import likely_suspects_in
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter
+from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import axis_of
 
 _HOPELESS = 200.0  # of -2 log likelihood
-ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +46,7 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
             if fitter.suspect.at_least <= min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS:
                 ranking += _fitted(fitter, penalty)
     ranking.sort(key=lambda fit: fit.bic)
-    is_open = bool(ranking) and ranking[0].kind in ABSORBING and not ranking[0].left.heals(case.monitor)
+    is_open = bool(ranking) and ranking[0].is_absorbing and not ranking[0].left.heals(case.monitor)
     if is_open and "cross-axis" not in set(without):
         ranking = sorted([*ranking, *_swaps(case, suspects)], key=lambda fit: fit.bic)
     return ranking

@@ -22,6 +22,7 @@ from gtmbench.values.record import FloatArray
 
 UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
+_ABSORBING = (UNKNOWN, "random_walk", "noise")
 _HELD = ("jam", "stuck", "hardover", "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
@@ -80,6 +81,8 @@ class Fit:
         Gives the parameters' standard errors.
     lasts : bool
         Whether the fault is there to the end; one that comes and goes may have gone.
+    misfit : float
+        Of noise, how far its spectrum is from what it leaves; up to 1 that is such noise.
     """
 
     kind: str
@@ -90,6 +93,12 @@ class Fit:
     partner: str | None = None
     errors: Callable[[], Parameters] = field(default=dict, repr=False)
     lasts: bool = True
+    misfit: float = 0.0
+
+    @property
+    def is_absorbing(self) -> bool:
+        """Whether it explains a little of everything: noise of whatever spectrum, and what belongs to no kind."""
+        return self.kind in _ABSORBING or self.misfit > 0.0
 
     @property
     def is_shown(self) -> bool:
@@ -244,6 +253,11 @@ class Fitter:
             white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in fits)
             self._noises[names] = white, walk
         return [self._noises[names] for names in sets]
+
+    @cached_property
+    def band(self) -> NoiseFit:
+        """The best noise around the frequency at which the residual is strongest."""
+        return self._noise.band(self.plain(), self.frequency_hz)
 
     def _dense(self, names: tuple[str, ...], left: Left) -> Left:
         """Make a density of what an angle's gain leaves one of what was read.

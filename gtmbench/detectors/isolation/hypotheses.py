@@ -48,6 +48,7 @@ def _additive(fitter: Fitter) -> Iterator[Fit]:
             parameters={"gain": gain},
             free=1 + len(names),
             errors=partial(_scaled, "gain", gain, 0.5 * walk.spread),
+            misfit=walk.misfit,
         )
 
 
@@ -74,13 +75,24 @@ def _ramp_errors(fitter: Fitter, names: tuple[str, ...], slope: float, began_s: 
 
 
 def _oscillation(fitter: Fitter) -> Iterator[Fit]:
-    """Give a sine that is added, and one in place of the signal; its frequency was fitted, too."""
+    """Give a sine that is added, for ever or now and then, and one in place of the signal; its frequency was fitted."""
     for family, names in (("additive", ("sin", "cos")), ("replacing", ("sin", "cos", "x"))):
         weights = fitter.weights(*names)
         if len(names) == 2 or (abs(weights[2] + 1.0) <= _REPLACED and not fitter.is_driven):
             found = {"amplitude": float(np.hypot(*weights[:2])), "frequency_hz": fitter.frequency_hz}
             errors = partial(_errors, fitter, "amplitude", "sin", "cos")
             yield fitter.shaped("oscillation", family, names, found, errors, more=1)
+    tone = {"amplitude": float(np.sqrt(2.0 * fitter.band.variance)), "frequency_hz": fitter.frequency_hz}
+    spread = partial(_scaled, "amplitude", tone["amplitude"], 0.5 * fitter.band.spread)
+    yield Fit(
+        kind="oscillation",
+        family="additive",
+        left=fitter.band.left,
+        parameters=tone,
+        free=3,
+        errors=spread,
+        misfit=fitter.band.misfit,
+    )
 
 
 def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
@@ -188,6 +200,7 @@ def _variance(fitter: Fitter) -> Iterator[Fit]:
         parameters={"deviation": deviation},
         free=1,
         errors=partial(_scaled, "deviation", deviation, 0.5 * noise.spread),
+        misfit=noise.misfit,
     )
     spikes = spikes_of(fitter.suspect)
     if spikes is not None:
@@ -296,9 +309,10 @@ def unknown(fitter: Fitter) -> Iterator[Fit]:
         return
     for names in fitter.possible:
         yield _of_no_kind(fitter.plain(*names), len(names))
+    yield replace(_of_no_kind(fitter.band.left, 3), misfit=fitter.band.misfit)
     for names, noises in zip(fitter.noisy, fitter.noises(fitter.noisy), strict=True):
         for noise in noises:
-            yield _of_no_kind(noise.left, len(names) + 1)
+            yield replace(_of_no_kind(noise.left, len(names) + 1), misfit=noise.misfit)
 
 
 def _of_no_kind(left: Left, free: int) -> Fit:

@@ -114,7 +114,12 @@ def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
     The kind decisively, or until the looks have become long. A sensor that reads one value may yet move.
     """
     last, since = fault.alarm.last, row - fault.row
-    if last is None or judged.doubt or judged.sensor is None or (last.sensor, last.kind) != (judged.sensor, judged.kind):
+    if (
+        last is None
+        or judged.doubt
+        or judged.sensor is None
+        or (last.sensor, last.kind) != (judged.sensor, judged.kind)
+    ):
         return False
     least_s = _SURE_S if judged.kind_margin > DECISIVE else _LONG_S
     return since >= rows_of(least_s, fault.monitor) and judged.kind_margin < float("inf")

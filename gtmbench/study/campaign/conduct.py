@@ -239,9 +239,7 @@ def _done_here(packed: bytes) -> pa.Table:
 
 
 @lru_cache(maxsize=1)
-def _watchers(
-    there: tuple[tuple[str, str], ...], files: tuple[str, ...], pickled: bytes
-) -> tuple[Named, Monitors]:
+def _watchers(there: tuple[tuple[str, str], ...], files: tuple[str, ...], pickled: bytes) -> tuple[Named, Monitors]:
     """Return what watches, unpickled once a process, if this is the gtmbench that it comes from."""
     if differs := difference(dict(there), versions()):
         here = f"process {os.getpid()} on {platform.node()}"
