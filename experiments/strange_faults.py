@@ -242,7 +242,9 @@ def wrong_text(rows: pd.DataFrame) -> str:
 
 def conduct(campaign: Campaign) -> Findings:
     """Fly, judge, report."""
-    size = QUICK if campaign.quick else Size(flights=FLIGHTS, first_seed=FIRST_SEED)
+    size = (
+        QUICK if campaign.quick else Size(flights=FLIGHTS, first_seed=FIRST_SEED, calibration=20, calibration_s=300.0)
+    )
     monitor = calibrated(size, campaign.jobs, campaign.tell)
     planned = [
         Flight(seed=size.first_seed + i, excitation=EXCITATIONS[i % len(EXCITATIONS)], size=size, monitor=monitor)

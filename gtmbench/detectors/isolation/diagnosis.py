@@ -46,7 +46,7 @@ _END = 20.0  # nats
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
 _ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
-_VAGUE, _FREELY = 0.03, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
+_VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
 _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
