@@ -207,7 +207,7 @@ five families of faults that no hypothesis was made for, of every gyro and angle
 Bursts of a tone (0.6 s every 2.5 s), a resonance of the mount, a gain that depends on the rate, a delay that grows, and
 two faults of one sensor, {LATER_S:g} s apart. Judged 20 s after the alarm.
 
-*Right*, *wrong*, *either-or*, *axis*: of the sensor, as in [every_fault](../every_fault/report.md). *Another kind*: the
+*Right*, *wrong*, *either-or*, *axis*: of the sensor, as in every_fault.py. *Another kind*: the
 right sensor, with a kind that the fault isn't like; that none of the known kinds fits is always right.
 
 ## Targets
